@@ -28,7 +28,7 @@ PAGE = ROOT / "docs" / "live.md"
 FOLDER = ROOT / "out" / "closed-loop"
 PICTURE = ROOT / "docs" / "images" / "closed-loop.png"
 PILOT = ROOT / "examples" / "live" / "keep_distance.py"
-KEPT_M, WITHIN_M = 2.0, 0.1
+RETAINED_M, WITHIN_M = 2.0, 0.1
 SETTLING_S, SECONDS = 2.0, 62.0
 QUICK_S = 5.0
 GUST = "20,1.5,-0.4,0,0"
@@ -46,14 +46,14 @@ class Flight:
     true_m: np.ndarray
     seen_m: np.ndarray
     sigma_m: np.ndarray
-    told_m: np.ndarray
+    reported_m: np.ndarray
     range_m: np.ndarray
     true_range_m: np.ndarray
 
     @property
     def off_m(self) -> np.ndarray:
         """How far the drone was from where it should be, once it had settled."""
-        return np.abs(self.true_m - KEPT_M)[self.time_s >= SETTLING_S]
+        return np.abs(self.true_m - RETAINED_M)[self.time_s >= SETTLING_S]
 
 
 def main() -> int:
@@ -70,7 +70,7 @@ def main() -> int:
         f"{seconds:.1f}",
         str(len(flight.time_s)),
         *(f"{value:.1f}" for value in (np.sqrt(np.mean(off_mm**2)), off_mm.max())),
-        *(f"{np.nanpercentile(errors_mm, share):.2f}" for share in (50, 99)),
+        *(f"{np.nanpercentile(errors_mm, fraction):.2f}" for fraction in (50, 99)),
         f"{1e3 * np.nanmedian(flight.sigma_m):.2f}",
     )
     columns = (
@@ -130,7 +130,7 @@ def read_flight(folder: Path, capture: Capture) -> Flight:
         true_m=true_m,
         seen_m=log["distance_m"],
         sigma_m=log["sigma_m"],
-        told_m=log["told_m"],
+        reported_m=log["told_m"],
         range_m=np.stack([log[f"range_{n}_m"] for n in range(4)], axis=1),
         true_range_m=true_m[:, None] / along,
     )
@@ -143,15 +143,15 @@ def draw(flight: Flight, capture: Capture) -> None:
     figure = plt.figure(figsize=(11, 7), layout="constrained")
     grid = figure.add_gridspec(3, 4, height_ratios=(1.2, 1.2, 1))
     gust_s = float(GUST.partition(",")[0])
-    whole, told = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3])
+    whole, reported = figure.add_subplot(grid[0, :3]), figure.add_subplot(grid[0, 3])
     gust, error = figure.add_subplot(grid[1, :2]), figure.add_subplot(grid[1, 2:])
     draw_distance(whole, flight, 0.0, flight.time_s[-1])
     whole.legend(fontsize="small", ncols=3)
     whole.set(title="distance of the wall, m")
     draw_distance(gust, flight, gust_s - 0.5, gust_s + 3.0)
     gust.set(title="the same about the gust, m")
-    told.plot(flight.time_s, flight.told_m, color="C2", linewidth=1)
-    told.set(title="told to be ahead, m", xlabel="s")
+    reported.plot(flight.time_s, flight.reported_m, color="C2", linewidth=1)
+    reported.set(title="told to be ahead, m", xlabel="s")
     off_mm = 1e3 * (flight.seen_m - flight.true_m)
     error.plot(flight.time_s, off_mm, ",", color="C1")
     for side in (-2, 2):
@@ -161,11 +161,11 @@ def draw(flight: Flight, capture: Capture) -> None:
     frames = np.searchsorted(flight.time_s, (0.0, 0.5, 2.0, gust_s + 0.75)).tolist()
     images = [reconstruct(capture.frame(frame)).image for frame in frames]
     brightest = max(image.max() for image in images)
-    for place, (frame, image) in enumerate(zip(frames, images, strict=True)):
-        axis = figure.add_subplot(grid[2, place])
+    for position, (frame, image) in enumerate(zip(frames, images, strict=True)):
+        axis = figure.add_subplot(grid[2, position])
         axis.imshow(image, cmap="gray", vmin=0, vmax=brightest)
-        told_s, true_m = flight.time_s[frame], flight.true_m[frame]
-        axis.set(title=f"{told_s:.2f} s, at {true_m:.2f} m", xticks=[], yticks=[])
+        reported_s, true_m = flight.time_s[frame], flight.true_m[frame]
+        axis.set(title=f"{reported_s:.2f} s, at {true_m:.2f} m", xticks=[], yticks=[])
     figure.savefig(PICTURE, dpi=90, metadata={"Software": None})
 
 
@@ -173,7 +173,7 @@ def draw_distance(axis: Any, flight: Flight, start_s: float, stop_s: float) -> N
     """Where the drone was and what it saw, over some of the time."""
     some = (flight.time_s >= start_s) & (flight.time_s <= stop_s)
     time_s, seen_m, sigma_m = flight.time_s[some], flight.seen_m[some], flight.sigma_m[some]
-    axis.axhspan(KEPT_M - WITHIN_M, KEPT_M + WITHIN_M, color="0.9", label="2 m ± 0.1 m")
+    axis.axhspan(RETAINED_M - WITHIN_M, RETAINED_M + WITHIN_M, color="0.9", label="2 m ± 0.1 m")
     axis.plot(time_s, flight.true_m[some], color="k", linewidth=2, label="true distance")
     axis.plot(time_s, seen_m, color="C1", linewidth=0.8, label="as seen, ± 3 sigma")
     low_m, high_m = seen_m - 3 * sigma_m, seen_m + 3 * sigma_m

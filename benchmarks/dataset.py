@@ -221,12 +221,12 @@ def _stopwatches(spent: dict[str, float]) -> Iterator[None]:
 
     with ExitStack() as stack:
         for name, (module, path) in STAGES.items():
-            place: Any = import_module(module)
+            position: Any = import_module(module)
             *outer, function = path.split(".")
             for part in outer:
-                place = getattr(place, part)
-            watched = timed(name, getattr(place, function))
-            stack.enter_context(patch.object(place, function, watched))
+                position = getattr(position, part)
+            watched = timed(name, getattr(position, function))
+            stack.enter_context(patch.object(position, function, watched))
         yield
 
 

@@ -104,8 +104,8 @@ def main() -> int:
 
 def values(judged: Sequence[Judged], way: Way, figure: str) -> Floats:
     """One figure of every capture, nan where there is none."""
-    told = [each.figures.get(way, {}).get(figure) for each in judged]
-    return np.array([np.nan if value is None else value for value in told], dtype=np.float64)
+    reported = [each.figures.get(way, {}).get(figure) for each in judged]
+    return np.array([np.nan if value is None else value for value in reported], dtype=np.float64)
 
 
 def names(judged: Sequence[Judged]) -> list[str]:
@@ -115,11 +115,11 @@ def names(judged: Sequence[Judged]) -> list[str]:
 
 def scenes_drawn(judged: Sequence[Judged]) -> Floats:
     """How often each capture counts (RESAMPLED, n), all of a scene together."""
-    scenes, place = np.unique(names(judged), return_inverse=True)
+    scenes, position = np.unique(names(judged), return_inverse=True)
     drawn = np.random.default_rng(0).multinomial(
         len(scenes), np.full(len(scenes), 1 / len(scenes)), size=RESAMPLED
     )
-    return np.asarray(drawn[:, place], dtype=np.float64)
+    return np.asarray(drawn[:, position], dtype=np.float64)
 
 
 def ratio(judged: Sequence[Judged], way: Way, other: Way) -> tuple[float, float, float]:
@@ -130,9 +130,9 @@ def ratio(judged: Sequence[Judged], way: Way, other: Way) -> tuple[float, float,
         return np.nan, np.nan, np.nan
     drawn = scenes_drawn(judged)[:, both]
     with np.errstate(divide="ignore", invalid="ignore"):
-        found = (drawn @ above[both]) / (drawn @ below[both])
+        result = (drawn @ above[both]) / (drawn @ below[both])
         mean = above[both].sum() / below[both].sum()
-    low, high = np.nanpercentile(found, [2.5, 97.5])
+    low, high = np.nanpercentile(result, [2.5, 97.5])
     return float(mean), float(low), float(high)
 
 
@@ -141,21 +141,21 @@ def mean(judged: Sequence[Judged], way: Way, figure: str) -> float:
     return nan_mean(values(judged, way, figure))
 
 
-def nan_mean(found: Floats) -> float:
+def nan_mean(result: Floats) -> float:
     """Of what is there, nan where nothing is."""
-    return float(np.nanmean(found)) if np.isfinite(found).any() else np.nan
+    return float(np.nanmean(result)) if np.isfinite(result).any() else np.nan
 
 
 def interval(judged: Sequence[Judged], way: Way, figure: str) -> str:
     """Mean and its 95 % interval in words."""
-    found = values(judged, way, figure)
-    known = np.isfinite(found)
-    if not known.any():
+    result = values(judged, way, figure)
+    finite = np.isfinite(result)
+    if not finite.any():
         return "–"
-    drawn = scenes_drawn(judged)[:, known]
+    drawn = scenes_drawn(judged)[:, finite]
     with np.errstate(invalid="ignore"):
-        low, high = np.nanpercentile(drawn @ found[known] / drawn.sum(axis=1), [2.5, 97.5])
-    return f"{found[known].mean():.3f} ({low:.3f}–{high:.3f})"
+        low, high = np.nanpercentile(drawn @ result[finite] / drawn.sum(axis=1), [2.5, 97.5])
+    return f"{result[finite].mean():.3f} ({low:.3f}–{high:.3f})"
 
 
 def all_ways(cells: Cells) -> list[Way]:
@@ -208,14 +208,14 @@ def ratios(cells: Cells) -> Table:
     """AbsRel of the candidate over those of the references."""
     body = []
     for cell, judged in rows(cells):
-        told = (ratio(judged, CANDIDATE, other) for other in REFERENCES.values())
+        reported = (ratio(judged, CANDIDATE, other) for other in REFERENCES.values())
         scenes = len({each.case.scene for each in judged})
         body.append(
             (
                 *cell,
                 str(len(judged)),
                 str(scenes),
-                *(f"{m:.2f} ({a:.2f}–{b:.2f})" for m, a, b in told),
+                *(f"{m:.2f} ({a:.2f}–{b:.2f})" for m, a, b in reported),
             )
         )
     columns = ("group", "weather", "preset", "captures", "scenes", "over inverse distance")
@@ -232,11 +232,11 @@ def others(cells: Cells) -> Table:
     body = []
     for cell, judged in rows(cells):
         for way in (CANDIDATE, FROZEN_MAP):
-            found = (mean(judged, way, figure) for figure in FIGURES)
-            told = ("–" if np.isnan(value) else f"{value:.3f}" for value in found)
+            result = (mean(judged, way, figure) for figure in FIGURES)
+            reported = ("–" if np.isnan(value) else f"{value:.3f}" for value in result)
             brier, base = sky(judged, way)
             both = "–" if np.isnan(brier) else f"{brier:.3f} of {base:.3f}"
-            body.append((*cell, way[0], *told, both))
+            body.append((*cell, way[0], *reported, both))
     columns = ("group", "weather", "preset", "method", *FIGURES.values(), "Brier score")
     return Table(
         "What else is told, mean over captures; metrics as in docs/studies.md.", columns, body
@@ -245,20 +245,20 @@ def others(cells: Cells) -> Table:
 
 def sky(judged: Sequence[Judged], way: Way) -> tuple[float, float]:
     """Brier score of nothing within reach, and that of its share told everywhere."""
-    share = mean(judged, way, "nothing_share")
-    return mean(judged, way, "nothing_brier"), share * (1 - share)
+    fraction = mean(judged, way, "nothing_share")
+    return mean(judged, way, "nothing_brier"), fraction * (1 - fraction)
 
 
 def checks(cells: Cells) -> Iterator[Check]:
     """What is promised."""
     for (group, weather, preset), judged in rows(cells):
         where = f"{group}, {weather}, {preset}"
-        for reference, most in zip(REFERENCES, RATIOS.get((group, weather), ()), strict=False):
+        for reference, maximum in zip(REFERENCES, RATIOS.get((group, weather), ()), strict=False):
             name = f"AbsRel over {reference}, {where}"
-            found = over(name, judged, (CANDIDATE, REFERENCES[reference], "abs_rel"), most)
-            yield found
+            result = over(name, judged, (CANDIDATE, REFERENCES[reference], "abs_rel"), maximum)
+            yield result
             if weather == "clear" and group == "unseen families" and reference == "the frozen map":
-                yield replace(found, name=f"the same, surely below it, {where}", limit=1.0)
+                yield replace(result, name=f"the same, surely below it, {where}", limit=1.0)
         if group == "unseen families":
             yield averaged(f"δ < 1.25, {where}", judged, "delta_1_25", DELTA[weather], True)
         within = averaged(f"pixels within 2 σ, {where}", judged, "within_2_sigma", HONEST[0], True)
@@ -280,12 +280,12 @@ def averaged(
     name: str, judged: Sequence[Judged], figure: str, limit: float, at_least: bool = False
 ) -> Check:
     """Mean of the candidate's figure over captures."""
-    found = values(judged, CANDIDATE, figure)
-    interval = of_figure(lambda some: nan_mean(found[some]), names(judged))
-    return Check(name, nan_mean(found), limit, at_least, interval)
+    result = values(judged, CANDIDATE, figure)
+    interval = of_figure(lambda some: nan_mean(result[some]), names(judged))
+    return Check(name, nan_mean(result), limit, at_least, interval)
 
 
-def over(name: str, judged: Sequence[Judged], what: tuple[Way, Way, str], most: float) -> Check:
+def over(name: str, judged: Sequence[Judged], what: tuple[Way, Way, str], maximum: float) -> Check:
     """One figure by a way over that by another, where both have it: the ratio of the means."""
     above, below = (values(judged, way, what[2]) for way in what[:2])
     both = np.isfinite(above) & np.isfinite(below)
@@ -295,18 +295,18 @@ def over(name: str, judged: Sequence[Judged], what: tuple[Way, Way, str], most: 
         return nan_mean(above[some]) / (nan_mean(below[some]) or np.nan)
 
     interval = of_figure(quotient, names(judged), positive=True)
-    return Check(name, quotient(np.arange(len(judged))), most, interval=interval)
+    return Check(name, quotient(np.arange(len(judged))), maximum, interval=interval)
 
 
 def brier_score(judged: Sequence[Judged]) -> Check:
     """Over the base rate's; of a method that does not tell, it is 1."""
-    found = values(judged, CANDIDATE, "nothing_brier")
-    found = np.ones(found.shape) if np.isnan(found).all() else found
-    share = values(judged, CANDIDATE, "nothing_share")
+    result = values(judged, CANDIDATE, "nothing_brier")
+    result = np.ones(result.shape) if np.isnan(result).all() else result
+    fraction = values(judged, CANDIDATE, "nothing_share")
 
     def quotient(some: Indices) -> float:
-        rate = nan_mean(share[some])
-        return nan_mean(found[some]) / (rate * (1 - rate) or np.nan)
+        rate = nan_mean(fraction[some])
+        return nan_mean(result[some]) / (rate * (1 - rate) or np.nan)
 
     interval = of_figure(quotient, names(judged), positive=True)
     name = "Brier score of nothing, over the base rate's"

@@ -13,8 +13,8 @@ from spisim.budget.paper.checks import Check, Table
 Groups = Mapping[tuple[str, str], Sequence[Judged]]
 """By group of scenes, and clear or fog."""
 CLOSE = 1.25
-SHOWN = (0.3, 0.5, 0.6, MIN_FREE, 0.8, 0.9, 0.95)
-SWEPT = np.unique(np.append(np.linspace(0.02, 0.98, 97), SHOWN))
+DISPLAYED = (0.3, 0.5, 0.6, MIN_FREE, 0.8, 0.9, 0.95)
+SWEPT = np.unique(np.append(np.linspace(0.02, 0.98, 97), DISPLAYED))
 FROM_M = 0.5
 """What is nearer is free in all captures."""
 BINS = 10
@@ -46,11 +46,11 @@ def roc(groups: Groups, way: Way) -> Table:
     """Missed and false by the probability at which an obstacle is reported."""
     body = []
     for (group, air), judged in groups.items():
-        true_m, reported_m = obstacles(judged, way, SHOWN)
-        shown = ("{:.3f} / {:.3f}".format(*rates(true_m, each)) for each in reported_m)
+        true_m, reported_m = obstacles(judged, way, DISPLAYED)
+        displayed = ("{:.3f} / {:.3f}".format(*rates(true_m, each)) for each in reported_m)
         false = false_at(*obstacles(judged, way, SWEPT))
-        body.append((group, air, str(len(judged)), *shown, f"{false:.3f}"))
-    columns = ("group", "air", "captures", *(f"{each:g}" for each in SHOWN))
+        body.append((group, air, str(len(judged)), *displayed, f"{false:.3f}"))
+    columns = ("group", "air", "captures", *(f"{each:g}" for each in DISPLAYED))
     return Table(
         f"Obstacles of `{way[0]}` on the ranges of `{way[1]}`, by the probability of a free "
         "corridor below which one is reported: fraction missed / captures with a false alarm; and "
@@ -87,13 +87,13 @@ def reliability(groups: Groups, way: Way) -> Table:
     """What is free by what is stated to be."""
     body = []
     for (group, air), judged in groups.items():
-        told = corridors(judged, way)
-        stated, free, _ = binned(*told)
+        reported = corridors(judged, way)
+        stated, free, _ = binned(*reported)
         cells = (
             "–" if np.isnan(pair[0]) else "{:.2f}: {:.2f}".format(*pair)
             for pair in zip(stated, free, strict=True)
         )
-        body.append((group, air, *cells, f"{off(*told):.3f}"))
+        body.append((group, air, *cells, f"{off(*reported):.3f}"))
     tenths = (f"{n / BINS:g}–{(n + 1) / BINS:g}" for n in range(BINS))
     return Table(
         f"Reliability of `{way[0]}`: mean probability that the corridor is free up to a distance, "

@@ -30,15 +30,15 @@ from reconstruction.image import Imaging
 RANGINGS = ("cw", "fog")
 FROZEN = "anchored, frozen"
 CONSTANTS = AnchoredPrior(
-    log_depth_deviation=0.4,
-    log_reflectance_deviation=0.7,
+    log_depth_sigma=0.4,
+    log_reflectance_sigma=0.7,
     correlation_length=0.5,
     similarity=0.7,
     nugget=0.05,
     min_brightness=0.2,
     uncertain=0.05,
     max_nearer=1.3,
-    doubt=1.0,
+    sigma_factor=1.0,
 )
 """Of the anchored map that others are compared with."""
 
@@ -85,9 +85,9 @@ class Compiled:
 
 def methods(setup: Setup) -> dict[str, DepthMethod]:
     """By name: the one that is frozen, and those that are registered and fit."""
-    found: dict[str, DepthMethod] = {FROZEN: Anchored(CONSTANTS)}
+    result: dict[str, DepthMethod] = {FROZEN: Anchored(CONSTANTS)}
     fit = (name for name in DEPTH_METHODS if not lacks(DEPTH_METHODS[name], setup))
-    return found | {name: DEPTH_METHODS[name] for name in fit}
+    return result | {name: DEPTH_METHODS[name] for name in fit}
 
 
 COMPILED: dict[str, Compiled] = {}
@@ -106,13 +106,13 @@ def judge(case: Case) -> Judged:
     corridor = Corridor(rays)
     figures, stated = {}, {}
     for way, solve, view in COMPILED[case.preset](capture):
-        found = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
-        free = None if way[0] == FROZEN else corridor.stated(found)  # its obstacle is the map's
+        result = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
+        free = None if way[0] == FROZEN else corridor.stated(result)  # its obstacle is the map's
         figures[way] = depth_metrics(
-            found.depth_m,
+            result.depth_m,
             true_m,
-            deviation=found.deviation,
-            nothing=found.nothing,
+            sigma=result.sigma,
+            no_return=result.no_return,
             rays=rays,
             free=free,
         )

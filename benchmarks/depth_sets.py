@@ -60,18 +60,20 @@ def captures(
     """
     folder.mkdir(parents=True, exist_ok=True)
     for group in GROUPS:
-        place = folder / group.replace(" ", "-")
-        every = scenes_of(group, worlds, place.with_name(f"{place.name}-scenes"))
+        position = folder / group.replace(" ", "-")
+        every = scenes_of(group, worlds, position.with_name(f"{position.name}-scenes"))
         scenes = list(islice(every, 1 if quick else None))
         if not scenes:
             continue
-        plan = place.with_suffix(".yaml")
+        plan = position.with_suffix(".yaml")
         plan.write_text(dump_yaml(plan_of(group, scenes, 1 if quick else wanted)))
-        subprocess.run([sys.executable, "-m", "spisim", "dataset", str(plan), "-o", str(place)],
+        subprocess.run([sys.executable, "-m", "spisim", "dataset", str(plan), "-o", str(position)],
                        check=True)  # fmt: skip
-        for sample in spisim.dataset.open(place):
-            told = sample.parameters
-            yield Case(sample.path, group, weather_of(told), told["instrument"], sample.scene_name)
+        for sample in spisim.dataset.open(position):
+            reported = sample.parameters
+            yield Case(
+                sample.path, group, weather_of(reported), reported["instrument"], sample.scene_name
+            )
 
 
 def plan_of(group: str, scenes: list[dict[str, str]], wanted: int) -> dict[str, Any]:

@@ -27,7 +27,7 @@ class Method:
     name: str
     paths: str  # how many, for people
     run: Callable[[int], Floats]
-    share: float = 1.0  # of all the readings, in one run
+    fraction: float = 1.0  # of all the readings, in one run
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +88,7 @@ def measure(methods: Sequence[Method], repetitions: int) -> list[Series]:
         for method, done in zip(methods, runs, strict=True):
             began = time.perf_counter()
             readings = method.run(seed).ravel()
-            done.append((readings, (time.perf_counter() - began) / method.share))
+            done.append((readings, (time.perf_counter() - began) / method.fraction))
     return [
         Series(np.array([r for r, _ in done]), np.array([seconds for _, seconds in done]))
         for done in runs

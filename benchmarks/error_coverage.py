@@ -15,7 +15,7 @@ from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.engine.estimator import spot_histogram, transport_image
-from spisim.transport.engine.sampling import MIN_LAUNCHES, Gauge, Paths
+from spisim.transport.engine.sampling import MIN_LAUNCHES, ErrorMetric, Paths
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
@@ -23,7 +23,7 @@ from spisim.transport.world import build_world
 
 BINS = PathLengthBins(4001, 0.02)
 #: Bins that make up this much of all variance: the others hold a path now and then.
-VARIANCE_KEPT = 0.99
+VARIANCE_RETAINED = 0.99
 SPOT_PATHS = 1024
 #: Runs of the spots, of which there are four with a few numbers each, for one of the image.
 SPOT_RUNS = 12
@@ -63,12 +63,12 @@ def stated_errors(
     rows, chi2 = [], []
 
     def off_student(name: str, paths: int, estimates: Floats, errors: Floats) -> Floats:
-        found = coverage(estimates, errors)
+        result = coverage(estimates, errors)
         squares = float(np.mean(estimates.var(axis=0, ddof=1)) / np.mean(errors**2))
         below = 100 * float(np.mean(estimates < others(estimates)[0]))
-        rows.append((name, str(paths), *_cells(found), f"{below:.0f} %", f"{squares:.2f}"))
+        rows.append((name, str(paths), *_cells(result), f"{below:.0f} %", f"{squares:.2f}"))
         chi2.append(squares)
-        return np.abs(found - student)
+        return np.abs(result - student)
 
     off = [
         off_student(f"image, {case.name}", case.paths, *images(case, instrument, runs, shape))
@@ -87,7 +87,7 @@ def stated_errors(
         f"stated with them; {runs} runs of {shape[0]} × {shape[1]} pixels, {SPOT_RUNS * runs} of "
         "the spots, each held against the mean of all others, whose own error is included. χ² is "
         "the variance of the runs over the mean square of their stated errors. Of the bins, those "
-        f"that make up {100 * VARIANCE_KEPT:.0f} % of the variance."
+        f"that make up {100 * VARIANCE_RETAINED:.0f} % of the variance."
     )
     columns = ("light", "paths", "within 1", "within 2", "beyond 4", "below the mean", "χ²")
     names = ("coverage_1_off_student", "coverage_2_off_student", "coverage_4_off_student")
@@ -107,14 +107,14 @@ def images(
     projector = replace(placed.projector, shape=shape)
     detector = replace(placed.bucket, half_angle_rad=HALF_ANGLE_RAD)
     world = build_world(case.scene)
-    found = [
+    result = [
         transport_image(
             world, projector, detector, Paths(case.paths), seed=np.random.SeedSequence(run)
         )
         for run in range(runs)
     ]
-    errors = [image_error(each, shape).ravel() for each in found]
-    return np.array([each.mean["image"] for each in found]), np.array(errors)
+    errors = [image_error(each, shape).ravel() for each in result]
+    return np.array([each.mean["image"] for each in result]), np.array(errors)
 
 
 def spots(
@@ -134,18 +134,18 @@ def spots(
         stated.append((mean.ravel(), error.ravel()))
         return float(np.linalg.norm(error))
 
-    budget = Paths(SPOT_PATHS, gauge=Gauge(readings, keep))
-    found = [
+    budget = Paths(SPOT_PATHS, error_metric=ErrorMetric(readings, keep))
+    result = [
         spot_histogram(
             world, placed.beams, placed.tof, BINS, budget, seed=np.random.SeedSequence(run)
         )
         for run in range(runs)
     ]
-    bins = np.array([each.mean["histogram"].ravel() for each in found])
-    errors = np.array([spot_error(each).ravel() for each in found])
-    kept = _most(bins.var(axis=0))
+    bins = np.array([each.mean["histogram"].ravel() for each in result])
+    errors = np.array([spot_error(each).ravel() for each in result])
+    retained = _maximum(bins.var(axis=0))
     mean, error = (np.array(each) for each in zip(*stated, strict=True))
-    return (bins[:, kept], errors[:, kept]), (mean, error)
+    return (bins[:, retained], errors[:, retained]), (mean, error)
 
 
 def coverage(estimates: Floats, errors: Floats) -> Floats:
@@ -173,12 +173,12 @@ def student_coverage(degrees: int) -> Floats:
     return 100 * np.array([1 - 2 * law.sf(1), 1 - 2 * law.sf(2), 2 * law.sf(4)])
 
 
-def _most(variance: Floats) -> Floats:
-    """The fewest cells that make up `VARIANCE_KEPT`."""
+def _maximum(variance: Floats) -> Floats:
+    """The fewest cells that make up `VARIANCE_RETAINED`."""
     order = np.argsort(variance)[::-1]
-    share = np.cumsum(variance[order]) / variance.sum()
-    return np.asarray(order[: np.searchsorted(share, VARIANCE_KEPT) + 1])
+    fraction = np.cumsum(variance[order]) / variance.sum()
+    return np.asarray(order[: np.searchsorted(fraction, VARIANCE_RETAINED) + 1])
 
 
-def _cells(found: Floats) -> tuple[str, str, str]:
-    return f"{found[0]:.1f} %", f"{found[1]:.1f} %", f"{found[2]:.2f} %"
+def _cells(result: Floats) -> tuple[str, str, str]:
+    return f"{result[0]:.1f} %", f"{result[1]:.1f} %", f"{result[2]:.2f} %"

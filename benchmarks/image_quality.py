@@ -38,7 +38,7 @@ PLAN = HERE / "image_quality.yaml"
 SCENES = HERE.parent / "out" / "image-quality"
 CAR = HERE.parent / "tests" / "data" / "car_buckets_201.npy"
 PACKAGES = ("spisim", "numpy", "scipy", "scikit-image")
-SHARES = (0.03125, 0.0625, 0.125, 0.25)
+FRACTIONS = (0.03125, 0.0625, 0.125, 0.25)
 METHODS = (
     *("zero-filled", "pursuit", "least-squares", "fitted-covariance", "total-variation"),
     *("edge-preserving", "learned"),
@@ -69,19 +69,19 @@ class Case:
 def main() -> int:
     """Quality by row, share of patterns and method."""
     options = benchmark_options(__doc__, "every fourth image, three shares", PAGE)
-    found: dict[tuple[str, float], list[dict[str, Metrics]]] = defaultdict(list)
-    for share in SHARES[: 3 if options.quick else None]:
+    result: dict[tuple[str, float], list[dict[str, Metrics]]] = defaultdict(list)
+    for fraction in FRACTIONS[: 3 if options.quick else None]:
         COMPILED.clear()
         for number, case in enumerate(cases()):
             if not (options.quick and number % 4):
-                found[case.row, share].append(measured(case, share))
+                result[case.row, fraction].append(measured(case, fraction))
     tables = [
-        table(found, "correlation", "Correlation with the true image", 3),
-        table(found, "psnr_db", "PSNR, dB", 2),
-        table(found, "ssim", "SSIM", 3),
-        compared(found),
+        table(result, "correlation", "Correlation with the true image", 3),
+        table(result, "psnr_db", "PSNR, dB", 2),
+        table(result, "ssim", "SSIM", 3),
+        compared(result),
     ]
-    return finish(options, PAGE, "image", surroundings(PACKAGES), tables, checks(found))
+    return finish(options, PAGE, "image", surroundings(PACKAGES), tables, checks(result))
 
 
 def cases() -> Iterator[Case]:
@@ -132,21 +132,23 @@ def photographs() -> Iterator[Case]:
         yield Case("photographs", replace(capture, buckets=buckets), truth)
 
 
-def measured(case: Case, share: float) -> dict[str, Metrics]:
+def measured(case: Case, fraction: float) -> dict[str, Metrics]:
     """Quality by method, and of the default with the noise unknown."""
     plan = case.capture.plan
-    capture = first_patterns(case.capture, min(round(share * plan.pixels), plan.sampled))
-    known = images(capture)
+    capture = first_patterns(case.capture, min(round(fraction * plan.pixels), plan.sampled))
+    available = images(capture)
     scale = capture.buckets.electrons_per_count
     unknown = replace(capture, buckets=replace(capture.buckets, electrons_per_count=np.nan))
     forgotten = images(unknown)[DEFAULT] * (scale if np.isfinite(scale) else 1.0)
     if capture.plan.patterns.level not in capture.plan.index or case.row == "measured car":
-        known = {name: level_of(image, case.truth) for name, image in known.items()}
+        available = {name: level_of(image, case.truth) for name, image in available.items()}
         forgotten = level_of(forgotten, case.truth)
     flat = np.full_like(case.truth, case.truth.mean())
-    least = min(squared_error(known["zero-filled"], case.truth), squared_error(flat, case.truth))
-    named = known | {"noise unknown": forgotten}
-    return {name: metrics(image, case.truth, least) for name, image in named.items()}
+    minimum = min(
+        squared_error(available["zero-filled"], case.truth), squared_error(flat, case.truth)
+    )
+    named = available | {"noise unknown": forgotten}
+    return {name: metrics(image, case.truth, minimum) for name, image in named.items()}
 
 
 def images(capture: Capture) -> dict[str, Image]:
@@ -168,8 +170,8 @@ def squared_error(image: Image, truth: Image) -> float:
     return float(np.mean((image - truth) ** 2))
 
 
-def metrics(image: Image, truth: Image, least: float) -> Metrics:
-    """Of one image; ``least`` is the squared error of the better of zero-filled and flat."""
+def metrics(image: Image, truth: Image, minimum: float) -> Metrics:
+    """Of one image; ``minimum`` is the squared error of the better of zero-filled and flat."""
     error = squared_error(image, truth)
     span = float(np.ptp(truth))
     spread = image.std() * truth.std()
@@ -178,43 +180,43 @@ def metrics(image: Image, truth: Image, least: float) -> Metrics:
         "correlation": float(covariance / spread) if spread > 0 else 0.0,
         "psnr_db": 10 * np.log10(float(truth.max()) ** 2 / error),
         "ssim": float(structural_similarity(image, truth, data_range=span)),
-        "gain_db": 10 * np.log10(least / error),
+        "gain_db": 10 * np.log10(minimum / error),
     }
 
 
-Found = dict[tuple[str, float], list[dict[str, Metrics]]]
+Estimate = dict[tuple[str, float], list[dict[str, Metrics]]]
 
 
-def values(found: list[dict[str, Metrics]], method: str, metric: str) -> Image:
+def values(result: list[dict[str, Metrics]], method: str, metric: str) -> Image:
     """One number of each image."""
-    return np.array([each[method][metric] for each in found])
+    return np.array([each[method][metric] for each in result])
 
 
-def table(found: Found, metric: str, title: str, digits: int) -> Table:
+def table(result: Estimate, metric: str, title: str, digits: int) -> Table:
     """Means by row and method."""
     rows = [
         (
             row,
-            f"{100 * share:.3g}",
+            f"{100 * fraction:.3g}",
             str(len(each)),
             *(f"{values(each, method, metric).mean():.{digits}f}" for method in METHODS),
         )
-        for (row, share), each in found.items()
+        for (row, fraction), each in result.items()
     ]
     return Table(title, ("recordings", "patterns, %", "images", *METHODS), rows)
 
 
-def compared(found: Found) -> Table:
+def compared(result: Estimate) -> Table:
     """What the default gains, with intervals and the worst image."""
     rows = []
-    for (row, share), each in found.items():
+    for (row, fraction), each in result.items():
         gain = difference(each, "correlation")
         over_zero = values(each, DEFAULT, "psnr_db") - values(each, "zero-filled", "psnr_db")
         forgotten = values(each, "noise unknown", "psnr_db") - values(each, DEFAULT, "psnr_db")
         rows.append(
             (
                 row,
-                f"{100 * share:.3g}",
+                f"{100 * fraction:.3g}",
                 "{:+.4f} ({:+.4f} to {:+.4f})".format(gain.mean(), *interval(gain)),
                 "{:+.2f} ({:+.2f} to {:+.2f})".format(over_zero.mean(), *interval(over_zero)),
                 f"{over_zero.min():+.2f}",
@@ -235,9 +237,9 @@ def compared(found: Found) -> Table:
     return Table(title, columns, rows)
 
 
-def difference(found: list[dict[str, Metrics]], metric: str) -> Image:
+def difference(result: list[dict[str, Metrics]], metric: str) -> Image:
     """The default less the reference, of each image."""
-    return values(found, DEFAULT, metric) - values(found, REFERENCE, metric)
+    return values(result, DEFAULT, metric) - values(result, REFERENCE, metric)
 
 
 def interval(numbers: Image) -> tuple[float, float]:
@@ -247,11 +249,11 @@ def interval(numbers: Image) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def checks(found: Found) -> list[Check]:
+def checks(result: Estimate) -> list[Check]:
     """What is promised."""
-    few = SHARES[0]
-    at_few = [difference(each, "correlation").mean() for (_, s), each in found.items() if s == few]
-    highest = min(interval(difference(each, "correlation"))[1] for each in found.values())
+    few = FRACTIONS[0]
+    at_few = [difference(each, "correlation").mean() for (_, s), each in result.items() if s == few]
+    highest = min(interval(difference(each, "correlation"))[1] for each in result.values())
     promised = [
         Check(
             "correlation over least squares at 3 %, mean of rows",
@@ -262,17 +264,17 @@ def checks(found: Found) -> list[Check]:
         Check("the same, upper end of the interval in the worst row", highest, 0.0, True),
     ]
     for weather, limit in (("clear", 1.4), ("fog", 1.2)):
-        each = found.get((f"scenes, paper, {weather}", few))
+        each = result.get((f"scenes, paper, {weather}", few))
         if each:
             gains = values(each, DEFAULT, "psnr_db") - values(each, "zero-filled", "psnr_db")
             name = f"dB over zero-filled, paper, {weather}, 3 %"
             promised.append(Check(name, float(gains.mean()), limit, True))
             promised.append(Check(f"{name}, worst image", float(gains.min()), -0.1, True))
-    car = values(found["measured car", few], DEFAULT, "correlation").mean()
+    car = values(result["measured car", few], DEFAULT, "correlation").mean()
     promised.append(Check("correlation of the car at 3 %", float(car), 0.91, True))
     lost = [
         (values(each, DEFAULT, "psnr_db") - values(each, "noise unknown", "psnr_db")).mean()
-        for each in found.values()
+        for each in result.values()
     ]
     promised.append(Check("dB lost where the noise is not told, worst row", float(max(lost)), 0.1))
     return promised

@@ -66,7 +66,7 @@ class Suite:
     refused: Counter[str] = field(default_factory=Counter)
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Opened, of those that hold triangles."""
         return self.opened / max(1, self.tried - self.empty)
 
@@ -110,8 +110,8 @@ def compare(
     """Whether a file is read as others do; None where no other reader knows all that is in it."""
     if isinstance(independent, trimesh.Trimesh):
         return None if BEYOND_TRIMESH in path.read_bytes() else equal(content, independent)
-    places = walked(path)
-    return None if places is None else places == {rounded(p.to_world) for p in content.parts}
+    positions = walked(path)
+    return None if positions is None else positions == {rounded(p.to_world) for p in content.parts}
 
 
 def included_files(files: list[Path]) -> set[str]:
@@ -144,10 +144,10 @@ def walked(path: Path) -> set[tuple[float, ...]] | None:
     if not plain or not shapes or any(shape in FROM_FILES for shape in shapes):
         return None
     worlds = root.findall("world")
-    return set(places_below(worlds[0] if worlds else root, np.eye(4)))
+    return set(positions_below(worlds[0] if worlds else root, np.eye(4)))
 
 
-def places_below(element: ElementTree.Element, pose: np.ndarray) -> Iterator[tuple[float, ...]]:
+def positions_below(element: ElementTree.Element, pose: np.ndarray) -> Iterator[tuple[float, ...]]:
     """Of the visuals in an element that stands at a pose."""
     for child in element:
         if child.tag not in ("model", "link", "visual"):
@@ -155,7 +155,7 @@ def places_below(element: ElementTree.Element, pose: np.ndarray) -> Iterator[tup
         numbers = [float(word) for word in (child.findtext("pose") or "0 0 0 0 0 0").split()]
         own = pose @ pose_matrix(np.degrees(numbers[3:]), numbers[:3])
         if child.tag != "visual":
-            yield from places_below(child, own)
+            yield from positions_below(child, own)
         elif (
             child.find("geometry/*") is not None and float(child.findtext("transparency", "0")) < 1
         ):
@@ -299,7 +299,7 @@ def suite_table(suites: list[Suite]) -> Table:
             suite.name,
             str(suite.tried),
             str(suite.tried - suite.empty),
-            f"{suite.opened} ({suite.share:.1%})",
+            f"{suite.opened} ({suite.fraction:.1%})",
             f"{suite.compared - len(suite.different)} of {suite.compared}",
             "; ".join(f"{count} {why}" for why, count in suite.refused.most_common(4)) or "–",
         )
@@ -333,7 +333,7 @@ def main() -> int:
     if suites:
         tables.insert(0, suite_table(suites))
     for suite in suites:
-        checks.append(Check(f"{suite.name}: share opened", suite.share, OPENED, at_least=True))
+        checks.append(Check(f"{suite.name}: share opened", suite.fraction, OPENED, at_least=True))
         checks.append(Check(f"{suite.name}: unlike others'", len(suite.different), 0))
         if suite.different:
             print(f"{suite.name}: unlike others': {suite.different}", file=sys.stderr)

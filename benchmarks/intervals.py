@@ -37,9 +37,9 @@ def of_fraction(hits: ArrayLike, groups: ArrayLike) -> Interval:
         tail = (1 - confidence) / 2
         few = 1.0 if independent == 0 else t.isf(tail, samples - 1) / t.isf(tail, count - 1)
         yes, no = fraction * worth * few**2, (1 - fraction) * worth * few**2
-        least = beta.ppf(tail, yes, no + 1) if yes > 0 else 0.0
-        most = beta.isf(tail, yes + 1, no) if no > 0 else 1.0
-        return float(least), float(most)
+        minimum = beta.ppf(tail, yes, no + 1) if yes > 0 else 0.0
+        maximum = beta.isf(tail, yes + 1, no) if no > 0 else 1.0
+        return float(minimum), float(maximum)
 
     return interval
 
@@ -58,11 +58,13 @@ def of_figure(
     values = [figure(np.concatenate([members[n] for n in each])) for each in drawn]
     with np.errstate(divide="ignore", invalid="ignore"):
         middle = figure(np.arange(group.size)) if group.size else np.nan
-        middle, told = (np.log(each) if positive else each for each in (middle, np.array(values)))
-    told = told[np.isfinite(told)]
-    if not np.isfinite(middle) or told.size < MIN_FINITE * RESAMPLED or np.ptp(told) == 0:
+        middle, reported = (
+            np.log(each) if positive else each for each in (middle, np.array(values))
+        )
+    reported = reported[np.isfinite(reported)]
+    if not np.isfinite(middle) or reported.size < MIN_FINITE * RESAMPLED or np.ptp(reported) == 0:
         return lambda confidence: (-np.inf, np.inf)  # what does not vary tells nothing of chance
-    error = np.sqrt(count / (count - 1)) * told.std()
+    error = np.sqrt(count / (count - 1)) * reported.std()
 
     def interval(confidence: float) -> tuple[float, float]:
         reach = t.isf((1 - confidence) / 2, count - 1) * error
@@ -97,7 +99,7 @@ def of_size(signed: Interval) -> Interval:
     return interval
 
 
-def of_least(several: Sequence[Interval]) -> Interval:
+def of_minimum(several: Sequence[Interval]) -> Interval:
     """Of the least of several figures, each surer than all together are to be."""
 
     def interval(confidence: float) -> tuple[float, float]:

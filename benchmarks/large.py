@@ -41,13 +41,13 @@ def write_scenes(folder: Path) -> dict[str, Path]:
     boulder.vertices *= (1 + 0.05 * np.sin(12 * x) * np.sin(11 * y) * np.sin(13 * z))[:, None]
     boulder.export(folder / "boulder.ply")
     trimesh.creation.icosphere(MANY, 0.08).export(folder / "pebble.ply")
-    places = np.random.default_rng(0).uniform([3, -2, 0], [8, 2, 3], (COPIES, 3)).round(3)
+    positions = np.random.default_rng(0).uniform([3, -2, 0], [8, 2, 3], (COPIES, 3)).round(3)
     things = {
         "one PLY file": {"name": "boulder", "mesh": "boulder.ply", "translate_m": [5, 0, 1.5]},
         f"{COPIES} copies": {
             "name": "pebble",
             "mesh": "pebble.ply",
-            "instances": [{"translate_m": place} for place in places.tolist()],
+            "instances": [{"translate_m": position} for position in positions.tolist()],
         },
     }
     wall = {"name": "wall", "shape": "rectangle", "size_m": [9, 9], "material": "brick"}
@@ -91,8 +91,8 @@ def peak_gb() -> float:
     """Of this process alone: what the system counts by default begins at its parent's peak."""
     status = Path("/proc/self/status")
     if status.is_file():
-        found = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
-        if found:
-            return int(found[1]) * 1024 / 1e9
+        match = re.search(r"VmHWM:\s+(\d+) kB", status.read_text())
+        if match:
+            return int(match[1]) * 1024 / 1e9
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1e9

@@ -37,10 +37,10 @@ PAGE = Path(__file__).parents[1] / "docs" / "live.md"
 SECONDS, QUICK_S = 60, 10
 DIFFERENT = 32
 """Frames that differ, sent over and over."""
-SHARE = 0.01
+FRACTION = 0.01
 """Of the frames, for each kind of fault."""
 HEAD_START_S = 4.0
-MOST_LATENCY_MS = 25.0
+MAX_LATENCY_MS = 25.0
 
 
 @dataclass(frozen=True)
@@ -80,27 +80,27 @@ def main() -> int:
     yardstick.look()
     clean = run(capture, frames, Faults())
     yardstick.look()
-    spoilt = run(capture, frames, faults)
+    outliers = run(capture, frames, faults)
     yardstick.look()
     latency_ms, latency_interval = yardstick.on_reference(
         percentile(clean.latencies_ms, 99), of_quantile(clean.latencies_ms, 0.99)
     )
-    lost, gone = frames - len(clean.digests), missing(spoilt, frames, faults)
-    rows = [row("clean", clean, expected), row("with faults", spoilt, expected)]
+    lost, gone = frames - len(clean.digests), missing(outliers, frames, faults)
+    rows = [row("clean", clean, expected), row("with faults", outliers, expected)]
     checks = [
         Check("clean: frames without a result", lost, 0, interval=yardstick.of_lateness(lost)),
         Check("clean: wrong results", wrong(clean, expected), 0),
         Check(
             "clean: latency, 99 %, ms on the reference",
             latency_ms,
-            MOST_LATENCY_MS,
+            MAX_LATENCY_MS,
             interval=yardstick.of_lateness(latency_ms) or latency_interval,
         ),
-        *detected(spoilt, faults),
+        *detected(outliers, faults),
         Check(
             "faults: sound frames without a result", gone, 0, interval=yardstick.of_lateness(gone)
         ),
-        Check("faults: wrong results", wrong(spoilt, expected), 0),
+        Check("faults: wrong results", wrong(outliers, expected), 0),
     ]
     columns = (
         *("link", "frames", "results", "wrong", "latency, median, ms", "99 %, ms", "most, ms"),
@@ -113,8 +113,8 @@ def main() -> int:
 
 def row(name: str, run: Run, expected: list[str]) -> tuple[str, ...]:
     """Cells of a table."""
-    figures = [percentile(run.latencies_ms, share) for share in (50, 99, 100)]
-    figures += [percentile(run.processor_ms, share) for share in (50, 99)]
+    figures = [percentile(run.latencies_ms, fraction) for fraction in (50, 99, 100)]
+    figures += [percentile(run.processor_ms, fraction) for fraction in (50, 99)]
     numbers = (run.counts.received, len(run.digests), wrong(run, expected))
     return (name, *map(str, numbers), *(f"{each:.1f}" for each in figures))
 
@@ -146,23 +146,23 @@ def wrong(run: Run, expected: list[str]) -> int:
     return sum(each != expected[number % DIFFERENT] for number, each in run.digests.items())
 
 
-def percentile(values: np.ndarray, share: float) -> float:
+def percentile(values: np.ndarray, fraction: float) -> float:
     """What so many per cent stay below."""
-    return float(np.percentile(values, share)) if values.size else np.inf
+    return float(np.percentile(values, fraction)) if values.size else np.inf
 
 
 def digest(result: Result) -> str:
     """Of image, ranges and depth."""
-    told = hashlib.sha256(result.image.tobytes())
+    reported = hashlib.sha256(result.image.tobytes())
     assert result.ranges is not None
     for values in (result.ranges.range_m, result.ranges.sigma_m, result.depth_m):
-        told.update(b"" if values is None else values.tobytes())
-    return told.hexdigest()
+        reported.update(b"" if values is None else values.tobytes())
+    return reported.hexdigest()
 
 
 def drawn(frames: int, rng: np.random.Generator) -> Faults:
     """Faults by chance; neither a swapped frame nor the next has another one."""
-    each = round(SHARE * frames)
+    each = round(FRACTION * frames)
     swapped = 2 * rng.choice(frames // 2 - 1, each, replace=False)
     free = np.setdiff1d(np.arange(frames - 1), [swapped, swapped + 1])
     others = rng.permutation(free)[: 2 * each]

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import numpy as np
 from intervals import of_quantile
-from live import HEAD_START_S, MOST_LATENCY_MS, digest, percentile
+from live import HEAD_START_S, MAX_LATENCY_MS, digest, percentile
 from options import benchmark_options, finish
 from threadpoolctl import threadpool_limits
 from yardstick import Yardstick
@@ -97,7 +97,7 @@ class Run:
     processor_ms: np.ndarray
     settled_mib: float
     grown_mib: float
-    kept: int
+    retained: int
     lost: int
 
 
@@ -111,42 +111,42 @@ def main() -> int:
     frames = round((QUICK_S if options.quick else SECONDS) / frame_period_s(capture.setup))
     yardstick = Yardstick()
     yardstick.look()
-    found = run(capture, frames)
+    result = run(capture, frames)
     yardstick.look()
     latency_ms, latency_interval = yardstick.on_reference(
-        percentile(found.latencies_ms, 99), of_quantile(found.latencies_ms, 0.99)
+        percentile(result.latencies_ms, 99), of_quantile(result.latencies_ms, 0.99)
     )
-    counts = found.counts
+    counts = result.counts
     reported = counts.dropped + counts.failed + counts.lost + counts.corrupted
     columns = (
         *("frames", "results", "failed", "dropped", "failures of the method", "of the sink"),
         *("latency, median, ms", "99 %, ms", "most, ms", "processor time of a frame, median, ms"),
         *("memory, MiB", "growth, MiB"),
     )
-    figures = [percentile(found.latencies_ms, share) for share in (50, 99, 100)]
-    figures += [percentile(found.processor_ms, 50), found.settled_mib, found.grown_mib]
+    figures = [percentile(result.latencies_ms, fraction) for fraction in (50, 99, 100)]
+    figures += [percentile(result.processor_ms, 50), result.settled_mib, result.grown_mib]
     numbers = [frames, counts.reconstructed, counts.failed, counts.dropped]
     numbers += [counts.method_failures, counts.sink_failures]
     rows = [(*map(str, numbers), *(f"{each:.1f}" for each in figures))]
     checks = [
         Check("frames without a result, not reported", frames - counts.reconstructed - reported, 0),
         Check("frames dropped", counts.dropped, 0),
-        Check("wrong results, of those compared", wrong(capture, found), 0),
+        Check("wrong results, of those compared", wrong(capture, result), 0),
         Check(
             "failures of the method, not reported",
             counts.reconstructed - counts.method_failures,
             0,
         ),
-        Check("failures of the sink, not reported", found.lost - counts.sink_failures, 0),
-        Check("results that the sound sink lacks", counts.reconstructed - found.kept, 0),
+        Check("failures of the sink, not reported", result.lost - counts.sink_failures, 0),
+        Check("results that the sound sink lacks", counts.reconstructed - result.retained, 0),
         Check("false headers, not reported", 1 - counts.given_up, 0),
         Check(
             "latency, 99 %, ms on the reference",
             latency_ms,
-            MOST_LATENCY_MS,
+            MAX_LATENCY_MS,
             interval=latency_interval,
         ),
-        Check("growth of memory, MiB", found.grown_mib, 16),
+        Check("growth of memory, MiB", result.grown_mib, 16),
     ]
     title = f"{frames} frames at {1 / frame_period_s(capture.setup):.1f} a second:"
     around = surroundings(("spisim", "numpy", "scipy"))
@@ -225,12 +225,12 @@ def stream(capture: Capture, frames: int) -> Iterator[bytes]:
     yield sender.setup()
     false = header(Message(Kind.SETUP), MAX_PAYLOAD_BYTES)
     for number in range(frames):
-        message = sender.frame(spoilt(capture, number))
+        message = sender.frame(outliers(capture, number))
         yield false + message if number == frames // 2 else message
     yield sender.end()
 
 
-def spoilt(capture: Capture, number: int) -> Frames:
+def outliers(capture: Capture, number: int) -> Frames:
     """A frame of which some readings are saturated."""
     frame = capture.frame(number % DIFFERENT)
     chance = np.random.default_rng((2, number)).random(frame.buckets.saturated.shape)
@@ -238,15 +238,15 @@ def spoilt(capture: Capture, number: int) -> Frames:
     return replace(frame, buckets=replace(frame.buckets, saturated=saturated))
 
 
-def wrong(capture: Capture, found: Run) -> int:
+def wrong(capture: Capture, result: Run) -> int:
     """Results other than those of the same frames from memory, in any bit."""
     setup = capture.setup
     reconstruct = Reconstructor(setup, image=USUAL_IMAGES[0], depth=fast_depth(setup))
     expected = {
-        number: digest(reconstruct(replace(spoilt(capture, number), first=number)))
-        for number in found.digests
+        number: digest(reconstruct(replace(outliers(capture, number), first=number)))
+        for number in result.digests
     }
-    return sum(expected[number] != each for number, each in found.digests.items())
+    return sum(expected[number] != each for number, each in result.digests.items())
 
 
 def resident_mib() -> float:

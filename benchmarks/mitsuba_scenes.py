@@ -65,7 +65,7 @@ Pictures = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Effort:
+class SampleBudget:
     """Pixels a side, pictures, and paths per pixel in each."""
 
     side: int
@@ -74,7 +74,7 @@ class Effort:
     theirs: int
 
 
-FULL, QUICK = Effort(64, 16, 128, 256), Effort(16, 12, 64, 128)
+FULL, QUICK = SampleBudget(64, 16, 128, 256), SampleBudget(16, 12, 64, 128)
 
 
 @dataclass(frozen=True)
@@ -113,18 +113,18 @@ def main() -> int:
     effort = QUICK if options.quick else FULL
     rows, checks = [], []
     for name, make in SCENES.items():
-        found = compare(make(), effort)
-        print(f"{name}: smallest p over Šidák's {found.margin:.3g}", file=sys.stderr, flush=True)
-        bias, error = found.bias
-        p = found.p_values
-        seconds = " / ".join(f"{each:.1f}" for each in found.seconds)
+        result = compare(make(), effort)
+        print(f"{name}: smallest p over Šidák's {result.margin:.3g}", file=sys.stderr, flush=True)
+        bias, error = result.bias
+        p = result.p_values
+        seconds = " / ".join(f"{each:.1f}" for each in result.seconds)
         noise = " / ".join(
             f"{np.median(each.std(axis=0) / np.maximum(each.mean(axis=0), 1e-12)):.3f}"
-            for each in (found.ours, found.theirs)
+            for each in (result.ours, result.theirs)
         )
         rows.append((name, f"{p.min():.1e}", f"{(p < 0.01).mean():.2%}",
                      f"{bias:+.3%} ± {error:.3%}", noise, seconds))  # fmt: skip
-        checks.append(Check(f"smallest p over Šidák's, {name}", found.margin, 1.0, at_least=True))
+        checks.append(Check(f"smallest p over Šidák's, {name}", result.margin, 1.0, at_least=True))
     columns = (
         "scene",
         "smallest p",
@@ -142,7 +142,7 @@ def main() -> int:
     return finish(options, DOCS, "mitsuba-scenes", around, [Table(title, columns, rows)], checks)
 
 
-def compare(scene: Scene, effort: Effort) -> Comparison:
+def compare(scene: Scene, effort: SampleBudget) -> Comparison:
     """Pictures by both."""
     instrument = load_instrument("paper")
     pictures, seconds = [], []
@@ -153,7 +153,7 @@ def compare(scene: Scene, effort: Effort) -> Comparison:
     return Comparison(pictures[0], pictures[1], (seconds[0], seconds[1]))
 
 
-def ours(scene: Scene, instrument: Instrument, effort: Effort) -> Callable[[int], Pictures]:
+def ours(scene: Scene, instrument: Instrument, effort: SampleBudget) -> Callable[[int], Pictures]:
     """As `spisim picture` makes it, with the projector off."""
     dark = np.zeros(instrument.projector.shape)
 
@@ -167,7 +167,7 @@ def ours(scene: Scene, instrument: Instrument, effort: Effort) -> Callable[[int]
     return render
 
 
-def theirs(scene: Scene, instrument: Instrument, effort: Effort) -> Callable[[int], Pictures]:
+def theirs(scene: Scene, instrument: Instrument, effort: SampleBudget) -> Callable[[int], Pictures]:
     """By Mitsuba's path tracer along the rays of the same camera."""
     projector = InstrumentView.placed(scene, instrument).projector
     camera = camera_at(scene, projector, effort.side, effort.side, FOV_DEG, (0.0, 0.0, 0.0))

@@ -143,17 +143,17 @@ def others(dictionary: Floats, measured: Floats, atoms: int) -> int:
 
 def devices() -> dict[str, Callable[[Floats], Any]]:
     """What puts an array on the graphics processor, by library; empty where there is none."""
-    found: dict[str, Callable[[Floats], Any]] = {}
+    result: dict[str, Callable[[Floats], Any]] = {}
     if find_spec("torch") is not None:
         import torch
 
         if torch.cuda.is_available():
-            found["PyTorch"] = lambda values: torch.asarray(values, device="cuda")
+            result["PyTorch"] = lambda values: torch.asarray(values, device="cuda")
     if find_spec("cupy") is not None:
         import cupy
 
-        found["CuPy"] = cupy.asarray
-    return found
+        result["CuPy"] = cupy.asarray
+    return result
 
 
 def on_a_device(name: str, put: Callable[[Floats], Any], calls: int) -> Table:
@@ -162,11 +162,12 @@ def on_a_device(name: str, put: Callable[[Floats], Any], calls: int) -> Table:
     for size in PAPER:
         dictionary, _, atoms = problem(size)
         gram = dictionary.T @ dictionary
-        places = [(dictionary, gram, np.asarray), (put(dictionary), put(gram), put)]
+        positions = [(dictionary, gram, np.asarray), (put(dictionary), put(gram), put)]
         for frames in (FRAMES, 16 * FRAMES):
             measured = np.random.default_rng(1).standard_normal((frames, size.patterns))
             took = [
-                on_the_clock(partial(pursued, *place, measured, atoms), calls) for place in places
+                on_the_clock(partial(pursued, *position, measured, atoms), calls)
+                for position in positions
             ]
             rows.append((size.name, f"{frames}", *(f"{1e3 * each / frames:.4f}" for each in took)))
     columns = ("size", "frames at once", "here, ms", f"GPU by {name}, ms")

@@ -49,14 +49,14 @@ def main() -> int:
     alarms: list[float] = []
     for cell in CELLS:
         for offset_m in OFFSETS_M:
-            told = evidence(instrument, cell, offset_m, (scenes, paths, draws))
+            reported = evidence(instrument, cell, offset_m, (scenes, paths, draws))
             for frames in (scenes // 2, scenes):
-                found = recordings(told, frames, np.random.default_rng([cell.seed, frames]))
-                hits = np.array([each.told for each in found])
+                result = recordings(reported, frames, np.random.default_rng([cell.seed, frames]))
+                hits = np.array([each.reported for each in result])
                 others = np.delete(hits, SPOT, axis=1).any(axis=1).mean()
                 if not offset_m:
                     alarms.append(float(hits.any(axis=1).mean()))
-                rows.append(_row(cell, offset_m, frames, found, float(others)))
+                rows.append(_row(cell, offset_m, frames, result, float(others)))
     table = Table(
         f"One spot's path taken for longer, by so many frames: {RECORDINGS} recordings each.",
         ("visibility, ranges", "longer by, cm", "frames", "found, cm", "σ, cm", "that spot told, %",
@@ -76,37 +76,37 @@ def evidence(
     given = light_of(cell, scenes, instrument, paths).at(instrument, KLX)
     longer = replace(given, path_length_m=given.path_length_m + offset_m)
     tof, optics = instrument.tof, instrument.spot_optics
-    told: Told = []
+    reported: Told = []
     for draw in range(draws):
         rng = np.random.default_rng([cell.seed, draw, 2])
         spots = tof.record(given, optics, rng)
         spots.readings[:, SPOT] = tof.record(longer, optics, rng).readings[:, SPOT]
         find = path_check(between(spots, 0, 0))
-        told.append([find(between(spots, number, number + 1)) for number in range(scenes)])
-    return told
+        reported.append([find(between(spots, number, number + 1)) for number in range(scenes)])
+    return reported
 
 
-def recordings(told: Told, frames: int, rng: np.random.Generator) -> list[PathOffsets]:
+def recordings(reported: Told, frames: int, rng: np.random.Generator) -> list[PathOffsets]:
     """Of so many different scenes, in any order, each with one of its draws of noise."""
-    draws, scenes = len(told), len(told[0])
+    draws, scenes = len(reported), len(reported[0])
     return [
         path_offsets(
-            [told[rng.integers(draws)][scene] for scene in rng.permutation(scenes)[:frames]]
+            [reported[rng.integers(draws)][scene] for scene in rng.permutation(scenes)[:frames]]
         )
         for _ in range(RECORDINGS)
     ]
 
 
 def _row(
-    cell: Cell, offset_m: float, frames: int, found: list[PathOffsets], others: float
+    cell: Cell, offset_m: float, frames: int, result: list[PathOffsets], others: float
 ) -> tuple[str, ...]:
     return (
         cell.name,
         f"{100 * offset_m:g}",
         str(frames),
-        f"{100 * np.mean([each.offset_m[SPOT] for each in found]):+.1f}",
-        f"{100 * np.median([each.sigma_m[SPOT] for each in found]):.1f}",
-        f"{100 * np.mean([each.told[SPOT] for each in found]):.1f}",
+        f"{100 * np.mean([each.offset_m[SPOT] for each in result]):+.1f}",
+        f"{100 * np.median([each.sigma_m[SPOT] for each in result]):.1f}",
+        f"{100 * np.mean([each.reported[SPOT] for each in result]):.1f}",
         f"{100 * others:.1f}",
     )
 

@@ -30,7 +30,7 @@ from reconstruction import Reconstructor
 from reconstruction.capture import first_patterns
 from spisim.budget.paper.checks import Check, Table, surroundings
 
-SHARES = (0.03125, 0.125)
+FRACTIONS = (0.03125, 0.125)
 REFERENCE, EDGES = "least-squares", "edge-preserving"
 DICTIONARIES = ("dct", "haar", "db4", "learned")
 PURSUIT, AVERAGED = (
@@ -49,35 +49,35 @@ class Quality:
     error_over_sigma: list[float] = field(default_factory=list)
 
 
-Found = dict[tuple[str, float], dict[str, Quality]]
+Estimate = dict[tuple[str, float], dict[str, Quality]]
 
 
 def main() -> int:
     """Quality by row, share of patterns and method."""
     options = benchmark_options(__doc__, "every fourth image, at the lowest share", PAGE)
-    found: Found = defaultdict(lambda: defaultdict(Quality))
-    for share in SHARES[: 1 if options.quick else None]:
+    result: Estimate = defaultdict(lambda: defaultdict(Quality))
+    for fraction in FRACTIONS[: 1 if options.quick else None]:
         compiled: dict[bytes, dict[str, Reconstructor]] = {}
         for number, case in enumerate(cases()):
             if not (options.quick and number % 4):
-                measure(case, share, compiled, found[case.row, share])
+                measure(case, fraction, compiled, result[case.row, fraction])
     tables = [
-        table(found, "correlation", "Correlation with the true image, by dictionary", 3),
-        table(found, "psnr_db", "PSNR, dB, by dictionary", 2),
-        costs(found),
+        table(result, "correlation", "Correlation with the true image, by dictionary", 3),
+        table(result, "psnr_db", "PSNR, dB, by dictionary", 2),
+        costs(result),
     ]
-    return finish(options, PAGE, "pursuits", surroundings(PACKAGES), tables, checks(found))
+    return finish(options, PAGE, "pursuits", surroundings(PACKAGES), tables, checks(result))
 
 
 def measure(
     case: Case,
-    share: float,
+    fraction: float,
     compiled: dict[bytes, dict[str, Reconstructor]],
-    found: dict[str, Quality],
+    outcome: dict[str, Quality],
 ) -> None:
-    """Add one recording to what is ``found``; what is ``compiled`` serves all of its patterns."""
+    """Add one recording to what is ``outcome``; what is ``compiled`` serves all of its patterns."""
     plan = case.capture.plan
-    capture = first_patterns(case.capture, min(round(share * plan.pixels), plan.sampled))
+    capture = first_patterns(case.capture, min(round(fraction * plan.pixels), plan.sampled))
     digest = capture.setup.digest(0)
     if digest not in compiled:
         compiled[digest] = {
@@ -86,42 +86,42 @@ def measure(
         for each in compiled[digest].values():
             each(capture.frame())
     flat = squared_error(np.full_like(case.truth, case.truth.mean()), case.truth)
-    without_level = capture.plan.patterns.level not in capture.plan.index
+    without_dc = capture.plan.patterns.level not in capture.plan.index
     for name, reconstruct in compiled[digest].items():
         started = process_time()
         result = reconstruct(capture.frame())
         took = process_time() - started
         image = result.images[name].astype(np.float64)
-        if without_level or case.row == "measured car":
+        if without_dc or case.row == "measured car":
             image = level_of(image, case.truth)
         quality = metrics(image, case.truth, flat)
-        found[name].correlation.append(quality["correlation"])
-        found[name].psnr_db.append(quality["psnr_db"])
-        found[name].cost_ms.append(1e3 * took)
-        if name in result.deviations:
-            variance = float(np.mean(result.deviations[name].astype(np.float64) ** 2))
-            found[name].error_over_sigma.append(squared_error(image, case.truth) / variance)
+        outcome[name].correlation.append(quality["correlation"])
+        outcome[name].psnr_db.append(quality["psnr_db"])
+        outcome[name].cost_ms.append(1e3 * took)
+        if name in result.sigmas:
+            variance = float(np.mean(result.sigmas[name].astype(np.float64) ** 2))
+            outcome[name].error_over_sigma.append(squared_error(image, case.truth) / variance)
 
 
-def table(found: Found, metric: str, title: str, digits: int) -> Table:
+def table(result: Estimate, metric: str, title: str, digits: int) -> Table:
     """Means by row and method."""
     rows = [
         (
             row,
-            f"{100 * share:.3g}",
+            f"{100 * fraction:.3g}",
             *(f"{np.mean(getattr(each[name], metric)):.{digits}f}" for name in METHODS),
         )
-        for (row, share), each in found.items()
+        for (row, fraction), each in result.items()
     ]
     return Table(title, ("recordings", "patterns, %", *METHODS), rows)
 
 
-def costs(found: Found) -> Table:
+def costs(result: Estimate) -> Table:
     """Of each method over all recordings: what it gains on least squares, and what it costs."""
     rows = []
     for name in METHODS:
-        gain = gains(found, name)
-        ratio = [each for row in found.values() for each in row[name].error_over_sigma]
+        gain = gains(result, name)
+        ratio = [each for row in result.values() for each in row[name].error_over_sigma]
         rows.append(
             (
                 name,
@@ -129,8 +129,8 @@ def costs(found: Found) -> Table:
                 f"{gain.min():+.3f}",
                 f"{np.sqrt(np.median(ratio)):.2f}" if ratio else "–",
                 *(
-                    f"{np.median(cost_ms(found, name, share)):.1f}"
-                    for share in sorted({share for _, share in found})
+                    f"{np.median(cost_ms(result, name, fraction)):.1f}"
+                    for fraction in sorted({fraction for _, fraction in result})
                 ),
             )
         )
@@ -139,30 +139,33 @@ def costs(found: Found) -> Table:
         "correlation over least squares, all recordings",
         "worst",
         "error over its deviation, median",
-        *(f"ms a frame, {100 * share:.3g} %" for share in sorted({share for _, share in found})),
+        *(
+            f"ms a frame, {100 * fraction:.3g} %"
+            for fraction in sorted({fraction for _, fraction in result})
+        ),
     )
     return Table("Gain and cost", columns, rows)
 
 
-def gains(found: Found, name: str) -> Image:
+def gains(result: Estimate, name: str) -> Image:
     """Correlation over that of least squares, of every recording at every share."""
     return np.concatenate(
         [
             np.subtract(each[name].correlation, each[REFERENCE].correlation)
-            for each in found.values()
+            for each in result.values()
         ]
     )
 
 
-def cost_ms(found: Found, name: str, share: float) -> list[float]:
+def cost_ms(result: Estimate, name: str, fraction: float) -> list[float]:
     """Processor time of every frame at a share of patterns."""
-    return [ms for (_, of), each in found.items() if of == share for ms in each[name].cost_ms]
+    return [ms for (_, of), each in result.items() if of == fraction for ms in each[name].cost_ms]
 
 
-def checks(found: Found) -> list[Check]:
+def checks(result: Estimate) -> list[Check]:
     """What is promised: that the mean of pursuits is worth more than one of them."""
     single, averaged = (
-        gains(found, name) for name in ("pursuit:learned", "random-pursuit:learned")
+        gains(result, name) for name in ("pursuit:learned", "random-pursuit:learned")
     )
     return [
         Check(

@@ -19,7 +19,7 @@ import numpy as np
 import unseen_fogs
 import yaml
 from foglight import Cell, draw, light_of
-from intervals import of_figure, of_fraction, of_least, of_size
+from intervals import of_figure, of_fraction, of_minimum, of_size
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 from scipy.stats import binomtest
@@ -71,7 +71,7 @@ class Way:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Estimate:
     """What a method told of all spots of a cell, each (trials,), beside what was true.
 
     ``scene`` is the number of each spot's scene, among those of all cells, ``bound_m`` the
@@ -118,7 +118,7 @@ class Found:
         return np.asarray(np.abs(self.range_m - self.true_m) > WRONG_M) & self.valid
 
 
-Results = dict[tuple[str, str, str, float], Found]  # by way, method, cell, klx
+Results = dict[tuple[str, str, str, float], Estimate]  # by way, method, cell, klx
 
 
 def main() -> int:
@@ -126,14 +126,14 @@ def main() -> int:
     options = benchmark_options(__doc__, "four scenes a cell, of fewer paths", DOCS)
     scenes, paths = (QUICK_SCENES, QUICK_PATHS) if options.quick else (SCENES, PATHS)
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy", "scipy"))
-    ways, found, yardstick = instruments(), Results(), processor()
+    ways, result, yardstick = instruments(), Results(), processor()
     for way in ways:
         for cell in CELLS:
-            found |= measured(way, cell, scenes, paths)
+            result |= measured(way, cell, scenes, paths)
             yardstick.look()
     unseen = unseen_fogs.judged(quick=options.quick)
-    tables = [unseen_fogs.table(unseen), *(table(way, found, scenes) for way in ways)]
-    checks = unseen_fogs.promises(unseen) + promises(ways, found, yardstick)
+    tables = [unseen_fogs.table(unseen), *(table(way, result, scenes) for way in ways)]
+    checks = unseen_fogs.promises(unseen) + promises(ways, result, yardstick)
     return finish(options, DOCS, "benchmark", around, tables, checks)
 
 
@@ -195,8 +195,8 @@ def measured(way: Way, cell: Cell, scenes: int, paths: int) -> Results:
         )
         bound_m = _bounds(make_bound(between(spots, 0, 0), LONGEST_M), targets, mean)
         for method in way.methods:
-            range_m, sigma_m, valid, frame_s = _told(method, spots)
-            results[way.title, method, cell.name, klx] = Found(
+            range_m, sigma_m, valid, frame_s = _reported(method, spots)
+            results[way.title, method, cell.name, klx] = Estimate(
                 scene=np.tile(scene, draws),
                 true_m=np.tile(np.concatenate([each.range_m for each in targets]), draws),
                 range_m=range_m,
@@ -214,7 +214,7 @@ def _bounds(bound: Bound, targets: Sequence[Targets], mean: NDArray[Any]) -> Flo
     )
 
 
-def _told(method: str, spots: Spots) -> tuple[Floats, Floats, Mask, Floats]:
+def _reported(method: str, spots: Spots) -> tuple[Floats, Floats, Mask, Floats]:
     """Ranges, their standard deviations, and which are valid, (spots,); seconds (frames,)."""
     solve = RANGING_METHODS[method].compile(between(spots, 0, 0))
     solve(between(spots, 0, 1))
@@ -236,10 +236,10 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
 
 
-def table(way: Way, found: Results, scenes: int) -> Table:
+def table(way: Way, result: Results, scenes: int) -> Table:
     """All cells of an instrument."""
     rows = [
-        (cell.name, f"{klx:g}", method, *_row(found[way.title, method, cell.name, klx]))
+        (cell.name, f"{klx:g}", method, *_row(result[way.title, method, cell.name, klx]))
         for cell in CELLS
         for klx in DAYLIGHT_KLX
         for method in way.methods
@@ -259,53 +259,54 @@ def table(way: Way, found: Results, scenes: int) -> Table:
     return Table(title, columns, rows)
 
 
-def _row(found: Found) -> tuple[str, ...]:
-    error_m, valid = found.error_m, found.valid
-    time = f"{1e3 * np.median(found.frame_s):.1f}"
+def _row(result: Estimate) -> tuple[str, ...]:
+    error_m, valid = result.error_m, result.valid
+    time = f"{1e3 * np.median(result.frame_s):.1f}"
     if not valid.any():
         return ("–", "–", "0", "–", "0", "–", "–", "–", time)
     return (
         f"{100 * error_m.mean():+.2f}",
-        f"{100 * found.rmse_m:.2f}",
+        f"{100 * result.rmse_m:.2f}",
         f"{100 * valid.mean():.1f}",
-        _share(found.within),
-        f"{100 * found.wrong.mean():.1f}",
-        f"{100 * _rms(found.bound_m[valid]):.2f}",
-        f"{found.ratio:.2f}",
+        _percent(result.within),
+        f"{100 * result.wrong.mean():.1f}",
+        f"{100 * _rms(result.bound_m[valid]):.2f}",
+        f"{result.ratio:.2f}",
         f"{np.abs(error_m).max():.2f}",
         time,
     )
 
 
-def _share(hits: NDArray[np.bool_]) -> str:
+def _percent(hits: NDArray[np.bool_]) -> str:
     """Per cent, and the interval that holds the true share at 95 %."""
     interval = binomtest(int(hits.sum()), hits.size).proportion_ci(method="wilson")
     return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
 
-def promises(ways: Sequence[Way], found: Results, yardstick: Yardstick) -> list[Check]:
+def promises(ways: Sequence[Way], result: Results, yardstick: Yardstick) -> list[Check]:
     """What ranging in fog is to reach."""
     checks: list[Check] = []
     for cell, limits in PROMISED.items():
         for klx in DAYLIGHT_KLX:
             where = f"fog, {cell}, {klx:g} klx"
-            checks += _cell_checks(where, found["fog", "fog", cell, klx], limits)
+            checks += _cell_checks(where, result["fog", "fog", cell, klx], limits)
     for klx in DAYLIGHT_KLX:
-        plain, fitted = (found["fog", method, CLEAR, klx] for method in ("cw", "fog"))
+        plain, fitted = (result["fog", method, CLEAR, klx] for method in ("cw", "fog"))
         checks += _clear_checks(f"fog, {CLEAR}, {klx:g} klx", plain, fitted)
     for way in ways:
-        told = [each for key, each in found.items() if key[:2] == (way.title, "fog")]
+        reported = [each for key, each in result.items() if key[:2] == (way.title, "fog")]
         wrong, scene = (
-            np.concatenate([getattr(each, name) for each in told]) for name in ("wrong", "scene")
+            np.concatenate([getattr(each, name) for each in reported])
+            for name in ("wrong", "scene")
         )
         name = f"{way.title}: wrong by {WRONG_M:g} m"
         checks.append(_fraction(name, wrong, scene, 0.005))
-    single = found["fog-spad", "fog", "50 m, 7–9 m", DAYLIGHT_KLX[0]]
-    frames = [each.frame_s for key, each in found.items() if key[:2] == ("fog", "fog")]
+    single = result["fog-spad", "fog", "50 m, 7–9 m", DAYLIGHT_KLX[0]]
+    frames = [each.frame_s for key, each in result.items() if key[:2] == ("fog", "fog")]
     frame_ms, interval_ms = yardstick.on_reference(1e3 * float(np.median(np.concatenate(frames))))
     return [
         *checks,
-        _least_honest([each for key, each in found.items() if key[:2] == ("paper", "fog")]),
+        _least_honest([each for key, each in result.items() if key[:2] == ("paper", "fog")]),
         _rmse("fog-spad, 50 m, 7–9 m, 10 klx: RMSE, m", single, 0.03),
         _fraction(
             "fog-spad, 50 m, 7–9 m, 10 klx: valid", single.valid, single.scene, 0.95, at_least=True
@@ -315,25 +316,25 @@ def promises(ways: Sequence[Way], found: Results, yardstick: Yardstick) -> list[
 
 
 def _cell_checks(
-    where: str, found: Found, limits: tuple[float, float, float, tuple[float, float]]
+    where: str, result: Estimate, limits: tuple[float, float, float, tuple[float, float]]
 ) -> list[Check]:
-    bias_m, rmse_m, valid, (least, most) = limits
-    error_m, scene = found.error_m, found.valid_scene
+    bias_m, rmse_m, valid, (minimum, maximum) = limits
+    error_m, scene = result.error_m, result.valid_scene
     bias = of_size(of_figure(lambda some: float(error_m[some].mean()), scene))
     checks = [
         Check(f"{where}: absolute bias, m", abs(float(error_m.mean())), bias_m, interval=bias)
     ]
     if np.isfinite(rmse_m):
-        checks.append(_rmse(f"{where}: RMSE, m", found, rmse_m))
+        checks.append(_rmse(f"{where}: RMSE, m", result, rmse_m))
     return [
         *checks,
-        _fraction(f"{where}: valid", found.valid, found.scene, valid, at_least=True),
-        _fraction(f"{where}: within 1 sigma", found.within, scene, least, at_least=True),
-        _fraction(f"{where}: within 1 sigma, most", found.within, scene, most),
+        _fraction(f"{where}: valid", result.valid, result.scene, valid, at_least=True),
+        _fraction(f"{where}: within 1 sigma", result.within, scene, minimum, at_least=True),
+        _fraction(f"{where}: within 1 sigma, most", result.within, scene, maximum),
     ]
 
 
-def _clear_checks(where: str, plain: Found, fitted: Found) -> list[Check]:
+def _clear_checks(where: str, plain: Estimate, fitted: Estimate) -> list[Check]:
     both = plain.valid & fitted.valid
     apart = (fitted.range_m - plain.range_m)[both] / plain.sigma_m[both]
     width = np.abs(np.log(fitted.sigma_m[both] / plain.sigma_m[both]))
@@ -368,18 +369,18 @@ def _fraction(
     return Check(name, float(hits.mean()), limit, at_least, interval)
 
 
-def _rmse(name: str, found: Found, limit_m: float) -> Check:
-    error_m = found.error_m
-    interval = of_figure(lambda some: _rms(error_m[some]), found.valid_scene, positive=True)
-    return Check(name, found.rmse_m, limit_m, interval=interval)
+def _rmse(name: str, result: Estimate, limit_m: float) -> Check:
+    error_m = result.error_m
+    interval = of_figure(lambda some: _rms(error_m[some]), result.valid_scene, positive=True)
+    return Check(name, result.rmse_m, limit_m, interval=interval)
 
 
-def _least_honest(found: Sequence[Found]) -> Check:
+def _least_honest(result: Sequence[Estimate]) -> Check:
     """The least of several shares."""
-    told = [each for each in found if each.valid.any()]
-    least = min((float(each.within.mean()) for each in told), default=1.0)
-    interval = of_least([of_fraction(each.within, each.valid_scene) for each in told])
-    return Check("paper: least share within 1 sigma", least, 0.6, True, interval)
+    reported = [each for each in result if each.valid.any()]
+    minimum = min((float(each.within.mean()) for each in reported), default=1.0)
+    interval = of_minimum([of_fraction(each.within, each.valid_scene) for each in reported])
+    return Check("paper: least share within 1 sigma", minimum, 0.6, True, interval)
 
 
 if __name__ == "__main__":

@@ -56,12 +56,12 @@ def compare(scene: Scene, instrument: Instrument) -> Comparison:
     ranges = first_ranges(
         middle, np.concatenate([rays.reshape(-1, 3), instrument.lasers.directions])
     )
-    known = np.where(np.isfinite(truth.range_m), truth.range_m, np.inf).astype(np.float64)
-    beyond = np.minimum(known, 1e3)
+    finite = np.where(np.isfinite(truth.range_m), truth.range_m, np.inf).astype(np.float64)
+    beyond = np.minimum(finite, 1e3)
     steps = maximum_filter(beyond, 3) - minimum_filter(beyond, 3) > EDGE * beyond
     steps |= maximum_filter(truth.object_id, 3) != minimum_filter(truth.object_id, 3)
     return Comparison(
-        known[step, step],
+        finite[step, step],
         ranges[:-4].reshape(len(y), len(x)),
         truth.spot_range_m - ranges[-4:],
         steps[step, step],
@@ -75,7 +75,7 @@ def first_ranges(scene: Scene, rays: Floats) -> Floats:
     bare = [trimesh.Trimesh(o.mesh.vertices, o.mesh.faces, process=False) for o in scene.objects]
     mesh = trimesh.util.concatenate(bare)
     origins = np.tile(origin, (len(rays), 1))
-    places, ray, _ = mesh.ray.intersects_location(origins, rays, multiple_hits=False)
+    positions, ray, _ = mesh.ray.intersects_location(origins, rays, multiple_hits=False)
     ranges = np.full(len(rays), np.inf)
-    np.minimum.at(ranges, ray, np.linalg.norm(places - origin, axis=1))
+    np.minimum.at(ranges, ray, np.linalg.norm(positions - origin, axis=1))
     return ranges

@@ -79,11 +79,11 @@ def by_h5py(path: Path) -> tuple[Floats, Floats]:
 def per_second(reader: Reader, samples: int) -> float:
     """Samples a second of processor time, in an order as a shuffle has it."""
     order = np.random.default_rng(0).integers(samples, size=reader.times).tolist()
-    for place in range(samples):
-        reader.read(place)
+    for position in range(samples):
+        reader.read(position)
     began = time.process_time()
-    for place in order:
-        reader.read(place)
+    for position in order:
+        reader.read(position)
     return reader.times / (time.process_time() - began)
 
 

@@ -21,12 +21,12 @@ from image_quality import PACKAGES, Image, drawn
 from options import benchmark_options, finish
 
 from reconstruction.base.errors import InputError
-from reconstruction.image import known_layouts, recognise
+from reconstruction.image import candidate_layouts, recognise
 from reconstruction.operators import POLARITIES, expose, make_plan
 from spisim.budget.paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "recordings.md"
-SHARES = (0.03125, 0.125, 0.25, 1.0)
+FRACTIONS = (0.03125, 0.125, 0.25, 1.0)
 NOISES = {"none": 0.0, "1/30": 1 / 30}
 BACKGROUND = 0.1
 """Of the brightest reading."""
@@ -39,13 +39,13 @@ class Answer(NamedTuple):
     """To one recording: how sure it was, 0 where no layout was named, and whether it is right."""
 
     order: str
-    share: float
+    fraction: float
     noise: str
     stated: float
     right: bool
 
     @property
-    def told(self) -> bool:
+    def reported(self) -> bool:
         """Whether a layout was named."""
         return self.stated > 0
 
@@ -54,13 +54,13 @@ def main() -> int:
     """Answers by share of patterns, by order and by how sure they were."""
     options = benchmark_options(__doc__, "every eighth image", PAGE)
     images = [case.truth for case in drawn() if "paper" in case.row]
-    found = list(answers(images[:: 8 if options.quick else 1]))
+    result = list(answers(images[:: 8 if options.quick else 1]))
     tables = [
-        table(found, "share of patterns", ("patterns, %", "noise"), by_share),
-        table(found, "order", ("order",), lambda answer: (answer.order,)),
-        calibration(found),
+        table(result, "share of patterns", ("patterns, %", "noise"), by_fraction),
+        table(result, "order", ("order",), lambda answer: (answer.order,)),
+        calibration(result),
     ]
-    return finish(options, PAGE, "benchmark", surroundings(PACKAGES), tables, checks(found))
+    return finish(options, PAGE, "benchmark", surroundings(PACKAGES), tables, checks(result))
 
 
 def answers(images: Iterable[Image]) -> Iterator[Answer]:
@@ -68,15 +68,15 @@ def answers(images: Iterable[Image]) -> Iterator[Answer]:
     for number, image in enumerate(images):
         polarity = sorted(POLARITIES)[number % len(POLARITIES)]
         noise = list(NOISES)[number % len(NOISES)]
-        for share in SHARES:
-            rows = round(share * image.size)
+        for fraction in FRACTIONS:
+            rows = round(fraction * image.size)
             for order in orders(image.shape, rows):
                 yield answer(image, order, polarity, rows, noise, number)
 
 
 def orders(shape: tuple[int, ...], rows: int) -> list[str]:
     """Known orders of so many rows; of those that are equal, one."""
-    return [layout.order for layout in known_layouts((shape[0], shape[1]), rows, "signed")]
+    return [layout.order for layout in candidate_layouts((shape[0], shape[1]), rows, "signed")]
 
 
 def answer(image: Image, order: str, polarity: str, rows: int, noise: str, seed: int) -> Answer:
@@ -89,42 +89,42 @@ def answer(image: Image, order: str, polarity: str, rows: int, noise: str, seed:
     rng = np.random.default_rng(seed)
     readings = light + NOISES[noise] * np.std(varying) * rng.standard_normal(light.shape)
     try:
-        found = recognise(readings[None], shape)
+        result = recognise(readings[None], shape)
     except InputError:
         return Answer(order, rows / image.size, noise, 0.0, False)
-    best = found[0].layout.plan
+    best = result[0].layout.plan
     right = np.array_equal(best.index, plan.index) and np.array_equal(best.polarity, plan.polarity)
-    return Answer(order, rows / image.size, noise, found[0].probability, right)
+    return Answer(order, rows / image.size, noise, result[0].probability, right)
 
 
-Found = list[Answer]
+Estimate = list[Answer]
 
 
-def by_share(answer: Answer) -> tuple[str, ...]:
+def by_fraction(answer: Answer) -> tuple[str, ...]:
     """Share of patterns and noise."""
-    return f"{100 * answer.share:.3g}", answer.noise
+    return f"{100 * answer.fraction:.3g}", answer.noise
 
 
 def table(
-    found: Found, what: str, columns: tuple[str, ...], key: Callable[[Answer], tuple[str, ...]]
+    result: Estimate, what: str, columns: tuple[str, ...], key: Callable[[Answer], tuple[str, ...]]
 ) -> Table:
     """Shares of answers, by what ``key`` says of each."""
-    groups: dict[tuple[str, ...], Found] = defaultdict(list)
-    for each in found:
+    groups: dict[tuple[str, ...], Estimate] = defaultdict(list)
+    for each in result:
         groups[key(each)].append(each)
     rows = []
     for name, group in groups.items():
-        told = [each for each in group if each.told]
-        sure = [each for each in told if each.stated >= SURE]
+        reported = [each for each in group if each.reported]
+        sure = [each for each in reported if each.stated >= SURE]
         rows.append(
             (
                 *name,
                 str(len(group)),
-                share_of(told, group),
-                share_of([each for each in told if each.right], told),
-                f"{100 * mean([each.stated for each in told]):.1f}",
-                share_of(sure, group),
-                share_of([each for each in sure if not each.right], group),
+                fraction_of(reported, group),
+                fraction_of([each for each in reported if each.right], reported),
+                f"{100 * mean([each.stated for each in reported]):.1f}",
+                fraction_of(sure, group),
+                fraction_of([each for each in sure if not each.right], group),
             )
         )
     titles = ("recordings", "told, %", "of these right, %", "stated, mean, %")
@@ -132,35 +132,35 @@ def table(
     return Table(f"Layouts told, by {what}", (*columns, *titles, *more), rows)
 
 
-def calibration(found: Found) -> Table:
+def calibration(result: Estimate) -> Table:
     """How often answers of the same stated probability are right."""
     rows = []
     for low, high in pairwise(BINS):
-        group = [a for a in found if a.told and low <= a.stated < high + (high == 1.0)]
+        group = [a for a in result if a.reported and low <= a.stated < high + (high == 1.0)]
         rows.append(
             (
                 f"{100 * low:g} to {100 * high:g}",
                 str(len(group)),
                 f"{100 * mean([each.stated for each in group]):.1f}",
-                share_of([each for each in group if each.right], group),
+                fraction_of([each for each in group if each.right], group),
             )
         )
     columns = ("stated, %", "recordings", "stated, mean, %", "right, %")
     return Table("How often what is stated is so", columns, rows)
 
 
-def checks(found: Found) -> list[Check]:
+def checks(result: Estimate) -> list[Check]:
     """What is promised."""
-    told = [each for each in found if each.told]
-    sure = [each for each in told if each.stated >= SURE]
-    over = mean([each.stated for each in told]) - mean([each.right for each in told])
+    reported = [each for each in result if each.reported]
+    sure = [each for each in reported if each.stated >= SURE]
+    over = mean([each.stated for each in reported]) - mean([each.right for each in reported])
     return [
         Check("right where 95 % sure or more", mean([each.right for each in sure]), SURE, True),
         Check("stated over right, of all that was told", over, 0.05),
     ]
 
 
-def share_of(some: Found, of: Found) -> str:
+def fraction_of(some: Estimate, of: Estimate) -> str:
     """In per cent."""
     return f"{100 * len(some) / len(of):.1f}" if of else "–"
 

@@ -36,7 +36,7 @@ DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)
 BATCH = 16
 INSTRUMENTS, FAILED = ("paper", "fog"), (0, 1, 10)
-MOST_MS = 8.5
+MAX_MS = 8.5
 """Of a core, for a frame: what 15,000 patterns a second leave."""
 LOOK_EVERY = 20
 """Calls between two looks at how slow the machine is."""
@@ -161,7 +161,7 @@ def default_frame(instrument: str, calls: int) -> tuple[Table, list[Check]]:
     title = f"A default frame of the instrument {instrument}, by failed readings, ms:"
     sound_ms, interval = yardstick.on_reference(medians[0])
     name = f"{instrument}: a sound frame, ms of a core of the reference"
-    checks = [Check(name, sound_ms, MOST_MS, interval=interval)]
+    checks = [Check(name, sound_ms, MAX_MS, interval=interval)]
     checks += [
         Check(f"{instrument}: with {failed} failed readings, over a sound one", ratio, 1.5)
         for failed in FAILED[1:]
@@ -255,9 +255,9 @@ def cold_start(folder: Path, runs: int) -> Check:
         after = os.times()
         used = after.children_user + after.children_system
         seconds.append(used - before.children_user - before.children_system)
-    least_s, interval = yardstick.on_reference(min(seconds))
+    min_s, interval = yardstick.on_reference(min(seconds))
     name = "processor time of the command for one frame on the reference, s"
-    return Check(name, least_s, 0.8, interval=interval)
+    return Check(name, min_s, 0.8, interval=interval)
 
 
 def peak_memory(work: Callable[[], object]) -> float:

@@ -47,21 +47,21 @@ def large() -> Section:
         with ProcessPoolExecutor(1, mp_context=spawn) as pool:
             files = pool.submit(write_scenes, Path(name)).result()
         for kind, path in files.items():
-            found = in_a_process(path, SPP)
-            together = found.load_s + found.simulate_s
+            result = in_a_process(path, SPP)
+            together = result.load_s + result.simulate_s
             rows.append(
                 (
                     kind,
-                    f"{found.triangles:,}",
-                    f"{found.load_s:.1f}",
-                    f"{found.simulate_s:.1f}",
-                    f"{found.processor_s:.1f}",
-                    f"{found.peak_gb:.2f}",
+                    f"{result.triangles:,}",
+                    f"{result.load_s:.1f}",
+                    f"{result.simulate_s:.1f}",
+                    f"{result.processor_s:.1f}",
+                    f"{result.peak_gb:.2f}",
                 )
             )
             word = kind.replace(" ", "_")
             checks.append(Check(f"seconds_{word}", together, 30))
-            checks.append(Check(f"peak_gb_{word}", found.peak_gb, 3))
+            checks.append(Check(f"peak_gb_{word}", result.peak_gb, 3))
     title = (
         f"Loading, and simulating a capture of the paper's instrument with {SPP} paths per pixel, "
         "in a process of its own, in fog of 100 m."
@@ -83,19 +83,19 @@ def truths(names: list[str]) -> Section:
     rows: list[tuple[str, ...]] = []
     median, inside = 0.0, 0.0
     for name in names:
-        found = compare(spisim.load_scene(name), instrument)
-        difference = found.difference_m
+        result = compare(spisim.load_scene(name), instrument)
+        difference = result.difference_m
         median = max(median, float(np.median(difference)))
-        inside = max(inside, float(np.max(found.inside_m, initial=0)))
+        inside = max(inside, float(np.max(result.inside_m, initial=0)))
         rows.append(
             (
                 name,
                 f"{difference.size:,}",
                 f"{1e6 * np.median(difference):.2g}",
-                f"{1e6 * np.max(found.inside_m, initial=0):.2g}",
+                f"{1e6 * np.max(result.inside_m, initial=0):.2g}",
                 f"{1e3 * difference.max():.2g}",
                 str(int((difference > 1e-3).sum())),
-                f"{1e6 * np.abs(found.spots_m).max():.2g}",
+                f"{1e6 * np.abs(result.spots_m).max():.2g}",
             )
         )
     title = (

@@ -126,11 +126,11 @@ def patterns(amounts: Amounts) -> Section:
         methods = bucket_methods(room(air(visibility_m)), amounts, chosen)
         ours, dual, per_pattern = measure(methods, amounts.repetitions)
         rows.append((name, *described(methods[0], ours), "", "", ""))
-        for method, series, shown in (
+        for method, series, displayed in (
             (methods[1], dual, np.arange(PLAN.exposures)),
             (methods[2], per_pattern, chosen),
         ):
-            z = z_score(ours.readings[:, shown], series.readings)
+            z = z_score(ours.readings[:, displayed], series.readings)
             largest_z = max(largest_z, z)
             rows.append((name, *described(method, series), *gains(ours, series), f"{z:.1f}"))
         if visibility_m == PROMISED_VISIBILITY_M:
@@ -156,9 +156,9 @@ def bucket_methods(
     world, dual = build_world(scene), DualVolpath(scene, PROJECTOR, DETECTOR)
     pixel, dual_pixel = amounts.paths_per_pixel, amounts.dual_paths_per_pixel
     pattern = amounts.paths_per_pattern
-    shown = [illumination(PLAN, k) for k in chosen]
+    displayed = [illumination(PLAN, k) for k in chosen]
     powers = bucket_powers(
-        scene, PROJECTOR, DETECTOR, cycle(shown), samples=pattern, seed=1_000_000
+        scene, PROJECTOR, DETECTOR, cycle(displayed), samples=pattern, seed=1_000_000
     )
 
     def two_ended(seed: int) -> Floats:
@@ -176,8 +176,8 @@ def bucket_methods(
         Method(
             "`volpath` per pattern",
             f"{pattern} per pattern",
-            lambda seed: np.array([next(powers) for _ in shown]),
-            share=len(shown) / LIT,
+            lambda seed: np.array([next(powers) for _ in displayed]),
+            fraction=len(displayed) / LIT,
         ),
     )
 
@@ -236,7 +236,7 @@ def spot_methods(scene: Scene, paths: int) -> tuple[Method, Method]:
 
 def steady(amounts: Amounts) -> Section:
     """Error, told and true, of the projector's mean light on the ranging detectors."""
-    rows, largest_z, told = [], 0.0, []
+    rows, largest_z, reported = [], 0.0, []
     for visibility_m in (50, 10, 5):
         # The fog begins 1 m ahead: `volpath` has no finite variance in fog around both ends.
         bank = Volume("bank", air(visibility_m), box_pose((5.9, 5.9, 6.9), (0, 0, 4.45)))
@@ -255,7 +255,7 @@ def steady(amounts: Amounts) -> Section:
         theirs = lit_evenly(scene, emitter, amounts.paths_per_pattern)
         z = z_score(power, theirs)
         chi2 = float(np.mean(power.var(axis=0, ddof=1) / np.mean(error**2, axis=0)))
-        largest_z, told = max(largest_z, z), [*told, chi2]
+        largest_z, reported = max(largest_z, z), [*reported, chi2]
         spread = float(np.mean(power.std(axis=0, ddof=1) / power.mean(axis=0)))
         rows.append(
             (
@@ -273,7 +273,7 @@ def steady(amounts: Amounts) -> Section:
         "over their standard errors as told, per degree of freedom."
     )
     columns = ("visibility", "error", "largest told", "χ²", "z", "processor time (s)")
-    checks = [Check("largest_z_steady", largest_z, 4), Check("chi2_steady", max(told), 1.7)]
+    checks = [Check("largest_z_steady", largest_z, 4), Check("chi2_steady", max(reported), 1.7)]
     return Table(title, columns, rows), checks
 
 
@@ -383,8 +383,8 @@ def described(method: Method, series: Series) -> tuple[str, ...]:
 
 def gains(ours: Series, theirs: Series) -> tuple[str, ...]:
     """How much more efficient ours is, by standard deviations and typically."""
-    found = (ratio(ours, theirs, average) for average in (np.mean, np.median))
-    return tuple(f"{rounded(value)} × (± {100 * error:.0f} %)" for value, error in found)
+    result = (ratio(ours, theirs, average) for average in (np.mean, np.median))
+    return tuple(f"{rounded(value)} × (± {100 * error:.0f} %)" for value, error in result)
 
 
 def rounded(value: float) -> str:

@@ -41,11 +41,11 @@ NOISES = (0.0, 0.1, 0.3, 1.0, 3.0)
 """Over the rms of the coefficients other than the level."""
 NEXT_TO_NONE = 1e-4
 """The same, that is told as none."""
-MOST_LOST = 0.01
-TOLD = ("not told", "as it is", "as none")
+MAX_LOST = 0.01
+REPORTED = ("not told", "as it is", "as none")
 
 Group = tuple[str, int, float]
-Found = dict[Group, list[list[float]]]
+Estimate = dict[Group, list[list[float]]]
 
 
 def main() -> int:
@@ -53,7 +53,7 @@ def main() -> int:
     recordings = {"--recordings": "a folder of captures to try, too"}
     quick = "every fourth image, two numbers of readings"
     options = benchmark_options(__doc__, quick, PAGE, repeatable=recordings)
-    found: Found = defaultdict(list)
+    result: Estimate = defaultdict(list)
     chosen = list(cases(map(Path, options.recordings)))
     for readings in READINGS[2:4] if options.quick else READINGS:
         COMPILED.clear()
@@ -63,9 +63,9 @@ def main() -> int:
             few = first_patterns(capture, readings)
             for noise in NOISES:
                 rng = np.random.default_rng([number, readings, int(10 * noise)])
-                found[row, readings, noise].append(correlations(few, truth, noise, rng))
-    tables = [table(found)]
-    return finish(options, PAGE, "unknown noise", surroundings(PACKAGES), tables, checks(found))
+                result[row, readings, noise].append(correlations(few, truth, noise, rng))
+    tables = [table(result)]
+    return finish(options, PAGE, "unknown noise", surroundings(PACKAGES), tables, checks(result))
 
 
 def cases(folders: Iterator[Path]) -> Iterator[tuple[str, Capture, Image]]:
@@ -86,7 +86,7 @@ def cases(folders: Iterator[Path]) -> Iterator[tuple[str, Capture, Image]]:
 
 
 def correlations(capture: Capture, truth: Image, noise: float, rng: np.random.Generator) -> list:
-    """Of the default image with the true one, for each of `TOLD`."""
+    """Of the default image with the true one, for each of `REPORTED`."""
     buckets = capture.buckets
     decoder = decoder_for(capture.plan, buckets.usable[0])
     varying = decoder.operator.varying
@@ -94,9 +94,9 @@ def correlations(capture: Capture, truth: Image, noise: float, rng: np.random.Ge
     of_one = np.sqrt(decoder.own_variance(np.ones(capture.plan.exposures))[varying].mean())
     scale = float(rms / of_one)  # of a reading whose coefficients vary as the image's do
     counts = buckets.signal[:1] + noise * scale * rng.standard_normal(buckets.signal[:1].shape)
-    found = []
+    result = []
     for sigma in (np.nan, max(noise, NEXT_TO_NONE) * scale, NEXT_TO_NONE * scale):
-        told = replace(
+        reported = replace(
             buckets,
             counts=counts,
             saturated=buckets.saturated[:1],
@@ -107,13 +107,13 @@ def correlations(capture: Capture, truth: Image, noise: float, rng: np.random.Ge
             baseline_electrons=0.0,
             dead_time_s=0.0,
         )
-        one = replace(capture, buckets=told, spots=None, pattern_taps=None, truth=None)
+        one = replace(capture, buckets=reported, spots=None, pattern_taps=None, truth=None)
         key = one.setup.digest(0)
         if key not in COMPILED:
             COMPILED[key] = Reconstructor(one.setup, image=DEFAULT, ranging=(), depth=())
         image = COMPILED[key](one.frame()).image.astype(np.float64)
-        found.append(float(np.corrcoef(image.ravel(), truth.ravel())[0, 1]) if image.any() else 0)
-    return found
+        result.append(float(np.corrcoef(image.ravel(), truth.ravel())[0, 1]) if image.any() else 0)
+    return result
 
 
 def lost(each: Sequence[Sequence[float]]) -> Image:
@@ -122,28 +122,28 @@ def lost(each: Sequence[Sequence[float]]) -> Image:
     return values[:, 1 + int(np.argmax(values[:, 1:].mean(axis=0)))] - values[:, 0]
 
 
-def table(found: Found) -> Table:
+def table(result: Estimate) -> Table:
     """Means by group, and what is lost."""
     rows = []
-    for (row, readings, noise), each in found.items():
+    for (row, readings, noise), each in result.items():
         low, high = interval(lost(each))
         means = (f"{value:.3f}" for value in np.mean(each, axis=0))
-        told = f"{lost(each).mean():+.3f} ({low:+.3f} to {high:+.3f})"
-        rows.append((row, str(readings), f"{noise:g}", str(len(each)), *means, told))
-    columns = ("recordings", "readings", "noise", "images", *TOLD, "lost to the better")
+        text = f"{lost(each).mean():+.3f} ({low:+.3f} to {high:+.3f})"
+        rows.append((row, str(readings), f"{noise:g}", str(len(each)), *means, text))
+    columns = ("recordings", "readings", "noise", "images", *REPORTED, "lost to the better")
     return Table("Correlation with the true image, by what is told of the noise", columns, rows)
 
 
-def checks(found: Found) -> list[Check]:
+def checks(result: Estimate) -> list[Check]:
     """What is promised."""
-    of_groups = [float(lost(each).mean()) for each in found.values()]
-    weak = [float(lost(each).mean()) for (_, _, noise), each in found.items() if noise <= 0.3]
+    of_groups = [float(lost(each).mean()) for each in result.values()]
+    weak = [float(lost(each).mean()) for (_, _, noise), each in result.items() if noise <= 0.3]
     return [
         Check(
-            "correlation lost where noise is not told, mean of rows", np.mean(of_groups), MOST_LOST
+            "correlation lost where noise is not told, mean of rows", np.mean(of_groups), MAX_LOST
         ),
-        Check("the same, noise of 0.3 or less", np.mean(weak), MOST_LOST),
-        Check("the same, worst row", max(of_groups), MOST_LOST),
+        Check("the same, noise of 0.3 or less", np.mean(weak), MAX_LOST),
+        Check("the same, worst row", max(of_groups), MAX_LOST),
     ]
 
 

@@ -24,7 +24,7 @@ from reconstruction.ranging import measure_ranges
 from spisim.budget.paper.checks import Check, Table
 from spisim.scene import draw_scene
 
-KEPT = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
+RETAINED = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
 SEED = 991
 WEATHERS = {"25–120 m": (25.0, 120.0), "200–500 m": (200.0, 500.0), "clear": None}
 CAPTURES, QUICK_CAPTURES = (50, 25, 25), (2, 1, 1)
@@ -34,7 +34,7 @@ KINDS = (
 )
 WITHIN = {1: (0.64, 0.80), 2: (0.92, 0.98)}
 """Shares within so many sigmas that are promised, where the weather is not stated."""
-MOST_WRONG, MOST_ERROR_M, MOST_WIDER = 0.01, 0.30, 3.0
+MAX_WRONG, MAX_ERROR_M, MAX_WIDER = 0.01, 0.30, 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class Judged:
         return np.isfinite(self.range_m)
 
     @property
-    def deviations(self) -> Floats:
+    def sigmas(self) -> Floats:
         """Of spots that have a range, from the truth, in sigmas; infinite where nothing is."""
         away = np.abs(self.range_m - self.true_m) / self.sigma_m
         return np.where(np.isfinite(self.true_m), away, np.inf)[self.reported]
@@ -111,9 +111,9 @@ def _first(capture: Capture, weather: str | None):
 def _captures(counts: tuple[int, ...]) -> Iterator[tuple[str, Capture]]:
     weathers = [name for name, count in zip(WEATHERS, counts, strict=True) for _ in range(count)]
     np.random.default_rng(SEED).shuffle(weathers)
-    KEPT.mkdir(parents=True, exist_ok=True)
+    RETAINED.mkdir(parents=True, exist_ok=True)
     for number, weather in enumerate(weathers):
-        path = KEPT / f"{'-'.join(map(str, counts))}-{number:04d}.h5"
+        path = RETAINED / f"{'-'.join(map(str, counts))}-{number:04d}.h5"
         if not path.exists():
             print(f"simulating {path.stem}: {weather}", file=sys.stderr, flush=True)
             write_capture(_simulated(number, weather), path)
@@ -155,7 +155,7 @@ def table(results: dict[str, Judged]) -> Table:
 
 
 def _row(each: Judged) -> tuple[str, ...]:
-    away = each.deviations
+    away = each.sigmas
     likeliest = np.abs(each.likeliest_m - each.true_m)
     plain = np.abs(each.plain_m - each.true_m)
     plain_within = (plain < each.plain_sigma_m)[np.isfinite(each.plain_m)]
@@ -163,20 +163,20 @@ def _row(each: Judged) -> tuple[str, ...]:
         f"{each.reported.size}",
         f"{100 * each.reported.mean():.0f}",
         f"{100 * np.median(np.abs(each.error_m)):.1f}",
-        f"{100 * np.nanmedian(likeliest[each.true_m < REACH_M]):.1f}",
+        f"{100 * np.nanmedian(likeliest[each.true_m < MAX_RANGE_M]):.1f}",
         f"{100 * np.median(each.error_m):+.1f}",
         f"{100 * np.median(each.sigma_m[each.reported]):.1f}",
         f"{_wider(each):.2f}",
-        _share(away < 1),
-        _share(away < 2),
-        _share(away > 3),
+        _fraction(away < 1),
+        _fraction(away < 2),
+        _fraction(away > 3),
         f"{away.max():.1f}",
         f"{100 * np.nanmedian(plain):.1f}",
-        _share(plain_within),
+        _fraction(plain_within),
     )
 
 
-REACH_M = 10.0
+MAX_RANGE_M = 10.0
 """Where the paper's single frequency repeats."""
 
 
@@ -194,7 +194,7 @@ def _median_wider(sigma_m: Floats, plain_sigma_m: Floats) -> float:
     return float(np.median(sigma_m) / np.median(plain_sigma_m))
 
 
-def _share(hits: Mask) -> str:
+def _fraction(hits: Mask) -> str:
     interval = binomtest(int(hits.sum()), hits.size).proportion_ci(method="wilson")
     return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
@@ -204,20 +204,20 @@ def promises(results: dict[str, Judged]) -> list[Check]:
     checks = []
     for weather, each in results.items():
         where = f"paper, {weather}, weather unknown"
-        away, capture = each.deviations, each.capture[each.reported]
-        for sigmas, (least, most) in WITHIN.items():
+        away, capture = each.sigmas, each.capture[each.reported]
+        for sigmas, (minimum, maximum) in WITHIN.items():
             within = away < sigmas
             fraction, interval = float(within.mean()), of_fraction(within, capture)
             checks += [
-                Check(f"{where}: within {sigmas} sigma", fraction, least, True, interval),
-                Check(f"{where}: within {sigmas} sigma, most", fraction, most, False, interval),
+                Check(f"{where}: within {sigmas} sigma", fraction, minimum, True, interval),
+                Check(f"{where}: within {sigmas} sigma, most", fraction, maximum, False, interval),
             ]
         beyond = away > 3
         checks += [
             Check(
                 f"{where}: beyond 3 sigma",
                 float(beyond.mean()),
-                MOST_WRONG,
+                MAX_WRONG,
                 interval=of_fraction(beyond, capture),
             ),
             _median_error(where, each),
@@ -229,11 +229,11 @@ def promises(results: dict[str, Judged]) -> list[Check]:
 
 
 def _median_error(where: str, each: Judged) -> Check:
-    known = np.isfinite(each.true_m[each.reported])
-    error_m, capture = np.abs(each.error_m), each.capture[each.reported][known]
+    finite = np.isfinite(each.true_m[each.reported])
+    error_m, capture = np.abs(each.error_m), each.capture[each.reported][finite]
     interval = of_figure(lambda some: float(np.median(error_m[some])), capture, positive=True)
     return Check(
-        f"{where}: median error, m", float(np.median(error_m)), MOST_ERROR_M, interval=interval
+        f"{where}: median error, m", float(np.median(error_m)), MAX_ERROR_M, interval=interval
     )
 
 
@@ -243,4 +243,4 @@ def _median_sigma(where: str, each: Judged) -> Check:
         lambda some: _median_wider(sigma_m[some], plain_sigma_m[some]), capture, positive=True
     )
     name = f"{where}: median sigma over the plain"
-    return Check(name, _median_wider(sigma_m, plain_sigma_m), MOST_WIDER, interval=interval)
+    return Check(name, _median_wider(sigma_m, plain_sigma_m), MAX_WIDER, interval=interval)

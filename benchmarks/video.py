@@ -28,7 +28,7 @@ from reconstruction.capture import Provenance
 from spisim.base.config import parse_model
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument
-from spisim.scene import Scene, at_moment, load_trajectory
+from spisim.scene import Scene, at_drone_state, load_trajectory
 from spisim.simulation.light import LightSequence
 from spisim.simulation.light.sequence import trace
 from spisim.simulation.measurement.buckets import record_buckets
@@ -41,7 +41,7 @@ FRAMES, CYCLE = 16, 8
 STAY = 4
 """Frames from one cut to the next."""
 SEEDS = 2
-SHARES = (0.0, 0.5, 1.0)
+FRACTIONS = (0.0, 0.5, 1.0)
 USUAL = 0.5
 METHODS = ("least-squares", "edge-preserving")
 NEAR_DB, GAIN_DB, NEVER_DB = -0.3, 1.0, -0.05
@@ -75,21 +75,23 @@ def main() -> int:
     names, instants = (STILLS[:1], INSTANTS_S[:1]) if options.quick else (STILLS, INSTANTS_S)
     spp = 16 if options.quick else 64
     stills = [traced(spisim.load_scene(name), paper, 1, spp) for name in names]
-    path, place = load_trajectory("warehouse-flight"), spisim.load_scene("warehouse")
-    flights = [traced(at_moment(place, path.moment(at_s)), paper, FRAMES, spp) for at_s in instants]
-    kinds = [(share, METHODS[0]) for share in SHARES] + [(USUAL, METHODS[1])]
+    path, position = load_trajectory("warehouse-flight"), spisim.load_scene("warehouse")
+    flights = [
+        traced(at_drone_state(position, path.moment(at_s)), paper, FRAMES, spp) for at_s in instants
+    ]
+    kinds = [(fraction, METHODS[0]) for fraction in FRACTIONS] + [(USUAL, METHODS[1])]
     if options.quick:
         kinds = [(USUAL, METHODS[0])]
     rows: list[tuple[str, ...]] = []
     checks: list[Check] = []
     for noise, instrument in (("paper", paper), ("a tenth", with_noise(paper, 0.1))):
-        for share, method in kinds:
-            dealt = with_plan(instrument, interleave=CYCLE, common=share)
+        for fraction, method in kinds:
+            dealt = with_plan(instrument, interleave=CYCLE, common=fraction)
             behind = np.array([after_a_cycle(light, instrument, dealt, method) for light in stills])
             flight = together(flown(light, instrument, dealt, method) for light in flights)
             cuts = cut(stills, instrument, dealt, method)
-            rows.append((noise, f"{share:g}", method, *figures(behind, flight, cuts)))
-            if share == USUAL:
+            rows.append((noise, f"{fraction:g}", method, *figures(behind, flight, cuts)))
+            if fraction == USUAL:
                 checks += promised(f"{method}, noise: {noise}", behind, flight, cuts)
     columns: tuple[str, ...] = ("noise", "common", "method", "still, over all at once")
     for film in ("flight", "cuts"):
@@ -112,7 +114,7 @@ def figures(behind: Floats, flight: Gains, cuts: Gains) -> tuple[str, ...]:
 
 def promised(of: str, behind: Floats, flight: Gains, cuts: Gains) -> list[Check]:
     """What is promised of the usual share."""
-    told = {
+    reported = {
         "still, after 8 frames over all at once, least of all scenes": (behind.min(), NEAR_DB),
         "flight over single frames": (flight.over_single.mean(), GAIN_DB),
         "flight over plain frames": (flight.over_plain.mean(), GAIN_DB),
@@ -121,7 +123,7 @@ def promised(of: str, behind: Floats, flight: Gains, cuts: Gains) -> list[Check]
     }
     return [
         Check(f"{name}, dB, {of}", float(value), limit, at_least=True)
-        for name, (value, limit) in told.items()
+        for name, (value, limit) in reported.items()
     ]
 
 
@@ -194,17 +196,17 @@ def cut(
 ) -> Gains:
     """Gains of a video that stays in each scene for a few frames."""
     frames = STAY * len(stills)
-    shown = np.repeat(np.arange(len(stills)), STAY)
+    displayed = np.repeat(np.arange(len(stills)), STAY)
 
     def edited(carried: Instrument) -> Recording:
         films = [recorded(light, carried, frames, seed) for seed, light in enumerate(stills)]
         first = films[0].capture
         counts, saturated = (
-            np.array([getattr(films[k].capture.buckets, name)[t] for t, k in enumerate(shown)])
+            np.array([getattr(films[k].capture.buckets, name)[t] for t, k in enumerate(displayed)])
             for name in ("counts", "saturated")
         )
         buckets = replace(first.buckets, counts=counts, saturated=saturated)
-        truth = np.array([films[k].truth[t] for t, k in enumerate(shown)])
+        truth = np.array([films[k].truth[t] for t, k in enumerate(displayed)])
         return Recording(replace(first, buckets=buckets), truth)
 
     return compared(edited(dealt), edited(instrument), method)

@@ -151,13 +151,13 @@ def weather_table(weather: str, rows: dict[int, Row]) -> Table:
             f"{row.extinction_per_m:.4f}",
             f"{row.signal_electrons:.3g}",
             f"{row.sky_electrons:.3g}",
-            _told(row.correlation),
+            _reported(row.correlation),
             _scatter(row.same_power),
             f"{1e3 * row.class_1.laser_w:.2f}",
             _scatter(row.class_1),
             f"{100 * row.biases_m.min():+.1f} to {100 * row.biases_m.max():+.1f}",
-            _told(row.same_power.depth_error_m),
-            _told(row.class_1.depth_error_m),
+            _reported(row.same_power.depth_error_m),
+            _reported(row.class_1.depth_error_m),
         )
         for nm, row in rows.items()
     ]
@@ -176,7 +176,7 @@ def _scatter(seen: Seen) -> str:
     return f"{1e3 * np.sqrt(np.mean(seen.sigmas_m**2)):.0f}{missing}"
 
 
-def _told(value: float | None) -> str:
+def _reported(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 

@@ -107,13 +107,13 @@ def traced(medium: Atmosphere, range_m: float, paths: int, max_vertices: int) ->
     wall = SceneObject("wall", mesh, Material("wall", REFLECTANCE, "chosen"))
     count = len(OVERLAPS_M)
     ahead = np.tile([0.0, 0.0, 1.0], (count, 1))
-    places = np.array([[TAN_HALF_FIELD * overlap, 0.0, 0.0] for overlap in OVERLAPS_M])
+    positions = np.array([[TAN_HALF_FIELD * overlap, 0.0, 0.0] for overlap in OVERLAPS_M])
     world = build_world(Scene("wall", (wall,), medium, Ambient(), np.eye(4)))
     estimates = [
         spot_histogram(
             world,
             BeamView(np.zeros((count, 3)), ahead),
-            DetectorView(places, ahead, AREA_M2, float(np.arctan(TAN_HALF_FIELD))),
+            DetectorView(positions, ahead, AREA_M2, float(np.arctan(TAN_HALF_FIELD))),
             BINS,
             Paths(paths),
             seed=np.random.SeedSequence(repetition),
@@ -174,7 +174,7 @@ def bias_table(spots: dict[tuple[float, float], Measured]) -> Table:
                     f"{range_m:g}",
                     f"{float(f'{echo:.2g}'):g}",
                     f"{bias_m:+.2f}",
-                    *(_told(way[number]) for way in ways.values()),
+                    *(_reported(way[number]) for way in ways.values()),
                 )
             )
     title = (
@@ -188,7 +188,7 @@ def bias_table(spots: dict[tuple[float, float], Measured]) -> Table:
     return Table(title, (*columns, *ways), rows)
 
 
-def _told(spot: Spot) -> str:
+def _reported(spot: Spot) -> str:
     error = f" ± {spot.error_m:.2f}" if spot.error_m >= 0.005 else ""
     return f"{spot.bias_m:+.2f}{error}"
 

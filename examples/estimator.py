@@ -56,9 +56,9 @@ class Readings:
     @property
     def filled_range_m(self) -> Floats:
         """Ranges in which the median of a view's others stands for one that is missing."""
-        known = np.isfinite(self.range_m)
-        others = np.ma.median(np.ma.masked_array(self.range_m, ~known), axis=1).filled(FALLBACK_M)
-        return np.where(known, self.range_m, others[:, None])
+        finite = np.isfinite(self.range_m)
+        others = np.ma.median(np.ma.masked_array(self.range_m, ~finite), axis=1).filled(FALLBACK_M)
+        return np.where(finite, self.range_m, others[:, None])
 
     @property
     def distance_m(self) -> Floats:
@@ -90,7 +90,7 @@ class Estimator:
         self.patterns = Components(_patterns(readings))
         self.maps = Components(_map(readings))
         ranges = _ranges(readings)
-        self.mean, self.deviation = ranges.mean(axis=0), ranges.std(axis=0)
+        self.mean, self.sigma = ranges.mean(axis=0), ranges.std(axis=0)
         depth_m = np.nan_to_num(depth_m, nan=np.nanmax(depth_m))
         relative = np.log(depth_m.reshape(len(depth_m), -1) / readings.distance_m)
         self.usual = relative.mean(axis=0)
@@ -103,7 +103,7 @@ class Estimator:
 
     def _features(self, readings: Readings) -> Floats:
         light, maps = self.patterns(_patterns(readings)), self.maps(_map(readings))
-        ranges = (_ranges(readings) - self.mean) / self.deviation
+        ranges = (_ranges(readings) - self.mean) / self.sigma
         return np.hstack([light, maps, RANGES_WEIGHT * ranges])
 
 
@@ -140,8 +140,8 @@ def load(samples: DataSet) -> tuple[Readings, Floats]:
 
 def _stacked(maps_m: list[NDArray[np.float32] | None], like: Floats) -> Floats:
     """One array of depth maps; nan where there is none."""
-    nothing = np.full(like.shape[1:], np.nan)
-    return np.array([nothing if depth_m is None else depth_m for depth_m in maps_m])
+    no_return = np.full(like.shape[1:], np.nan)
+    return np.array([no_return if depth_m is None else depth_m for depth_m in maps_m])
 
 
 def compare(samples: DataSet) -> dict[str, dict[str, Errors]]:

@@ -23,24 +23,24 @@ def checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
     return array.astype(np.float64, copy=False)
 
 
-def checked_depths(who: str, found: Any, shape: tuple[int, int]) -> DepthEstimate:
+def checked_depths(who: str, result: Any, shape: tuple[int, int]) -> DepthEstimate:
     """Depths above 0; with a deviation wherever there is one, and probabilities, if any."""
-    if not isinstance(found, DepthEstimate):
-        raise InputError(f"{who} gave {type(found).__name__}, not a DepthEstimate")
-    depth_m = checked(who, found.depth_m, shape)
-    known = np.isfinite(depth_m)
-    if (depth_m[known] <= 0).any():
-        raise InputError(f"{who} gave a depth of {depth_m[known].min():g} m")
-    deviation, nothing = found.deviation, found.nothing
-    if deviation is not None:
-        deviation = np.where(known, checked(f"{who}, of the deviation,", deviation, shape), np.nan)
-        if not (deviation[known] >= 0).all():
+    if not isinstance(result, DepthEstimate):
+        raise InputError(f"{who} gave {type(result).__name__}, not a DepthEstimate")
+    depth_m = checked(who, result.depth_m, shape)
+    finite = np.isfinite(depth_m)
+    if (depth_m[finite] <= 0).any():
+        raise InputError(f"{who} gave a depth of {depth_m[finite].min():g} m")
+    sigma, no_return = result.sigma, result.no_return
+    if sigma is not None:
+        sigma = np.where(finite, checked(f"{who}, of the deviation,", sigma, shape), np.nan)
+        if not (sigma[finite] >= 0).all():
             raise InputError(f"{who} gave depths with a deviation that is negative or not known")
-    if nothing is not None:
-        nothing = checked(f"{who}, of nothing within reach,", nothing, shape)
-        if not ((nothing >= 0) & (nothing <= 1)).all():
+    if no_return is not None:
+        no_return = checked(f"{who}, of nothing within reach,", no_return, shape)
+        if not ((no_return >= 0) & (no_return <= 1)).all():
             raise InputError(f"{who} gave probabilities of nothing within reach beyond 0 to 1")
-    return replace(found, depth_m=depth_m, deviation=deviation, nothing=nothing)
+    return replace(result, depth_m=depth_m, sigma=sigma, no_return=no_return)
 
 
 def checked_ranges(name: str, ranges: Any) -> Ranges:

@@ -6,7 +6,7 @@ from itertools import islice
 from .base.errors import InputError
 from .capture import Setup
 from .capture.spots import check_four
-from .depth import DEPTH_METHODS, suits, unlike
+from .depth import DEPTH_METHODS, out_of_distribution, suits
 from .image import IMAGE_METHODS, CarryingMethod, UsableReadings, image_method
 from .ranging import RANGING_METHODS, RangingSolver, ranging_method, reads, usual_rangings
 from .result import BASELINE
@@ -21,18 +21,18 @@ images depend on which frames were reconstructed before.
 
 USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
 USUAL_DEPTHS = ("learned", "anchored", "nearest", "dense")
-LEAD = 64
+WARM_UP = 64
 """Frames before one from which methods that carry something from frame to frame learn."""
 
 
-def lead(frame: int, image: Names = None, ranging: Names = None) -> int:
+def warm_up_frames(frame: int, image: Names = None, ranging: Names = None) -> int:
     """Number of frames before one that methods of these names have to have seen."""
     carried = any(
         carries
         for names, carries_any in ((image, _carries), (ranging, _ranging_carries))
         for carries in map(carries_any, _listed(names, (), (), bool))
     )
-    return min(LEAD, frame) if carried else 0
+    return min(WARM_UP, frame) if carried else 0
 
 
 def check_names(image: Names, ranging: Names, depth: Names) -> None:
@@ -87,8 +87,8 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
         for name in _listed(names, (), (), bool):
             RANGING_METHODS[name]
             check_four(f"ranging method {name!r}", spots)
-        told = f"left out: methods need 4 spots, the recording has {len(spots.directions)}"
-        return {}, {f"ranging {spots.method}": told}
+        text = f"left out: methods need 4 spots, the recording has {len(spots.directions)}"
+        return {}, {f"ranging {spots.method}": text}
     solvers: dict[str, RangingSolver] = {}
     refused: dict[str, str] = {}
 
@@ -112,8 +112,8 @@ def ranging_solvers(names: Names, setup: Setup) -> tuple[dict[str, RangingSolver
 def left_out(setup: Setup) -> dict[str, str]:
     """Of the usual depth methods those that a recording does not suit, by name, and why."""
     fit = (name for name in USUAL_DEPTHS if suits(DEPTH_METHODS[name], setup))
-    told = {name: unlike(DEPTH_METHODS[name], setup) for name in fit}
-    return {name: why for name, why in told.items() if why is not None}
+    reported = {name: out_of_distribution(DEPTH_METHODS[name], setup) for name in fit}
+    return {name: why for name, why in reported.items() if why is not None}
 
 
 def depth_names(names: Names, setup: Setup) -> list[str]:
@@ -136,13 +136,13 @@ def _listed(
     """
     if not (names is None or isinstance(names, Sequence)):
         raise InputError(f"methods are told by their names, not by {names!r}")
-    told = ["default"] if names is None else [names] if isinstance(names, str) else names
-    known = list(islice(usual, None if "usual" in told or "all" in told else 1))
+    reported = ["default"] if names is None else [names] if isinstance(names, str) else names
+    given = list(islice(usual, None if "usual" in reported or "all" in reported else 1))
     listed: list[str] = []
-    for each in told:
+    for each in reported:
         if each == "default":
-            listed += known[:1]
+            listed += given[:1]
         else:
-            listed += known if each in ("usual", "all") else [each]
+            listed += given if each in ("usual", "all") else [each]
         listed += filter(fits, every) if each == "all" else []
     return list(dict.fromkeys(listed))

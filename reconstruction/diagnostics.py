@@ -10,7 +10,7 @@ from .default_ranging import default_ranges
 from .image import Imaging, doubt
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m
-from .ranging.doubts import LEAST_M
+from .ranging.consistency import MIN_M
 from .result import Result
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
@@ -46,7 +46,7 @@ def capture_warnings(
     ``ranges`` are those of that frame that are shown; the default ones without.
     """
     frames = range(capture.frames) if frame is None else [frame]
-    found = (
+    result = (
         warning
         for number in frames
         for warnings in (
@@ -61,7 +61,7 @@ def capture_warnings(
         *_layout_warnings(capture, frames[0]),
         *_pattern_warnings(capture),
         *_noise_warnings(capture, frames),
-        *dict.fromkeys(found),
+        *dict.fromkeys(result),
     ]
 
 
@@ -92,10 +92,10 @@ def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:
     """Frames whose coefficients are noise more than image."""
     imaging = Imaging(capture.plan)
     try:
-        told = [_coefficient_snr(imaging, capture.frame(number)) for number in frames]
+        reported = [_coefficient_snr(imaging, capture.frame(number)) for number in frames]
     except InputError as error:
         return [f"there is no image: {error}"]
-    snr = [each for each in told if each is not None]
+    snr = [each for each in reported if each is not None]
     weak = [each for each in snr if each < 1]
     if not weak:
         return []
@@ -162,7 +162,7 @@ def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[
                     strict=True,
                 )
             )
-            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, LEAST_M)
+            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, MIN_M)
         ]
     return warnings
 

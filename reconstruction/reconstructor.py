@@ -14,7 +14,7 @@ from .base.errors import InputError
 from .base.timing import timed
 from .capture import Frames, Recording, Setup
 from .checks import checked, checked_depths, checked_ranges
-from .chosen_methods import Names, depth_names, image_names, lead, ranging_solvers
+from .chosen_methods import Names, depth_names, image_names, ranging_solvers, warm_up_frames
 from .depth import (
     MIN_FREE,
     Context,
@@ -38,7 +38,7 @@ from .ranging import (
     Ranges,
     Weather,
     brightness_at,
-    range_doubts,
+    range_consistency,
     with_weather,
 )
 from .result import Image, Result
@@ -129,11 +129,11 @@ class Reconstructor:
     ) -> "_Decoded":
         timings: dict[str, float] = {}
         with timed(timings, "decoding"):
-            readings, spoilt = self._readings(frame.first, signal, usable)
+            readings, outliers = self._readings(frame.first, signal, usable)
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
             shared.setflags(write=False)  # by methods, one after the other
-        return _Decoded(frame, readings, coefficients, spoilt, timings, {})
+        return _Decoded(frame, readings, coefficients, outliers, timings, {})
 
     def _imaged_together(self, decoded: Sequence["_Decoded"]) -> None:
         """By those methods that are faster with several frames at once."""
@@ -153,7 +153,7 @@ class Reconstructor:
     def _check(self, frames: Frames) -> None:
         if not isinstance(frames, Frames) or not len(frames):
             raise InputError(f"frames of a recording are needed, not {type(frames).__name__}")
-        expected, found = (
+        expected, result = (
             (
                 f"{exposures} exposures, {type(part.spots).__name__}, "
                 f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
@@ -163,25 +163,25 @@ class Reconstructor:
                 (frames, frames.buckets.counts.shape[1]),
             )
         )
-        if found != expected:
+        if result != expected:
             raise InputError(
-                f"frames of {found}, compiled for {expected}: they are of another recording"
+                f"frames of {result}, compiled for {expected}: they are of another recording"
             )
 
     def _frame(self, decoded: "_Decoded") -> Result:
-        frame, readings, coefficients, spoilt, timings, _ = decoded
+        frame, readings, coefficients, outliers, timings, _ = decoded
         varying = readings.decoder.operator.varying & readings.measured
-        notes = _note_of_readings(frame.first, spoilt, varying, coefficients)
-        images, deviations = self._images_of(decoded, notes)
-        brightness = self._brightness(images, deviations, readings)
+        notes = _note_of_readings(frame.first, outliers, varying, coefficients)
+        images, sigmas = self._images_of(decoded, notes)
+        brightness = self._brightness(images, sigmas, readings)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
             with self._contained(f"ranging {name}"), timed(timings, f"ranging {name}"):
                 rangings[name] = checked_ranges(name, solve(frame.spots, brightness))
         if frame.spots is not None:
-            doubts = range_doubts(rangings, frame.spots)
-            notes |= {f"ranging {name}": note for name, note in doubts.items()} | self._refused
+            warnings = range_consistency(rangings, frame.spots)
+            notes |= {f"ranging {name}": note for name, note in warnings.items()} | self._refused
             if brightness is None:
                 notes |= _notes_without_image(rangings)
         image = next(iter(images.values()))
@@ -190,18 +190,18 @@ class Reconstructor:
         maps: dict[str, DepthEstimate] = {}
         for name, solve_depth in self._depths.items():
             with self._contained(f"depth {name}"), timed(timings, f"depth {name}"):
-                found = solve_depth(view)
-                if found is not None:
-                    maps[name] = checked_depths(f"depth method {name!r}", found, self._shape)
+                result = solve_depth(view)
+                if result is not None:
+                    maps[name] = checked_depths(f"depth method {name!r}", result, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
             images=_single(images),
-            deviations=_single(deviations),
+            sigmas=_single(sigmas),
             rangings=rangings,
             depths=_single({name: each.depth_m for name, each in maps.items()}),
-            depth_deviations=_single({name: each.deviation for name, each in maps.items()}),
-            nothings=_single({name: each.nothing for name, each in maps.items()}),
+            log_depth_sigmas=_single({name: each.sigma for name, each in maps.items()}),
+            no_returns=_single({name: each.no_return for name, each in maps.items()}),
             free_probabilities=self._free(maps.items()),
             min_free=self._min_free,
             range_over_depth=self._stretch,
@@ -228,16 +228,16 @@ class Reconstructor:
     ) -> tuple[UsableReadings, NDArray[np.bool_]]:
         """What is compiled for the readings (M,) of a frame, and which of them are spoilt."""
         readings = self._imaging.of(usable, frame)
-        spoilt = readings.spoilt(signal)
-        if spoilt.any():
-            readings = self._imaging.of(usable & ~spoilt, frame)
+        outliers = readings.outliers(signal)
+        if outliers.any():
+            readings = self._imaging.of(usable & ~outliers, frame)
         if not readings.patterns:
             raise InputError(
                 f"frame {frame}: every pattern rests on a saturated reading, so there is "
                 "no image; record again with less light (projector power, exposure time) or a "
                 "larger full scale"
             )
-        return readings, spoilt
+        return readings, outliers
 
     def _images_of(
         self, decoded: "_Decoded", notes: dict[str, str]
@@ -245,7 +245,7 @@ class Reconstructor:
         """Images and their deviations by method, of one at least."""
         readings, estimates = decoded.readings, decoded.estimates
         images: dict[str, Floats] = {}
-        deviations: dict[str, Floats] = {}
+        sigmas: dict[str, Floats] = {}
         for name in self._images:
             with self._contained(f"image {name}"):
                 if name not in estimates:
@@ -253,28 +253,28 @@ class Reconstructor:
                         estimates[name] = readings.solver(name)(decoded.coefficients)
                 estimate = self._checked_image(name, readings, estimates[name])
                 images[name] = estimate.image
-                if estimate.deviation is not None:
-                    deviations[name] = estimate.deviation
+                if estimate.sigma is not None:
+                    sigmas[name] = estimate.sigma
                 if estimate.note is not None:
                     notes[f"image {name}"] = estimate.note
         if not images:
             raise InputError("every method of the image has failed")
-        return images, deviations
+        return images, sigmas
 
     def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
         who = f"image method {name!r}"
         if not isinstance(estimate, Estimate):
             raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
         image = checked(who, estimate.image, self._shape)
-        deviation = estimate.deviation
-        if deviation is not None:
-            deviation = checked(f"{who}, of the deviation,", deviation, self._shape)
-        for values in (image, *([] if deviation is None else [deviation])):
+        sigma = estimate.sigma
+        if sigma is not None:
+            sigma = checked(f"{who}, of the deviation,", sigma, self._shape)
+        for values in (image, *([] if sigma is None else [sigma])):
             if not np.isfinite(values).all():
                 raise InputError(f"{who} gave values that are not finite")
         if not readings.level:  # the darkest pixel is taken to be dark
             image = image - image.min()
-        return Estimate(image, deviation, estimate.note)
+        return Estimate(image, sigma, estimate.note)
 
     def _free(self, maps: Iterable[tuple[str, DepthEstimate]]) -> dict[str, Floats]:
         """Of the corridor ahead by each method, left out where no depth is known at all."""
@@ -287,11 +287,11 @@ class Reconstructor:
     def _brightness(
         self,
         images: Mapping[str, Floats],
-        deviations: Mapping[str, Floats],
+        sigmas: Mapping[str, Floats],
         readings: UsableReadings,
     ) -> Brightness | None:
         """What the first image with a sigma shows at the spots; None without any, or a level."""
-        name = next((each for each in images if each in deviations), None)
+        name = next((each for each in images if each in sigmas), None)
         setup = self.setup
         coupled = setup.buckets.baseline_electrons > 0  # then the level of all light is lost
         if (
@@ -304,7 +304,7 @@ class Reconstructor:
             or not readings.level
         ):
             return None
-        return brightness_at(self._spots, images[name], deviations[name])
+        return brightness_at(self._spots, images[name], sigmas[name])
 
     @property
     def _shape(self) -> tuple[int, int]:
@@ -317,7 +317,7 @@ class _Decoded(NamedTuple):
     frame: Frames
     readings: UsableReadings
     coefficients: Coefficients
-    spoilt: NDArray[np.bool_]
+    outliers: NDArray[np.bool_]
     timings: dict[str, float]
     estimates: dict[str, Estimate]
 
@@ -335,7 +335,7 @@ def reconstruct(
     """Reconstruct one frame of a recording; see `Reconstructor`.
 
     Unless methods are named there are all usual ones, for the default ones to be compared with.
-    Methods that carry something from frame to frame begin `LEAD` frames before it. Raises
+    Methods that carry something from frame to frame begin `WARM_UP` frames before it. Raises
     InputError if there is no such frame or nothing usable in it.
     """
     recording.batch(frame, frame + 1)  # told before any other
@@ -347,7 +347,7 @@ def reconstruct(
         weather=weather,
         min_free=min_free,
     )
-    for earlier in range(frame - lead(frame, image, ranging), frame):
+    for earlier in range(frame - warm_up_frames(frame, image, ranging), frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
 
@@ -368,15 +368,15 @@ def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
 
 
 def _note_of_readings(
-    frame: int, spoilt: NDArray[np.bool_], varying: NDArray[np.bool_], found: Coefficients
+    frame: int, outliers: NDArray[np.bool_], varying: NDArray[np.bool_], result: Coefficients
 ) -> dict[str, str]:
     """What to say of the readings (M,) of a frame, and of what they tell in ``varying`` (K,)."""
     notes = []
-    if spoilt.any():
+    if outliers.any():
         why = "what is shown twice differs there (lost, or disturbed?)"
-        notes.append(f"without {spoilt.sum()} of its {spoilt.size} readings: {why}")
-    ratio = found.signal_over_noise(varying)
-    if varying.any() and not found.values[varying].any():
+        notes.append(f"without {outliers.sum()} of its {outliers.size} readings: {why}")
+    ratio = result.signal_over_noise(varying)
+    if varying.any() and not result.values[varying].any():
         notes.append("without an image: readings of all its patterns are alike")
     elif ratio is not None and ratio < 1:
         notes.append(

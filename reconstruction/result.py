@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.arrays import Floats
-from .base.notebook import picture, shown, told
+from .base.notebook import displayed, picture, reported
 from .base.plotting import draw_map, panels
 from .capture import Unit
 from .depth import MIN_FREE, nearest_obstacle_m
@@ -25,24 +25,23 @@ class Result:
     """Image, ranges and depth of one frame by one or several methods, the default one first.
 
     ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
-    their scale is unknown), by method, and ``deviations`` the standard deviation of each pixel, by
+    their scale is unknown), by method, and ``sigmas`` the standard deviation of each pixel, by
     those methods that can tell.
     ``rangings``: the four spots, empty without time of flight.
     ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
-    method finds any. By those methods that can tell, ``depth_deviations`` is the standard deviation
-    of ln depth, nan where there is no depth, and ``nothings`` the probability that there is nothing
-    within reach (see `DepthEstimate`). ``free_probabilities``, by all of them, is the probability
-    that the corridor ahead is free up to each of `reconstruction.depth.DISTANCES_M` (K,); an
-    obstacle is where it falls below ``min_free``. ``range_over_depth`` (H, W): length of each
-    pixel's ray per unit of depth, None where the optics are unknown.
-    ``timings_s``: seconds per stage; ``notes``: what the user must know of some images, ranges and
-    depths, by stage, as "depth anchored" or "ranging cw". ``recording``: the digest of the
-    readings, ``frame`` their number in the capture and ``patterns`` the number of distinct ones
-    that the images rest on.
+    method finds any. By those methods that can tell, ``log_depth_sigmas`` is the standard deviation
+    of ln depth, nan where there is no depth, and ``no_returns`` the probability that there is
+    nothing within reach (see `DepthEstimate`). ``free_probabilities``, by all of them, is the
+    probability that the corridor ahead is free up to each of `reconstruction.depth.DISTANCES_M`
+    (K,); an obstacle is where it falls below ``min_free``. ``range_over_depth`` (H, W): length of
+    each pixel's ray per unit of depth, None where the optics are unknown. ``timings_s``: seconds
+    per stage; ``notes``: what the user must know of some images, ranges and depths, by stage, as
+    "depth anchored" or "ranging cw". ``recording``: the digest of the readings, ``frame`` their
+    number in the capture and ``patterns`` the number of distinct ones that the images rest on.
     """
 
     images: Mapping[str, Image]
-    deviations: Mapping[str, Image]
+    sigmas: Mapping[str, Image]
     rangings: Mapping[str, Ranges]
     depths: Mapping[str, Image]
     range_over_depth: Image | None
@@ -51,8 +50,8 @@ class Result:
     recording: str
     frame: int
     patterns: int
-    depth_deviations: Mapping[str, Image] = field(default_factory=dict)
-    nothings: Mapping[str, Image] = field(default_factory=dict)
+    log_depth_sigmas: Mapping[str, Image] = field(default_factory=dict)
+    no_returns: Mapping[str, Image] = field(default_factory=dict)
     free_probabilities: Mapping[str, Floats] = field(default_factory=dict)
     min_free: float = MIN_FREE
     notes: Mapping[str, str] = field(default_factory=dict)
@@ -67,10 +66,10 @@ class Result:
         pictures = [picture(self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")]
         if self.depth_m is not None:
             pictures.append(picture(self.depth_m, f"depth, {next(iter(self.depths))}", "m"))
-        return shown("Result", self._facts, pictures)
+        return displayed("Result", self._facts, pictures)
 
     def __repr__(self) -> str:
-        return told("Result", self._facts)
+        return reported("Result", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:
@@ -83,9 +82,9 @@ class Result:
         if self.ranges is not None:
             rows = zip(self.ranges.status, self.ranges.range_m, self.ranges.sigma_m, strict=True)
             for spot, (status, range_m, sigma_m) in enumerate(rows):
-                known = f"{range_m:.3f} ± {sigma_m:.2g} m"
-                known += "" if status == "ok" else f" ({status})"
-                facts[f"spot {spot}"] = known if status in RANGED else status
+                given = f"{range_m:.3f} ± {sigma_m:.2g} m"
+                given += "" if status == "ok" else f" ({status})"
+                facts[f"spot {spot}"] = given if status in RANGED else status
         return facts | {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
 
     def plot(self) -> Any:
@@ -112,9 +111,9 @@ class Result:
         return next(iter(self.images.values()))
 
     @property
-    def deviation(self) -> Image | None:
+    def sigma(self) -> Image | None:
         """Standard deviation of the image's pixels, None where the default method cannot tell."""
-        return self.deviations.get(next(iter(self.images)))
+        return self.sigmas.get(next(iter(self.images)))
 
     @property
     def ranges(self) -> Ranges | None:
@@ -127,14 +126,14 @@ class Result:
         return next(iter(self.depths.values()), None)
 
     @property
-    def depth_deviation(self) -> Image | None:
+    def log_depth_sigma(self) -> Image | None:
         """Standard deviation of its logarithm, None where the default method cannot tell."""
-        return self.depth_deviations.get(next(iter(self.depths), ""))
+        return self.log_depth_sigmas.get(next(iter(self.depths), ""))
 
     @property
-    def nothing(self) -> Image | None:
+    def no_return(self) -> Image | None:
         """Probability of nothing within reach, None where the default method cannot tell."""
-        return self.nothings.get(next(iter(self.depths), ""))
+        return self.no_returns.get(next(iter(self.depths), ""))
 
     @property
     def free_probability(self) -> Floats | None:

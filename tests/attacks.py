@@ -132,9 +132,9 @@ BOMBS: list[Attack] = [fill_value, many_chunks, large_chunk, gzip_bomb, giant_st
 def described(file: h5py.File, name: str) -> tuple[tuple[int, ...], np.dtype, bytes]:
     """Shape, type and unit of a dataset, which is gone then."""
     dataset = file[name]
-    found = dataset.shape, dataset.dtype, dataset.attrs["units"]
+    result = dataset.shape, dataset.dtype, dataset.attrs["units"]
     del file[name]
-    return found
+    return result
 
 
 def zeros(size: int, head: bytes = b"") -> bytes:
@@ -188,9 +188,9 @@ def npz_bomb(size: int, method: int = zipfile.ZIP_DEFLATED) -> bytes:
 
 def datasets(file: h5py.File) -> list[h5py.Dataset]:
     """All datasets of a file."""
-    found = []
-    file.visititems(lambda _, item: found.append(item) if isinstance(item, h5py.Dataset) else None)
-    return found
+    result = []
+    file.visititems(lambda _, item: result.append(item) if isinstance(item, h5py.Dataset) else None)
+    return result
 
 
 def long_capture(capture: Capture, counts: np.ndarray) -> Capture:
@@ -201,10 +201,10 @@ def long_capture(capture: Capture, counts: np.ndarray) -> Capture:
 
 def long_string(content: bytes, length: int) -> bytes:
     """A file in which the string of variable length that has so many bytes says it has 4 GiB."""
-    begins = [found.start() for found in re.finditer(b"GCOL", content)]
-    told = [struct.pack("<IQ", length, begin) for begin in begins]
-    (place,) = (content.index(each) for each in told if each in content)
-    return content[:place] + struct.pack("<I", 2**32 - 256) + content[place + 4 :]
+    begins = [result.start() for result in re.finditer(b"GCOL", content)]
+    reported = [struct.pack("<IQ", length, begin) for begin in begins]
+    (position,) = (content.index(each) for each in reported if each in content)
+    return content[:position] + struct.pack("<I", 2**32 - 256) + content[position + 4 :]
 
 
 def foreign_copy(content: bytes) -> bytes:

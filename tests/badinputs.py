@@ -44,7 +44,7 @@ INSIDES = re.compile(
 )
 #: Characters that steer a terminal.
 STEERING = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
-MOST_LINES = 20
+MAX_LINES = 20
 
 #: Good files that a line may change, and the command that then reads them.
 BASES: dict[str, tuple[Any, str]] = {
@@ -123,13 +123,13 @@ def changed(base: Any, change: str) -> Any:
     path, _, text = change.partition("=")
     fields = yaml.safe_load(yaml.safe_dump(base, sort_keys=False))
     *way, last = (int(key) if key.isdigit() else key for key in _keys(path.strip()))
-    place: Any = fields
+    position: Any = fields
     for key in way:
-        place = place.setdefault(key, {}) if isinstance(place, dict) else place[key]
+        position = position.setdefault(key, {}) if isinstance(position, dict) else position[key]
     if text.strip():
-        place[last] = yaml.safe_load(text)
+        position[last] = yaml.safe_load(text)
     else:
-        del place[last]
+        del position[last]
     return fields
 
 
@@ -140,10 +140,10 @@ def _keys(path: str) -> list[str]:
 
 def snapshot(folder: Path) -> dict[str, Any]:
     """All that lies in a folder, with what it holds."""
-    return {str(path.relative_to(folder)): _told(path) for path in folder.rglob("*")}
+    return {str(path.relative_to(folder)): _reported(path) for path in folder.rglob("*")}
 
 
-def _told(path: Path) -> Any:
+def _reported(path: Path) -> Any:
     status = path.lstat()
     if stat.S_ISLNK(status.st_mode):
         return path.readlink()
@@ -208,11 +208,11 @@ def complaint(row: Row, desk: Path) -> str | None:
     message = plain(error)
     if status != 2:
         return f"status {status}: {message or out[:300]}"
-    if found := INSIDES.search(message) or STEERING.search(error + out):
-        return f"tells {found[0]!r}: {message}"
+    if match := INSIDES.search(message) or STEERING.search(error + out):
+        return f"tells {match[0]!r}: {message}"
     if out or not message:
         return f"stdout has {out[:200]!r}, stderr {message!r}"
-    if len([line for line in error.splitlines() if line.strip()]) > MOST_LINES:
+    if len([line for line in error.splitlines() if line.strip()]) > MAX_LINES:
         return f"{len(error.splitlines())} lines: {message[:300]}"
     if (after := snapshot(desk)) != before:
         return f"changed {[n for n in {**before, **after} if before.get(n) != after.get(n)]}"

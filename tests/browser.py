@@ -100,11 +100,11 @@ class Browser:
 
     def run(self, script: str) -> Any:
         """The value of an expression or a promise in the page."""
-        told = self.call(
+        reported = self.call(
             "Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True
         )
-        assert "exceptionDetails" not in told, told["exceptionDetails"]
-        return told["result"].get("value")
+        assert "exceptionDetails" not in reported, reported["exceptionDetails"]
+        return reported["result"].get("value")
 
     def mouse(self, kind: str, x: float, y: float, **more: Any) -> None:
         """`kind`: mouseMoved, mousePressed or mouseReleased, at a place in the window."""
@@ -112,20 +112,20 @@ class Browser:
 
     def picture(self, path: Path) -> None:
         """A PNG of the whole page."""
-        told = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
-        path.write_bytes(base64.b64decode(told["data"]))
+        reported = self.call("Page.captureScreenshot", format="png", captureBeyondViewport=True)
+        path.write_bytes(base64.b64decode(reported["data"]))
 
     def _next(self) -> dict[str, Any]:
         message = bytearray()
         while (byte := self._read.read(1)) != b"\0":
             assert byte, "the browser is gone"
             message += byte
-        found: dict[str, Any] = json.loads(message)
-        return found
+        result: dict[str, Any] = json.loads(message)
+        return result
 
     def _note(self, event: dict[str, Any]) -> None:
-        told = event.get("params", {})
+        reported = event.get("params", {})
         if event.get("method") == "Runtime.exceptionThrown":
-            self.said.append(str(told["exceptionDetails"]))
+            self.said.append(str(reported["exceptionDetails"]))
         if event.get("method") == "Log.entryAdded":
-            self.said.append(told["entry"]["text"])
+            self.said.append(reported["entry"]["text"])

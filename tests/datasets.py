@@ -70,8 +70,8 @@ def _done(folder: Path, capture: Capture, index: int) -> dict:
         "scene": f"walls-{index % SCENES}",
         "parameters": json.dumps({"scene": "walls", "power_w": index / 10, **fog}),
         "file": f"{name}.h5",
-        **_told(folder / f"{name}.h5"),
-        "sidecars": json.dumps({f"{name}.npz": _told(folder / f"{name}.npz")}),
+        **_reported(folder / f"{name}.h5"),
+        "sidecars": json.dumps({f"{name}.npz": _reported(folder / f"{name}.npz")}),
         "seconds": 2.0,
         "stage_seconds": json.dumps({"image": 1.5}),
         "peak_memory_mb": 300.0,
@@ -93,7 +93,7 @@ def _failed(index: int) -> dict:
     }
 
 
-def _told(path: Path) -> dict:
+def _reported(path: Path) -> dict:
     content = path.read_bytes()
     return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 

@@ -34,9 +34,9 @@ def read_pcd(content):
 
 def nerf_points(folder, number, depth_m):
     """World points of a frame of transforms.json, as nerfstudio finds them from depth."""
-    told = json.loads((folder / "transforms.json").read_text())
-    x, y = np.meshgrid(np.arange(told["w"]) + 0.5, np.arange(told["h"]) + 0.5)
-    across, up = (x - told["cx"]) / told["fl_x"], -(y - told["cy"]) / told["fl_y"]
+    fields = json.loads((folder / "transforms.json").read_text())
+    x, y = np.meshgrid(np.arange(fields["w"]) + 0.5, np.arange(fields["h"]) + 0.5)
+    across, up = (x - fields["cx"]) / fields["fl_x"], -(y - fields["cy"]) / fields["fl_y"]
     rays = np.stack([across, up, -np.ones_like(x)], axis=-1)
-    pose = np.array(told["frames"][number]["transform_matrix"])
+    pose = np.array(fields["frames"][number]["transform_matrix"])
     return (rays * depth_m[..., None]) @ pose[:3, :3].T + pose[:3, 3]

@@ -72,16 +72,16 @@ def light(
     echo = np.zeros((4, PATHS.size))
     for spot, range_m in enumerate(ranges_m):
         last = min(range_m, PATHS[-1] / 2 - 0.1)
-        places = np.arange(FIRST_M, last, STEP_M) + STEP_M / 2
-        weight, path = seen(instrument, places)
-        within = (places > fog_m[0]) & (places < fog_m[1])
+        positions = np.arange(FIRST_M, last, STEP_M) + STEP_M / 2
+        weight, path = seen(instrument, positions)
+        within = (positions > fog_m[0]) & (positions < fog_m[1])
         fog = within * extinction_per_m * backscatter_per_sr * STEP_M * weight[spot]
-        deposit(echo[spot], path[spot], fog * left(path[spot], places))
+        deposit(echo[spot], path[spot], fog * left(path[spot], positions))
         if np.isfinite(range_m):
-            place = np.array([range_m])
-            weight, path = seen(instrument, place)
-            share = reflectances[spot] / np.pi * weight[spot]
-            deposit(echo[spot], path[spot], share * left(path[spot], place))
+            position = np.array([range_m])
+            weight, path = seen(instrument, position)
+            fraction = reflectances[spot] / np.pi * weight[spot]
+            deposit(echo[spot], path[spot], fraction * left(path[spot], position))
     return SpotLight(
         PATHS,
         np.broadcast_to(per_s * echo, (frames, *echo.shape)),
@@ -92,7 +92,7 @@ def light(
 
 def deposit(bins: np.ndarray, path_m: np.ndarray, amount: np.ndarray) -> None:
     """Shared between the two nearest bins, so that the mean path stays."""
-    place = path_m / (PATHS[1] - PATHS[0])
-    low = place.astype(int)
-    np.add.at(bins, low, amount * (low + 1 - place))
-    np.add.at(bins, low + 1, amount * (place - low))
+    position = path_m / (PATHS[1] - PATHS[0])
+    low = position.astype(int)
+    np.add.at(bins, low, amount * (low + 1 - position))
+    np.add.at(bins, low + 1, amount * (position - low))

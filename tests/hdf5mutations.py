@@ -50,15 +50,17 @@ def mutated(base: bytes, rng: np.random.Generator, secret: Path) -> bytes:
 def _bytes_changed(base: bytes, rng: np.random.Generator) -> bytes:
     copy = bytearray(base)
     kind = rng.integers(4)
-    places = rng.integers(72 if copy.startswith(b"sha256 ") else 0, len(copy), rng.integers(1, 9))
+    positions = rng.integers(
+        72 if copy.startswith(b"sha256 ") else 0, len(copy), rng.integers(1, 9)
+    )
     if kind == 0:
-        for place in places:
-            copy[place] ^= 1 << rng.integers(8)
+        for position in positions:
+            copy[position] ^= 1 << rng.integers(8)
     elif kind == 1:
-        for place in places:
-            copy[place] = rng.choice([0, 1, 0x7F, 0x80, 0xFF])
+        for position in positions:
+            copy[position] = rng.choice([0, 1, 0x7F, 0x80, 0xFF])
     elif kind == 2:
-        begin, size = int(places[0]), int(rng.integers(1, 64))
+        begin, size = int(positions[0]), int(rng.integers(1, 64))
         copy[begin : begin + size] = rng.bytes(size)[: len(copy) - begin]
     else:
         begin, end = sorted(int(n) for n in rng.integers(0, len(copy), 2))
@@ -70,8 +72,8 @@ def _value(rng: np.random.Generator, file: h5py.File, name: str, _: Path) -> Non
     dataset = file[name]
     if dataset.dtype.kind not in "iufcb" or dataset.size > MANY:
         return
-    place = tuple(rng.integers(size) for size in dataset.shape)
-    dataset[place] = NUMBERS[rng.integers(len(NUMBERS))]
+    position = tuple(rng.integers(size) for size in dataset.shape)
+    dataset[position] = NUMBERS[rng.integers(len(NUMBERS))]
 
 
 def _text(rng: np.random.Generator, file: h5py.File, name: str, _: Path) -> None:

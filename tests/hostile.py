@@ -54,9 +54,9 @@ def _in_child(
             os._exit(status)
     os.close(theirs)
     with os.fdopen(ours, "rb") as pipe:
-        told = pipe.read().decode(errors="replace")
+        reported = pipe.read().decode(errors="replace")
     _, status = os.waitpid(child, 0)
-    progress, _, reason = told.partition("!")
+    progress, _, reason = reported.partition("!")
     if status != 0:
         seed = progress.split()[-1] if progress.split() else "none"
         killed = os.WIFSIGNALED(status) and signal.Signals(os.WTERMSIG(status)).name
@@ -94,7 +94,7 @@ def _watch_files(readable: tuple[Path, ...], writable: tuple[Path, ...]) -> list
     package = str(Path(__file__).parents[1])
     may_read = (*own, package, *(str(folder.resolve()) for folder in readable))
     may_write = ("/dev", *(str(folder.resolve()) for folder in writable))
-    found: list[str] = []
+    result: list[str] = []
 
     def watch(event: str, arguments: tuple[Any, ...]) -> None:
         if event != "open" or not isinstance(arguments[0], str | bytes | os.PathLike):
@@ -103,7 +103,7 @@ def _watch_files(readable: tuple[Path, ...], writable: tuple[Path, ...]) -> list
         flags = arguments[2] if isinstance(arguments[2], int) else 0
         writes = bool(flags & (os.O_WRONLY | os.O_RDWR | os.O_CREAT))
         if not path.startswith(may_write if writes else may_read):
-            found.append(path)
+            result.append(path)
 
     sys.addaudithook(watch)
-    return found
+    return result

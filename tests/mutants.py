@@ -33,16 +33,16 @@ def damaged(sound: bytes, rng: random.Random) -> bytes:
     """A few bytes changed, cut out, replaced by a token, or repeated elsewhere."""
     data = bytearray(sound)
     for _ in range(rng.choice([1, 1, 2, 5])):
-        place, other = rng.randrange(len(data)), rng.randrange(len(data))
+        position, other = rng.randrange(len(data)), rng.randrange(len(data))
         match rng.randrange(4):
             case 0:
-                data[place] = rng.randrange(256)
+                data[position] = rng.randrange(256)
             case 1:
-                del data[place : place + rng.randrange(1, 20)]
+                del data[position : position + rng.randrange(1, 20)]
             case 2:
-                data[place : place + rng.randrange(6)] = rng.choice(TOKENS)
+                data[position : position + rng.randrange(6)] = rng.choice(TOKENS)
             case 3:
-                data[place:place] = data[other : other + rng.randrange(1, 40)]
+                data[position:position] = data[other : other + rng.randrange(1, 40)]
     return bytes(data)
 
 
@@ -142,18 +142,18 @@ def json_mutant(sound: Any, rng: random.Random, hostile: tuple[str, ...]) -> Any
     """A tree of dicts and lists with a few of its fields changed, as `xml_mutant`."""
     data = copy.deepcopy(sound)
     for _ in range(rng.choice([1, 1, 2, 3, 6])):
-        places = list(islice(_places(data), 2000))
-        if not places:
+        positions = list(islice(_positions(data), 2000))
+        if not positions:
             return data
-        holder, key = rng.choice(places)
-        other, other_key = rng.choice(places)
+        holder, key = rng.choice(positions)
+        other, other_key = rng.choice(positions)
         if rng.random() < 0.3:
             _change_field(holder, key, other_key, rng)
         else:
             holder[key] = _value(holder[key], other[other_key], rng, hostile)
-    places = list(_places(data))
-    if places and rng.random() < 0.05:
-        holder, key = rng.choice(places)
+    positions = list(_positions(data))
+    if positions and rng.random() < 0.05:
+        holder, key = rng.choice(positions)
         for _ in range(rng.choice([3, 300])):
             holder[key] = [holder[key]]
     return data
@@ -176,12 +176,12 @@ def _value(own: Any, other: Any, rng: random.Random, hostile: tuple[str, ...]) -
     return copy.deepcopy(rng.choice([other, rng.choice(VALUES)]))
 
 
-def _places(data: Any) -> Iterator[tuple[Any, Any]]:
+def _positions(data: Any) -> Iterator[tuple[Any, Any]]:
     items = list(data.items()) if isinstance(data, dict) else list(enumerate(data))
     for key, value in items:
         yield data, key
         if isinstance(value, dict | list):
-            yield from _places(value)
+            yield from _positions(value)
 
 
 def json_text(data: Any) -> bytes:

@@ -39,8 +39,8 @@ def mutated_yaml(base: dict[str, Any], seed: int) -> str:
         _change(tree, rng)
     text = yaml.dump(tree, Dumper=_DUMPER, sort_keys=False, allow_unicode=True)
     if rng.random() < 0.4:
-        place = rng.randrange(len(text) + 1)
-        text = text[:place] + rng.choice(PIECES) + text[place + rng.choice([0, 0, 1, 20]) :]
+        position = rng.randrange(len(text) + 1)
+        text = text[:position] + rng.choice(PIECES) + text[position + rng.choice([0, 0, 1, 20]) :]
     if rng.random() < 0.1:
         text = f"bomb: &b0 [{'x,' * 9}]\n" + "".join(
             f"b{k}: &b{k} [{f'*b{k - 1},' * 9}]\n" for k in range(1, rng.randint(2, 9))
@@ -49,27 +49,27 @@ def mutated_yaml(base: dict[str, Any], seed: int) -> str:
 
 
 def _change(tree: dict[str, Any], rng: random.Random) -> None:
-    holder, key = rng.choice(list(_places(tree)) or [(tree, "name")])
+    holder, key = rng.choice(list(_positions(tree)) or [(tree, "name")])
     kind = rng.randrange(5)
     if kind == 0 and isinstance(holder, dict):
         holder[f"{key}x" if rng.random() < 0.5 else rng.choice("abc")] = holder.pop(key, None)
     elif kind == 1 and key in (holder if isinstance(holder, dict) else range(len(holder))):
         del holder[key]
     elif kind == 2:  # the same thing in two places is dumped with an alias
-        other, place = rng.choice(list(_places(tree)) or [(tree, "name")])
-        if place in (other if isinstance(other, dict) else range(len(other))):
-            holder[key] = other[place]
+        other, position = rng.choice(list(_positions(tree)) or [(tree, "name")])
+        if position in (other if isinstance(other, dict) else range(len(other))):
+            holder[key] = other[position]
     else:
         holder[key] = copy.deepcopy(rng.choice(ODD))
 
 
-def _places(tree: Any, depth: int = 0) -> Any:
+def _positions(tree: Any, depth: int = 0) -> Any:
     if depth > 12:  # it may contain itself by now
         return
     for key, value in tree.items() if isinstance(tree, dict) else enumerate(tree[:20]):
         yield tree, key
         if isinstance(value, dict | list):
-            yield from _places(value, depth + 1)
+            yield from _positions(value, depth + 1)
 
 
 COLUMNS = ["index", "status", "scene", "parameters", "file", "bytes", "sha256", "sidecars",
@@ -141,8 +141,8 @@ def _change_cell(database: sqlite3.Connection, rng: random.Random) -> None:
 
 def _change_bytes(content: bytearray, rng: random.Random) -> None:
     for _ in range(rng.choice([1, 1, 3, 30])):
-        place = rng.randrange(rng.choice([100, 200, len(content)]))
-        content[place] = rng.choice([0, 1, 2, 13, 127, 128, 255, rng.randrange(256)])
+        position = rng.randrange(rng.choice([100, 200, len(content)]))
+        content[position] = rng.choice([0, 1, 2, 13, 127, 128, 255, rng.randrange(256)])
     if rng.random() < 0.2:
         del content[rng.randrange(len(content)) :]
     if rng.random() < 0.1:

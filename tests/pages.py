@@ -78,8 +78,8 @@ def _block(page: Path, text: str, match: re.Match[str]) -> Block:
 
 
 def _said(above: str, word: str) -> str | None:
-    found = re.search(rf"<!-- {word}: (.*?) -->", above, re.S)
-    return found and found[1]
+    match = re.search(rf"<!-- {word}: (.*?) -->", above, re.S)
+    return match and match[1]
 
 
 def commands(shell: str) -> Iterator[list[str]]:

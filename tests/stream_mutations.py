@@ -90,23 +90,23 @@ def mutated_value(value, rng):
 
 def mutated_setup(payload, rng):
     """The bytes of a setup with some entries changed, left out or added."""
-    told = {
+    reported = {
         name: value.item().decode() if value.dtype.kind == "S" else value
         for name, value in unpacked(payload).items()
     }
     for _ in range(rng.integers(0, 3)):
-        name = str(rng.choice(list(told)))
+        name = str(rng.choice(list(reported)))
         match rng.integers(8):
             case 0:
-                del told[name]
+                del reported[name]
             case 1:
-                told[f"rig/{name.replace('/', '_')}"] = np.zeros((0, 3))
-            case 2 if not isinstance(told[name], str):
-                told[str(rng.choice(list(told)))] = told[name]
+                reported[f"rig/{name.replace('/', '_')}"] = np.zeros((0, 3))
+            case 2 if not isinstance(reported[name], str):
+                reported[str(rng.choice(list(reported)))] = reported[name]
             case _:
-                told[name] = mutated_value(np.asarray(told[name], order="C"), rng) \
-                    if not isinstance(told[name], str) else str(rng.choice(WORDS))  # fmt: skip
-    return packed(told)
+                reported[name] = mutated_value(np.asarray(reported[name], order="C"), rng) \
+                    if not isinstance(reported[name], str) else str(rng.choice(WORDS))  # fmt: skip
+    return packed(reported)
 
 
 def mutated_frame(payload, size, rng):
@@ -127,15 +127,15 @@ def mutated(capture, number, rng):
     size = None
     with suppress(InputError):
         size = receiving.StreamSetup(payload).frame_bytes
-    told, run = zlib.crc32(payload), int(rng.choice([0, 1, 1, 1, 1, number % 2**16]))
+    reported, run = zlib.crc32(payload), int(rng.choice([0, 1, 1, 1, 1, number % 2**16]))
     stamp = int(rng.choice(np.array([0, 1, 10**18, 2**63, 2**64 - 1], np.uint64)))
-    yield pack(Message(Kind.SETUP, payload, 0, stamp, run, told))
+    yield pack(Message(Kind.SETUP, payload, 0, stamp, run, reported))
     for frame in range(FRAMES):
         sound = frame_payload(capture.frame(frame % capture.frames))
         changed = mutated_frame(sound, len(sound) if size is None else min(size, 2**20), rng)
         odd = int(rng.choice([frame, 2**32 - 1, rng.integers(2**32)]))
         counted = odd if rng.random() < 0.1 else FRAMES * number + frame
-        yield pack(Message(Kind.FRAME, changed, counted, stamp, run, told))
+        yield pack(Message(Kind.FRAME, changed, counted, stamp, run, reported))
 
 
 def fly(count, seed, folder):
@@ -194,5 +194,5 @@ def fly(count, seed, folder):
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as name:
-        told = fly(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0, Path(name))
-    print(json.dumps(told))
+        reported = fly(int(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 0, Path(name))
+    print(json.dumps(reported))

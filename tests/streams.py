@@ -16,15 +16,15 @@ def film(capture, frames):
     def varied(part):
         if part is None:
             return None
-        told = {}
+        reported = {}
         for name, stored in stored_fields(type(part)):
             if stored.by_frame:
                 values = np.repeat(getattr(part, name)[:1], frames, axis=0)
                 if values.dtype.kind != "b":
                     gain = 1 + np.arange(frames).reshape(-1, *[1] * (values.ndim - 1)) / 100
                     values = (values * gain).astype(values.dtype)
-                told[name] = values
-        return replace(part, **told)
+                reported[name] = values
+        return replace(part, **reported)
 
     parts = {name: varied(getattr(capture, name)) for name in ("buckets", "spots", "pattern_taps")}
     return replace(capture, truth=None, **parts)
@@ -33,9 +33,9 @@ def film(capture, frames):
 def messages(capture, run=1):
     """The setup, then every frame, then the end."""
     sender = Sender(capture.setup, capture.provenance, run)
-    told = [sender.setup()]
-    told += [sender.frame(capture.frame(n), time_ns=1000 * n) for n in range(capture.frames)]
-    return [*told, sender.end()]
+    reported = [sender.setup()]
+    reported += [sender.frame(capture.frame(n), time_ns=1000 * n) for n in range(capture.frames)]
+    return [*reported, sender.end()]
 
 
 class Clock:

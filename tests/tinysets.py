@@ -69,8 +69,8 @@ def captures(folder: Path) -> int:
 
 def children(pid: int) -> list[int]:
     """Worker processes of a run; its resource tracker is none."""
-    found = []
+    result = []
     for number in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
         if b"spawn_main" in Path(f"/proc/{number}/cmdline").read_bytes():
-            found.append(int(number))
-    return found
+            result.append(int(number))
+    return result

@@ -125,9 +125,9 @@ def histogram(world, lasers, ends, bins, paths, seed, **options):
     ).mean["histogram"]
 
 
-def mitsuba_readings(place, view, ends, patterns, runs, samples, seed=0):
+def mitsuba_readings(position, view, ends, patterns, runs, samples, seed=0):
     """Power on all detectors by Mitsuba's own integrators, (runs, patterns)."""
-    powers = bucket_powers(place, view, ends, list(patterns) * runs, samples=samples, seed=seed)
+    powers = bucket_powers(position, view, ends, list(patterns) * runs, samples=samples, seed=seed)
     return np.array(list(powers)).reshape(runs, len(patterns))
 
 

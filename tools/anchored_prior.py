@@ -39,7 +39,7 @@ COVERED = 0.954
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class View:
     """What a map is made of, and what it should be."""
 
     scene: str
@@ -52,9 +52,9 @@ class Sight:
 
     def mapped(self, prior: AnchoredPrior) -> DepthEstimate:
         """The map under a prior."""
-        found = anchored_depth(self.image, self.anchors, self.depth_m, self.sigma_m, prior)
-        assert found is not None
-        return found
+        result = anchored_depth(self.image, self.anchors, self.depth_m, self.sigma_m, prior)
+        assert result is not None
+        return result
 
 
 def main() -> None:
@@ -65,32 +65,32 @@ def main() -> None:
     parser.add_argument("--poses", type=int, default=3, help="of each scene, at most")
     asked = parser.parse_args()
     learn, judge = (of(folder, asked.poses) for folder in (asked.learn, asked.judge))
-    before = replace(fitted_prior(), doubt=1.0)
+    before = replace(fitted_prior(), sigma_factor=1.0)
     fitted = simplex(before, learn)
     better = error(fitted, judge) < error(before, judge)
     prior = fitted if better else before
-    prior = rounded(replace(prior, doubt=doubt(prior, learn)))
+    prior = rounded(replace(prior, sigma_factor=sigma_factor(prior, learn)))
     manifest = {
         "prior": asdict(prior),
         "fitted": asdict(rounded(fitted)),
         "taken": better,
-        "learn": told(learn, before, fitted, prior),
-        "judge": told(judge, before, fitted, prior),
+        "learn": reported(learn, before, fitted, prior),
+        "judge": reported(judge, before, fitted, prior),
     }
     text = json.dumps(manifest, indent=2)
     FILE.write_text(text + "\n")
     print(text)
 
 
-def of(folder: Path, poses: int) -> list[Sight]:
+def of(folder: Path, poses: int) -> list[View]:
     """Frames of a folder."""
-    return [sight for file in sorted(folder.glob("*.npz")) for sight in seen(file, poses)]
+    return [view for file in sorted(folder.glob("*.npz")) for view in seen(file, poses)]
 
 
-def simplex(start: AnchoredPrior, sights: list[Sight]) -> AnchoredPrior:
+def simplex(start: AnchoredPrior, views: list[View]) -> AnchoredPrior:
     """The prior of least error."""
-    found = minimize(
-        lambda logs: error(changed(start, logs), sights),
+    result = minimize(
+        lambda logs: error(changed(start, logs), views),
         np.zeros(len(FREE)),
         method="Nelder-Mead",
         options={
@@ -100,7 +100,7 @@ def simplex(start: AnchoredPrior, sights: list[Sight]) -> AnchoredPrior:
             "initial_simplex": STEP * np.eye(len(FREE) + 1, len(FREE)),
         },
     )
-    return changed(start, found.x)
+    return changed(start, result.x)
 
 
 def rounded(prior: AnchoredPrior) -> AnchoredPrior:
@@ -108,38 +108,38 @@ def rounded(prior: AnchoredPrior) -> AnchoredPrior:
     return AnchoredPrior(**{name: float(f"{value:.3g}") for name, value in asdict(prior).items()})
 
 
-def told(
-    sights: list[Sight], before: AnchoredPrior, fitted: AnchoredPrior, taken: AnchoredPrior
+def reported(
+    views: list[View], before: AnchoredPrior, fitted: AnchoredPrior, taken: AnchoredPrior
 ) -> dict[str, object]:
     """What the manifest says of a set of frames."""
     return {
-        "families": sorted({sight.family for sight in sights}),
-        "frames": len(sights),
-        "error_before": round(error(before, sights), 4),
-        "error_fitted": round(error(fitted, sights), 4),
-        "within_2_sigma": round(float(np.mean(away(taken, sights) <= 2)), 3),
+        "families": sorted({view.family for view in views}),
+        "frames": len(views),
+        "error_before": round(error(before, views), 4),
+        "error_fitted": round(error(fitted, views), 4),
+        "within_2_sigma": round(float(np.mean(away(taken, views) <= 2)), 3),
     }
 
 
-def seen(file: Path, poses: int) -> Iterator[Sight]:
+def seen(file: Path, poses: int) -> Iterator[View]:
     """Frames of a scene in which any spot has a range and anything is hit."""
-    told = np.load(file)
-    for number in range(min(poses, len(told["image"]))):
+    reported = np.load(file)
+    for number in range(min(poses, len(reported["image"]))):
         image, true_m, directions = (
-            told[name][number].astype(np.float64) for name in ("image", "depth_m", "directions")
+            reported[name][number].astype(np.float64) for name in ("image", "depth_m", "directions")
         )
-        optics = Optics(*told["slopes"][number].tolist())
-        _, _, log_depth, log_sigma = told["anchors"][number]  # of target and fog together
-        known = np.isfinite(log_depth) & np.isfinite(log_sigma)
-        if known.any() and np.isfinite(true_m).any() and np.percentile(image, 90) > 0:
-            depth_m = np.exp(log_depth[known])
-            yield Sight(
+        optics = Optics(*reported["slopes"][number].tolist())
+        _, _, log_depth, log_sigma = reported["anchors"][number]  # of target and fog together
+        finite = np.isfinite(log_depth) & np.isfinite(log_sigma)
+        if finite.any() and np.isfinite(true_m).any() and np.percentile(image, 90) > 0:
+            depth_m = np.exp(log_depth[finite])
+            yield View(
                 file.stem,
-                str(told["family"][number]),
+                str(reported["family"][number]),
                 image,
-                pixel_of(directions[known], optics, image.shape),
+                pixel_of(directions[finite], optics, image.shape),
                 depth_m,
-                log_sigma[known] * depth_m,
+                log_sigma[finite] * depth_m,
                 true_m,
             )
 
@@ -153,30 +153,27 @@ def changed(prior: AnchoredPrior, logs: Floats) -> AnchoredPrior:
     return replace(prior, **changes)
 
 
-def error(prior: AnchoredPrior, sights: list[Sight]) -> float:
+def error(prior: AnchoredPrior, views: list[View]) -> float:
     """Mean of |ln d / t| over pixels, and of that over frames."""
     return float(
         np.mean(
-            [
-                np.nanmean(np.abs(np.log(each.mapped(prior).depth_m / each.true_m)))
-                for each in sights
-            ]
+            [np.nanmean(np.abs(np.log(each.mapped(prior).depth_m / each.true_m))) for each in views]
         )
     )
 
 
-def doubt(prior: AnchoredPrior, sights: list[Sight]) -> float:
+def sigma_factor(prior: AnchoredPrior, views: list[View]) -> float:
     """Factor of the deviations."""
-    return float(np.percentile(away(prior, sights), 100 * COVERED) / 2)
+    return float(np.percentile(away(prior, views), 100 * COVERED) / 2)
 
 
-def away(prior: AnchoredPrior, sights: list[Sight]) -> Floats:
+def away(prior: AnchoredPrior, views: list[View]) -> Floats:
     """By how many deviations each pixel's ln depth is off."""
     off = []
-    for sight in sights:
-        found = sight.mapped(prior)
-        assert found.deviation is not None
-        each = np.abs(np.log(found.depth_m / sight.true_m)) / found.deviation
+    for view in views:
+        result = view.mapped(prior)
+        assert result.sigma is not None
+        each = np.abs(np.log(result.depth_m / view.true_m)) / result.sigma
         off.append(each[np.isfinite(each)])
     return np.concatenate(off)
 

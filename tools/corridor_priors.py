@@ -28,15 +28,15 @@ from reconstruction.depth.anchored_prior import fitted_prior
 from reconstruction.depth.kriging import anchored_depth
 from reconstruction.depth.methods.learned import shipped
 from reconstruction.depth.methods.nearest import METHOD as NEAREST
+from reconstruction.depth.network_input import NetworkInput, inputs_of
 from reconstruction.depth.obstacle import FITTED, CorridorPrior, free_of
 from reconstruction.depth.rays import range_over_depth
-from reconstruction.depth.shown import Shown, inputs_of
 
 SCALES = (0.25, 0.35, 0.5, 0.7, 1.0)
 MAP_SIGMAS = (0.1, 0.2, 0.3)
 FROM_M = 0.5
 """What is nearer is free in all frames."""
-LEAST = 1e-3
+MIN = 1e-3
 """A probability counts as no smaller."""
 BINS = 10
 
@@ -52,9 +52,9 @@ class Ahead:
 
     def ensemble_m(self, scale: float, map_sigma: float) -> Floats:
         """Nearest obstacles of the ensemble."""
-        depth_m, deviation = self.estimate.depth_m, self.estimate.deviation
-        sigma = np.full(depth_m.shape, map_sigma) if deviation is None else deviation
-        return self.corridor.ensemble_m(depth_m, scale * sigma, self.estimate.nothing)
+        depth_m, std = self.estimate.depth_m, self.estimate.sigma
+        sigma = np.full(depth_m.shape, map_sigma) if std is None else std
+        return self.corridor.ensemble_m(depth_m, scale * sigma, self.estimate.no_return)
 
 
 def main() -> None:
@@ -84,33 +84,36 @@ def of(folder: Path) -> dict[str, list[Ahead]]:
         with np.load(file) as arrays:
             columns = {name: arrays[name] for name in arrays.files}
         for number, family in enumerate(columns["family"].tolist()):
-            shown = from_arrays({name: values[number] for name, values in columns.items()})
-            if not (shown.ranged and np.percentile(shown.image, 90) > 0):
+            displayed = from_arrays({name: values[number] for name, values in columns.items()})
+            if not (displayed.ranged and np.percentile(displayed.image, 90) > 0):
                 continue
-            corridor = Corridor(pixel_rays(shown.optics, shown.image.shape))
+            corridor = Corridor(pixel_rays(displayed.optics, displayed.image.shape))
             true_m = corridor.nearest_m(columns["depth_m"][number].astype(np.float64))
-            for name, estimate in estimates(shown):
+            for name, estimate in estimates(displayed):
                 maps[name].append(Ahead(family, corridor, estimate, true_m))
     return maps
 
 
-def estimates(shown: Shown) -> Iterator[tuple[str, DepthEstimate]]:
+def estimates(displayed: NetworkInput) -> Iterator[tuple[str, DepthEstimate]]:
     """Maps of a frame, by which constants are theirs."""
-    inputs = inputs_of(shown)
-    if shipped().unlike(inputs) is None:
-        told = shipped()(inputs)
-        yield "learned", DepthEstimate(np.exp(told.log_depth), told.deviation, told.nothing)
-    shape = shown.image.shape
-    places = pixel_of(shown.directions, shown.optics, shape)
-    depth_m = np.exp(shown.best.log_depth)
+    inputs = inputs_of(displayed)
+    if shipped().out_of_distribution(inputs) is None:
+        reported = shipped()(inputs)
+        yield (
+            "learned",
+            DepthEstimate(np.exp(reported.log_depth), reported.sigma, reported.no_return),
+        )
+    shape = displayed.image.shape
+    positions = pixel_of(displayed.directions, displayed.optics, shape)
+    depth_m = np.exp(displayed.best.log_depth)
     with np.errstate(invalid="ignore"):
-        sigma_m = shown.best.log_sigma * depth_m
-        found = anchored_depth(shown.image, places, depth_m, sigma_m, fitted_prior())
-    if found is not None:
-        yield "others", found
-    range_m = NEAREST.ranges(shape, places, depth_m / shown.directions[:, 2])
+        sigma_m = displayed.best.log_sigma * depth_m
+        result = anchored_depth(displayed.image, positions, depth_m, sigma_m, fitted_prior())
+    if result is not None:
+        yield "others", result
+    range_m = NEAREST.ranges(shape, positions, depth_m / displayed.directions[:, 2])
     if range_m is not None:
-        yield "others", DepthEstimate(range_m / range_over_depth(shown.optics, shape))
+        yield "others", DepthEstimate(range_m / range_over_depth(displayed.optics, shape))
 
 
 def fitted(maps: list[Ahead], map_sigmas: tuple[float, ...]) -> CorridorPrior:
@@ -124,14 +127,14 @@ def fitted(maps: list[Ahead], map_sigmas: tuple[float, ...]) -> CorridorPrior:
             def prior_of(x: Floats, scale: float = scale, map_sigma: float = map_sigma):
                 return CorridorPrior(x[0], scale, np.exp(x[1]), float(expit(x[2])), map_sigma)
 
-            found = minimize(
+            result = minimize(
                 lambda x, e=ensembles, prior_of=prior_of: entropy(free, e, prior_of(x)),
                 [0.0, -2.0, -3.0],
                 method="Nelder-Mead",
                 options={"maxfev": 80, "xatol": 0.02, "fatol": 2e-5},
             )
-            if best is None or found.fun < best[0]:
-                best = found.fun, prior_of(found.x)
+            if best is None or result.fun < best[0]:
+                best = result.fun, prior_of(result.x)
     assert best is not None
     return CorridorPrior(**{n: float(f"{v:.3g}") for n, v in asdict(best[1]).items()})
 
@@ -145,7 +148,7 @@ def truly_free(maps: list[Ahead]) -> Floats:
 def entropy(free: Floats, ensembles: Floats, prior: CorridorPrior) -> float:
     """Mean cross entropy of what is free and its probability."""
     far = DISTANCES_M >= FROM_M
-    stated = free_of(ensembles, prior).clip(LEAST, 1 - LEAST)
+    stated = free_of(ensembles, prior).clip(MIN, 1 - MIN)
     unlikely = free * np.log(stated) + (1 - free) * np.log(1 - stated)
     return float(-unlikely[:, far].mean())
 

@@ -3,9 +3,10 @@
     python tools/depth_frames.py FOLDER [--scenes 0 3000] [--like MANIFEST.json]
 
 Scene n of the plan is of its family n, counted round and round. Each file has the frames of one
-scene: what the network sees of them (`Shown`, by the name of its parts), and `depth_m`, nan where
-there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot be, are left out.
-Equal plans and numbers give equal frames on the same machine, as long as the families draw alike.
+scene: what the network sees of them (`NetworkInput`, by the name of its parts), and `depth_m`, nan
+where there is nothing. Scenes that cannot be drawn, and poses in which a drone cannot be, are left
+out. Equal plans and numbers give equal frames on the same machine, as long as the families draw
+alike.
 """
 
 import argparse
@@ -23,9 +24,9 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture, Optics
-from reconstruction.depth.method import REACH_M, View
+from reconstruction.depth.method import MAX_RANGE_M, View
+from reconstruction.depth.network_input import Anchors, NetworkInput
 from reconstruction.depth.observer import Observer
-from reconstruction.depth.shown import Anchors, Shown
 from spisim.atmosphere import fog as made_fog
 from spisim.base.config import dump_yaml, load_yaml
 from spisim.base.config.distributions import stream
@@ -62,18 +63,18 @@ def main() -> None:
     asked.folder.mkdir(parents=True, exist_ok=True)
     numbers: Sequence[int] = range(*asked.scenes)
     if asked.like is not None:
-        told = json.loads(asked.like.read_text())["scenes"].split()
-        numbers = [number for number in map(int, told) if number in numbers]
+        fields = json.loads(asked.like.read_text())["scenes"].split()
+        numbers = [number for number in map(int, fields) if number in numbers]
     for number in numbers:
         if asked.families and family_of(plan, number) not in asked.families:
             continue
         file = asked.folder / f"{number:05}.npz"
-        found = [] if file.exists() else list(frames_of(plan, number))
-        if found:
+        result = [] if file.exists() else list(frames_of(plan, number))
+        if result:
             part = file.with_suffix(".part")
             with part.open("wb") as to:
                 np.savez(
-                    to, **{name: np.array([each[name] for each in found]) for name in found[0]}
+                    to, **{name: np.array([each[name] for each in result]) for name in result[0]}
                 )
             part.rename(file)
 
@@ -102,11 +103,13 @@ def frames_of(plan: Mapping[str, Any], number: int) -> Iterator[dict[str, Any]]:
             if reconstructor is None:
                 reconstructor = Reconstructor(capture.setup, image=IMAGE, depth=())
                 observer = Observer.of(capture.setup)
-            shown = seen(capture, reconstructor, observer)
+            displayed = seen(capture, reconstructor, observer)
         except InputError:
             continue
         extinction = placed.atmosphere.extinction_per_m
-        yield {"family": family, "seed": drawn, "extinction": extinction} | columns(shown, capture)
+        yield {"family": family, "seed": drawn, "extinction": extinction} | columns(
+            displayed, capture
+        )
 
 
 def family_of(plan: Mapping[str, Any], number: int) -> str:
@@ -125,45 +128,45 @@ def moved(scene: Scene, turn_deg: Floats, offset_m: Floats, fog: Mapping[str, An
     return elsewhere
 
 
-def seen(capture: Capture, reconstructor: Reconstructor, observer: Observer) -> Shown:
+def seen(capture: Capture, reconstructor: Reconstructor, observer: Observer) -> NetworkInput:
     """What the network sees of the first frame of a capture."""
     result = reconstructor(capture.frame(0))
     return observer(View(result.image.astype(np.float64), result.ranges, capture.frame(0)))
 
 
-def columns(shown: Shown, capture: Capture) -> dict[str, Any]:
+def columns(displayed: NetworkInput, capture: Capture) -> dict[str, Any]:
     """A frame as plain arrays."""
     truth = capture.truth
     assert truth is not None
     depth_m: Floats = truth.depth_m[0]
-    near = np.where(depth_m <= REACH_M, depth_m, np.nan)
-    return to_arrays(shown) | {"depth_m": near.astype(np.float32)}
+    near = np.where(depth_m <= MAX_RANGE_M, depth_m, np.nan)
+    return to_arrays(displayed) | {"depth_m": near.astype(np.float32)}
 
 
-def to_arrays(shown: Shown) -> dict[str, Any]:
-    """The parts of `Shown`, as `from_arrays` takes them."""
-    told = dict(vars(shown))
-    optics = told.pop("optics")
-    anchors = [*told.pop("plain"), *told.pop("fitted")]
-    return told | {
-        "image": shown.image.astype(np.float32),
+def to_arrays(displayed: NetworkInput) -> dict[str, Any]:
+    """The parts of `NetworkInput`, as `from_arrays` takes them."""
+    reported = dict(vars(displayed))
+    optics = reported.pop("optics")
+    anchors = [*reported.pop("plain"), *reported.pop("fitted")]
+    return reported | {
+        "image": displayed.image.astype(np.float32),
         "slopes": np.array([optics.tan_half_width, optics.tan_half_height]),
         "anchors": np.array(anchors),
     }
 
 
-def from_arrays(told: dict[str, Any]) -> Shown:
+def from_arrays(reported: dict[str, Any]) -> NetworkInput:
     """What `to_arrays` told."""
     names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
-    return Shown(
-        image=told["image"].astype(np.float64),
-        optics=Optics(*told["slopes"].tolist()),
-        directions=told["directions"],
-        plain=Anchors(*told["anchors"][:2]),
-        fitted=Anchors(*told["anchors"][2:]),
-        lost=told["lost"],
-        log_reflectance=told["log_reflectance"],
-        **{name: float(told[name]) for name in names},
+    return NetworkInput(
+        image=reported["image"].astype(np.float64),
+        optics=Optics(*reported["slopes"].tolist()),
+        directions=reported["directions"],
+        plain=Anchors(*reported["anchors"][:2]),
+        fitted=Anchors(*reported["anchors"][2:]),
+        lost=reported["lost"],
+        log_reflectance=reported["log_reflectance"],
+        **{name: float(reported[name]) for name in names},
     )
 
 

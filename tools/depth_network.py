@@ -36,7 +36,14 @@ from reconstruction.depth.network import (
     VERSION,
     features,
 )
-from reconstruction.depth.shown import MAPS, NUMBERS, Anchors, Inputs, Shown, inputs_of
+from reconstruction.depth.network_input import (
+    MAPS,
+    NUMBERS,
+    Anchors,
+    Inputs,
+    NetworkInput,
+    inputs_of,
+)
 from spisim.scene import families
 
 SEED = 7
@@ -49,7 +56,7 @@ FAMILY_ASIDE = "scaffold"
 AVERAGED = 0.998
 WARM = 0.05
 """Share of the steps in which the rate rises."""
-OF_RELATIVE, OF_NOTHING = 2.0, 1.0
+OF_RELATIVE, OF_NO_RETURN = 2.0, 1.0
 """Weights in the loss, besides that of the likelihood."""
 FARTHEST = 1.5
 """Error of log depth, at most: one pixel does not decide."""
@@ -100,43 +107,43 @@ class Net(nn.Module):
         """
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
-        kept = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
-        kept = torch.relu(self.before(kept))
-        quarter = self.middle(torch.relu(self.down(pixel_unshuffle(kept, 2))))
+        retained = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
+        retained = torch.relu(self.before(retained))
+        quarter = self.middle(torch.relu(self.down(pixel_unshuffle(retained, 2))))
         eighth = self.deep(torch.relu(self.deeper(pixel_unshuffle(quarter, 2))))
         quarter = self.again(torch.relu(quarter + pixel_shuffle(self.rise(eighth), 2)))
-        kept = torch.relu(kept + pixel_shuffle(self.up(quarter), 2))
-        return pixel_shuffle(self.leave(torch.relu(self.after(kept))), 2)
+        retained = torch.relu(retained + pixel_shuffle(self.up(quarter), 2))
+        return pixel_shuffle(self.leave(torch.relu(self.after(retained))), 2)
 
 
 class Frames:
     """Frames of files, as the network may see them."""
 
     def __init__(self, files: list[Path]) -> None:
-        self.shown: list[Shown] = []
+        self.displayed: list[NetworkInput] = []
         self.depth_m: list[Any] = []
         self.family: list[str] = []
         for file in files:
-            with np.load(file) as told:
-                columns = {name: told[name] for name in told.files}
+            with np.load(file) as reported:
+                columns = {name: reported[name] for name in reported.files}
             for number, family in enumerate(columns["family"].tolist()):
                 each = {name: values[number] for name, values in columns.items()}
                 if not np.percentile(each["image"], 90) > 0:  # dark: no method is asked
                     continue
-                self.shown.append(from_arrays(each))
+                self.displayed.append(from_arrays(each))
                 self.depth_m.append(each["depth_m"])
                 self.family.append(family)
 
     def __len__(self) -> int:
         """Number of frames."""
-        return len(self.shown)
+        return len(self.displayed)
 
     def of(self, family: str) -> "tuple[Frames, Frames]":
         """Those of other families, and those of one."""
         others, its = Frames([]), Frames([])
-        for shown, depth_m, each in zip(self.shown, self.depth_m, self.family, strict=True):
+        for displayed, depth_m, each in zip(self.displayed, self.depth_m, self.family, strict=True):
             part = its if each == family else others
-            part.shown.append(shown)
+            part.displayed.append(displayed)
             part.depth_m.append(depth_m)
             part.family.append(each)
         return others, its
@@ -144,7 +151,7 @@ class Frames:
     def batch(self, rng: np.random.Generator) -> list[Tensor]:
         """Some of them, varied: maps, numbers, starts and log depth."""
         chosen = rng.integers(len(self), size=BATCH)
-        return stacked([varied(self.shown[n], self.depth_m[n], rng) for n in chosen])
+        return stacked([varied(self.displayed[n], self.depth_m[n], rng) for n in chosen])
 
 
 class Batches(IterableDataset[list[Tensor]]):
@@ -162,36 +169,38 @@ class Batches(IterableDataset[list[Tensor]]):
             yield self._frames.batch(rng)
 
 
-def varied(shown: Shown, depth_m: Any, rng: np.random.Generator) -> tuple[Inputs, Any]:
+def varied(displayed: NetworkInput, depth_m: Any, rng: np.random.Generator) -> tuple[Inputs, Any]:
     """A frame as it might have been seen as well."""
     if rng.random() < 0.5:
-        mirrored = shown.directions * np.array([-1.0, 1.0, 1.0])
-        shown = replace(shown, image=shown.image[:, ::-1], directions=mirrored)
+        mirrored = displayed.directions * np.array([-1.0, 1.0, 1.0])
+        displayed = replace(displayed, image=displayed.image[:, ::-1], directions=mirrored)
         depth_m = depth_m[:, ::-1]
     if rng.random() < 0.35:
-        shown = without_fog(shown)
+        displayed = without_fog(displayed)
     if rng.random() < 0.3:
-        shown = without_spots(shown, rng.random(4) < rng.uniform(0.2, 0.8))
+        displayed = without_spots(displayed, rng.random(4) < rng.uniform(0.2, 0.8))
     if rng.random() < 0.25:
-        shown = replace(shown, log_reflectance=np.full(4, np.nan))
+        displayed = replace(displayed, log_reflectance=np.full(4, np.nan))
     jitter = rng.normal(0, 0.15)
-    shown = replace(shown, log_reflectance=shown.log_reflectance + jitter)
-    return inputs_of(shown), depth_m
+    displayed = replace(displayed, log_reflectance=displayed.log_reflectance + jitter)
+    return inputs_of(displayed), depth_m
 
 
-def without_fog(shown: Shown) -> Shown:
+def without_fog(displayed: NetworkInput) -> NetworkInput:
     """With plain ranges alone."""
-    nothing = Anchors(np.full(4, np.nan), np.full(4, np.nan))
-    return replace(shown, fitted=nothing, extinction_per_m=np.nan, backscatter_per_m_sr=np.nan)
+    no_return = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+    return replace(
+        displayed, fitted=no_return, extinction_per_m=np.nan, backscatter_per_m_sr=np.nan
+    )
 
 
-def without_spots(shown: Shown, dropped: Any) -> Shown:
+def without_spots(displayed: NetworkInput, dropped: Any) -> NetworkInput:
     """With some of the ranges unknown."""
     plain, fitted = (
         Anchors(*(np.where(dropped, np.nan, values) for values in anchors))
-        for anchors in (shown.plain, shown.fitted)
+        for anchors in (displayed.plain, displayed.fitted)
     )
-    return replace(shown, plain=plain, fitted=fitted)
+    return replace(displayed, plain=plain, fitted=fitted)
 
 
 def stacked(frames: list[tuple[Inputs, Any]]) -> list[Tensor]:
@@ -219,13 +228,13 @@ def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict
     log_scale = out[:, 1].clamp(*LOG_SIGMA) - np.log(2) / 2  # of a Laplace distribution
     unlikely = log_scale + error.abs() * torch.exp(-log_scale)
     relative = (torch.exp(error) - 1).abs()
-    share = there.float().mean(dim=(1, 2)).clamp(min=0.05)
+    fraction = there.float().mean(dim=(1, 2)).clamp(min=0.05)
     parts = {
-        "unlikely": ((unlikely * there).mean(dim=(1, 2)) / share).mean(),
-        "relative": ((relative * there).mean(dim=(1, 2)) / share).mean(),
+        "unlikely": ((unlikely * there).mean(dim=(1, 2)) / fraction).mean(),
+        "relative": ((relative * there).mean(dim=(1, 2)) / fraction).mean(),
         "nothing": binary_cross_entropy_with_logits(out[:, 2], (~there).float()),
     }
-    loss = parts["unlikely"] + OF_RELATIVE * parts["relative"] + OF_NOTHING * parts["nothing"]
+    loss = parts["unlikely"] + OF_RELATIVE * parts["relative"] + OF_NO_RETURN * parts["nothing"]
     return loss, parts
 
 
@@ -236,8 +245,8 @@ def trained(
     batches = iter(DataLoader(Batches(train), batch_size=None, num_workers=1, prefetch_factor=8))
     net = Net()
     if start is not None:
-        told = np.load(start)
-        net.load_state_dict({n: torch.from_numpy(told[n]).float() for n in net.state_dict()})
+        reported = np.load(start)
+        net.load_state_dict({n: torch.from_numpy(reported[n]).float() for n in net.state_dict()})
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(
         net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)
@@ -261,14 +270,14 @@ def trained(
         seconds = time.perf_counter() - begun
         done = max(step / steps, seconds / (60 * minutes))
         if step % 500 == 0:
-            kept = {name: round(value, 4) for name, value in recent.items()}
-            print(f"{step} steps, {seconds:.0f} s, {100 * done:.0f} %: {kept}", flush=True)
+            retained = {name: round(value, 4) for name, value in recent.items()}
+            print(f"{step} steps, {seconds:.0f} s, {100 * done:.0f} %: {retained}", flush=True)
             recent.clear()
             if step % 2000 == 0:
                 print("  aside", quality(mean.module, aside), flush=True)
-    kept_net = mean.module
-    assert isinstance(kept_net, Net)
-    return kept_net, step
+    retained_net = mean.module
+    assert isinstance(retained_net, Net)
+    return retained_net, step
 
 
 def rate(done: float) -> float:
@@ -284,12 +293,12 @@ def _last(maps: Tensor) -> Tensor:
 
 
 @torch.no_grad()
-def told(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
+def reported(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
     """Error of log depth, its deviation, probability of nothing and whether there is, (n, H, W)."""
     columns: list[list[Any]] = [[], [], [], []]
     for first in range(0, len(frames), BATCH):
         some = range(first, min(first + BATCH, len(frames)))
-        pairs = [(inputs_of(frames.shown[n]), frames.depth_m[n]) for n in some]
+        pairs = [(inputs_of(frames.displayed[n]), frames.depth_m[n]) for n in some]
         maps, numbers, start, log_depth = stacked(pairs)
         out = net(_last(maps), numbers)
         values = (
@@ -300,22 +309,24 @@ def told(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
         )
         for column, value in zip(columns, values, strict=True):
             column.append(value.numpy())
-    error, sigma, nothing, empty = (np.concatenate(column) for column in columns)
-    return error, sigma, nothing, empty
+    error, sigma, no_return, empty = (np.concatenate(column) for column in columns)
+    return error, sigma, no_return, empty
 
 
 def quality(net: nn.Module, frames: Frames, scale: float = 1.0) -> dict[str, float]:
     """AbsRel, share within 25 % and within 1.96 deviations, Brier score and that of base rates."""
-    error, sigma, nothing, empty = told(net, frames)
+    error, sigma, no_return, empty = reported(net, frames)
     relative = np.abs(np.expm1(error))[~empty]
     within = np.abs(error)[~empty] < 1.96 * scale * sigma[~empty]
     return {
         "abs_rel": float(np.mean(relative)),
         "within_25_percent": float(np.mean(np.abs(error[~empty]) < np.log(1.25))),
         "within_95_percent_interval": float(np.mean(within)),
-        "brier": float(np.mean((nothing - empty) ** 2)),
+        "brier": float(np.mean((no_return - empty) ** 2)),
         "brier_base": float(empty.mean() * (1 - empty.mean())),
-        "sky_without_depth": float(np.mean(nothing[empty] > 0.5)) if empty.any() else float("nan"),
+        "sky_without_depth": float(np.mean(no_return[empty] > 0.5))
+        if empty.any()
+        else float("nan"),
     }
 
 
@@ -326,7 +337,7 @@ def calibration(net: nn.Module, held: Sequence[Frames]) -> float:
     """
     factors = []
     for frames in held:
-        error, sigma, _, empty = told(net, frames)
+        error, sigma, _, empty = reported(net, frames)
         factors.append(np.quantile(np.abs(error[~empty]) / sigma[~empty], 0.95) / 1.96)
     return float(np.mean(np.log(factors)))
 
@@ -334,14 +345,14 @@ def calibration(net: nn.Module, held: Sequence[Frames]) -> float:
 def limits_of(frames: Frames) -> Any:
     """Of what makes a frame like these (2, features): as they are, or with less known of them."""
     rng = np.random.default_rng(SEED)
-    found = []
-    for number, shown in enumerate(frames.shown):
-        poorer = without_fog(without_spots(shown, rng.random(4) < 0.5))
-        each = poorer if number % 2 else shown
-        found.append(features(each, inputs_of(each)))
-    least, most = np.percentile(found, USUAL, axis=0)
-    beyond = BEYOND * (most - least) + 1e-3
-    return np.array([least - beyond, most + beyond], np.float32)
+    result = []
+    for number, displayed in enumerate(frames.displayed):
+        poorer = without_fog(without_spots(displayed, rng.random(4) < 0.5))
+        each = poorer if number % 2 else displayed
+        result.append(features(each, inputs_of(each)))
+    minimum, maximum = np.percentile(result, USUAL, axis=0)
+    beyond = BEYOND * (maximum - minimum) + 1e-3
+    return np.array([minimum - beyond, maximum + beyond], np.float32)
 
 
 def digest(files: list[Path]) -> str:
@@ -369,8 +380,13 @@ def main() -> None:
     print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
     net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
     start = asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest()
-    told_of = {"steps": steps, "start": start, "data": digest(files), "scenes": scenes_of(files)}
-    write(asked.weights, net, train, held, told_of)
+    reported_of = {
+        "steps": steps,
+        "start": start,
+        "data": digest(files),
+        "scenes": scenes_of(files),
+    }
+    write(asked.weights, net, train, held, reported_of)
     if asked.onnx is not None:
         export(net, asked.onnx)
 

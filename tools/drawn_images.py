@@ -46,9 +46,9 @@ def main() -> None:
     parser.add_argument("--fog", action="store_true")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
-    found = list(drawn(range(*asked.seeds), asked.views, fog=asked.fog))
+    result = list(drawn(range(*asked.seeds), asked.views, fog=asked.fog))
     names = ("family", "seed", "view", "image")
-    columns = map(np.array, zip(*found, strict=True))
+    columns = map(np.array, zip(*result, strict=True))
     np.savez_compressed(asked.file, **dict(zip(names, columns, strict=True)))
 
 
@@ -73,8 +73,8 @@ def drawn(seeds: range, views: int, *, fog: bool) -> Iterator[tuple[str, int, in
 
 def _view(rng: np.random.Generator) -> dict[str, Any]:
     """Section of a scene file: the drone turned and moved a little."""
-    most = (ROLL_DEG, PITCH_DEG, YAW_DEG)
-    turn = [float(rng.uniform(-limit, limit)) for limit in most]
+    maximum = (ROLL_DEG, PITCH_DEG, YAW_DEG)
+    turn = [float(rng.uniform(-limit, limit)) for limit in maximum]
     return {"drone": {"turn_deg": turn, "offset_m": rng.uniform(-OFFSET_M, OFFSET_M, 3).tolist()}}
 
 

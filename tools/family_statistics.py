@@ -111,8 +111,8 @@ def slope(images: list[Floats]) -> Floats:
 def spectra(images: list[Floats]) -> tuple[Floats, Floats]:
     """Frequencies (f,) in cycles per image, and power (n, f) averaged over directions."""
     window = np.hanning(PIXELS + 2)[1:-1]
-    kept = np.array([image / image.mean() - 1 for image in images if image.mean() > 0])
-    power = np.abs(np.fft.fft2(kept * np.outer(window, window))) ** 2
+    retained = np.array([image / image.mean() - 1 for image in images if image.mean() > 0])
+    power = np.abs(np.fft.fft2(retained * np.outer(window, window))) ** 2
     along = np.fft.fftfreq(PIXELS, 1 / PIXELS)
     ring = np.rint(np.hypot(*np.meshgrid(along, along))).astype(int).ravel()
     count = np.bincount(ring)
@@ -134,8 +134,8 @@ def nearest_correlation(images: list[Floats]) -> Floats:
 
 def spread(views: list[View]) -> Floats:
     """Standard deviation of the logarithm of range, of the spots that meet anything; in each."""
-    found = [np.log(one.spots_m[np.isfinite(one.spots_m)]) for one in views]
-    return np.array([np.std(logs) for logs in found if len(logs) > 1])
+    result = [np.log(one.spots_m[np.isfinite(one.spots_m)]) for one in views]
+    return np.array([np.std(logs) for logs in result if len(logs) > 1])
 
 
 def _pixels(values: Floats) -> Floats:
@@ -168,16 +168,16 @@ def _figure(views: dict[str, list[View]]) -> Figure:
     (depths, sky), (likeness, spectrum) = sheet.subplots(2, 2)
     ranges = [np.concatenate([one.range_m.ravel() for one in views[name]]) for name in names]
     edges = np.geomspace(0.8, 12_000, 60)
-    shares = np.array([np.histogram(each, edges)[0] / each.size for each in ranges])
-    is_open = np.array([FAMILIES[name].least_spots < len(OFFERED.beams) for name in names])
+    fractions = np.array([np.histogram(each, edges)[0] / each.size for each in ranges])
+    is_open = np.array([FAMILIES[name].min_spots < len(OFFERED.beams) for name in names])
     for chosen, label in ((~is_open, "closed"), (is_open, "open")):
         if chosen.any():
-            depths.stairs(shares[chosen].mean(axis=0), edges, label=f"{label} families", lw=1.6)
+            depths.stairs(fractions[chosen].mean(axis=0), edges, label=f"{label} families", lw=1.6)
     depths.set(xscale="log", xlabel="true range, m", ylabel="share of pixels")
     depths.axvline(OFFERED.farthest_spot_m, color="0.5", ls=":", label="told without doubt")
     depths.legend()
-    shown = [np.array([np.isinf(one.range_m).mean() for one in views[n]]) for n in names]
-    _boxes(sky, names, shown)
+    displayed = [np.array([np.isinf(one.range_m).mean() for one in views[n]]) for n in names]
+    _boxes(sky, names, displayed)
     sky.set(ylabel="share of sky", ylim=(-0.02, 1))
     _boxes(likeness, names, [nearest_correlation([one.lit for one in views[n]]) for n in names])
     likeness.axhline(0.6, color="0.5", ls=":")
@@ -187,8 +187,8 @@ def _figure(views: dict[str, list[View]]) -> Figure:
         frequency, power = spectra(images)
         usual = np.exp(np.log(power[power.min(axis=1) > 0]).mean(axis=0))
         spectrum.loglog(frequency, usual / usual[3], label=label, lw=1.6)
-    mean, deviation = NATURAL
-    for exponent, style in ((mean, "-"), (mean + deviation, ":"), (mean - deviation, ":")):
+    mean, sigma = NATURAL
+    for exponent, style in ((mean, "-"), (mean + sigma, ":"), (mean - sigma, ":")):
         line = (frequency / frequency[3]) ** -exponent
         spectrum.loglog(frequency, line, color="0.5", ls=style, lw=1)
     spectrum.plot([], [], color="0.5", lw=1, label="natural scenes: 1.88 ± 0.43")

@@ -73,7 +73,7 @@ class Sections:
     """A JSON Schema, and the parts of it that wait to be told."""
 
     definitions: Mapping[str, Any]
-    told: set[str] = field(default_factory=set)
+    reported: set[str] = field(default_factory=set)
 
     def of(self, name: str) -> Any:
         """The section of this name."""
@@ -169,7 +169,7 @@ _SCENE_FILES = {"SceneDescription": "whole scenes", "DrawnDescription": "scenes 
 def one(title: str, name: str, sections: Sections, examples: Mapping[str, Any]) -> Iterator[str]:
     """Chapter of a section, and of those in its fields."""
     section = sections.of(name)
-    sections.told.add(name)
+    sections.reported.add(name)
     yield f"## {title}\n"
     yield _text(section)
     yield _table(section, section["properties"], examples.get(name, {}))
@@ -184,12 +184,12 @@ def alternatives(
     called: Mapping[str, str],
 ) -> Iterator[str]:
     """Chapter of a field that is one of several sections: what they share, and what they do not."""
-    sections.told.update(names)
+    sections.reported.update(names)
     all_fields = [sections.of(name)["properties"] for name in names]
     shared = {
-        name: told
-        for name, told in all_fields[0].items()
-        if all(_same(other.get(name), told) for other in all_fields[1:])
+        name: reported
+        for name, reported in all_fields[0].items()
+        if all(_same(other.get(name), reported) for other in all_fields[1:])
     }
     yield f"## {title}\n"
     if shared:
@@ -199,7 +199,7 @@ def alternatives(
     for name, fields in zip(names, all_fields, strict=True):
         yield f"### {title}: {called.get(name, name)}\n"
         yield _text(sections.of(name))
-        own = {field: told for field, told in fields.items() if field not in shared}
+        own = {field: reported for field, reported in fields.items() if field not in shared}
         if own:
             yield _table(sections.of(name), own, examples.get(name, {}))
     for fields in all_fields:
@@ -216,23 +216,23 @@ def _inner(
 ) -> Iterator[str]:
     """Chapters of the sections that stand in these fields, each told once."""
     above = "" if title == "The file" else title.strip("`") + "."
-    for name, told in fields.items():
-        wanted = [ref for ref in _refs(told) if ref not in sections.told]
+    for name, reported in fields.items():
+        wanted = [ref for ref in _refs(reported) if ref not in sections.reported]
         if not wanted:
             continue
         path = f"`{above}{name}`"
         if len(wanted) == 1:
             yield from one(path, wanted[0], sections, examples)
         else:
-            called = {ref: _told_by(sections.of(ref)) for ref in wanted}
+            called = {ref: _reported_by(sections.of(ref)) for ref in wanted}
             yield from alternatives(path, wanted, sections, examples, called)
 
 
-def _told_by(section: Any) -> str:
+def _reported_by(section: Any) -> str:
     """What tells this one of several sections: the word of a field, or the field itself."""
-    for name, told in section["properties"].items():
-        if "const" in told:
-            return f"`{name}: {told['const']}`"
+    for name, reported in section["properties"].items():
+        if "const" in reported:
+            return f"`{name}: {reported['const']}`"
     shape = [name for name in ("mesh", "object", "radius_m", "size_m") if _has(section, name)]
     return f"with `{shape[0]}`" if shape else section["title"].lower()
 
@@ -241,16 +241,16 @@ def _has(section: Any, name: str) -> bool:
     return name in section["properties"]
 
 
-def _refs(told: Any) -> list[str]:
+def _refs(reported: Any) -> list[str]:
     """Names of the sections that a field may hold."""
-    if isinstance(told, list):
-        return [ref for part in told for ref in _refs(part)]
-    if not isinstance(told, dict):
+    if isinstance(reported, list):
+        return [ref for part in reported for ref in _refs(part)]
+    if not isinstance(reported, dict):
         return []
-    found = [told["$ref"].rpartition("/")[2]] if "$ref" in told else []
-    inside = [v for k, v in told.items() if k in ("anyOf", "oneOf", "items", "prefixItems")]
-    inside += [told["additionalProperties"]] if "additionalProperties" in told else []
-    return found + [ref for part in inside for ref in _refs(part)]
+    result = [reported["$ref"].rpartition("/")[2]] if "$ref" in reported else []
+    inside = [v for k, v in reported.items() if k in ("anyOf", "oneOf", "items", "prefixItems")]
+    inside += [reported["additionalProperties"]] if "additionalProperties" in reported else []
+    return result + [ref for part in inside for ref in _refs(part)]
 
 
 def _text(section: Any) -> str:
@@ -262,33 +262,33 @@ def _table(section: Any, fields: Mapping[str, Any], examples: Mapping[str, Any])
         "| field | what it is | allowed | unit | default | example |",
         "|---|---|---|---|---|---|",
     ]
-    for name, told in fields.items():
+    for name, reported in fields.items():
         needed = name in section.get("required", ())
         cells = [
             f"`{name}`",
-            told.get("description", "").replace("\n", " "),
-            allowed(told),
-            unit(name, told),
-            "**needed**" if needed else _default(told),
+            reported.get("description", "").replace("\n", " "),
+            allowed(reported),
+            unit(name, reported),
+            "**needed**" if needed else _default(reported),
             _code(examples[name]) if name in examples else "",
         ]
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
 
 
-def unit(name: str, told: Any) -> str:
+def unit(name: str, reported: Any) -> str:
     """Unit that the field's name ends in."""
-    if _words(told):
+    if _words(reported):
         return ""
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
-def _words(told: Any) -> bool:
-    return "enum" in told or "const" in told
+def _words(reported: Any) -> bool:
+    return "enum" in reported or "const" in reported
 
 
-def _default(told: Any) -> str:
-    value = told.get("default")
+def _default(reported: Any) -> str:
+    value = reported.get("default")
     if value is None or value == [] or value == "" or value == {}:
         return "*none*"
     if isinstance(value, dict):
@@ -314,52 +314,52 @@ def _short(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def allowed(told: Any) -> str:
+def allowed(reported: Any) -> str:
     """Type and bounds of a field, in words."""
-    kinds = [allowed(part) for part in told.get("anyOf", told.get("oneOf", ()))]
+    kinds = [allowed(part) for part in reported.get("anyOf", reported.get("oneOf", ()))]
     kinds = list(dict.fromkeys(kind for kind in kinds if kind))
     if kinds:
-        return _bounded(" or ".join(kinds), told)
-    if "$ref" in told:
+        return _bounded(" or ".join(kinds), reported)
+    if "$ref" in reported:
         return "section"
-    if _words(told):
-        return ", ".join(f"`{word}`" for word in told.get("enum", [told.get("const")]))
-    match told.get("type"):
+    if _words(reported):
+        return ", ".join(f"`{word}`" for word in reported.get("enum", [reported.get("const")]))
+    match reported.get("type"):
         case "null":
             return ""
         case "boolean":
             return "`true`, `false`"
         case "array":
-            return _list(told)
+            return _list(reported)
         case "object":
-            return _mapping(told)
+            return _mapping(reported)
         case "string":
-            return "file" if told.get("format") == "path" else "text"
+            return "file" if reported.get("format") == "path" else "text"
         case "number" | "integer" as kind:
-            return _bounded("number" if kind == "number" else "whole number", told)
+            return _bounded("number" if kind == "number" else "whole number", reported)
     return "anything"
 
 
-def _bounded(kind: str, told: Any) -> str:
+def _bounded(kind: str, reported: Any) -> str:
     """A number and its bounds, but for those that nobody meets."""
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
     ends = [
         f"{sign} {bound:.7g}"
         for name, sign in signs.items()
-        if (bound := told.get(name)) is not None and abs(bound) < MET
+        if (bound := reported.get(name)) is not None and abs(bound) < MET
     ]
     return " ".join([kind, " and ".join(ends)]).strip()
 
 
-def _list(told: Any) -> str:
-    if "prefixItems" in told:
-        parts = [allowed(part) for part in told["prefixItems"]]
+def _list(reported: Any) -> str:
+    if "prefixItems" in reported:
+        parts = [allowed(part) for part in reported["prefixItems"]]
         same = len(set(parts)) == 1
         return f"{len(parts)} × {parts[0]}" if same else "[" + ", ".join(parts) + "]"
-    inside = allowed(told.get("items", {}))
+    inside = allowed(reported.get("items", {}))
     if inside == "section" or " or section" in inside:
         inside = "section"
-    low, high = told.get("minItems"), told.get("maxItems")
+    low, high = reported.get("minItems"), reported.get("maxItems")
     if low == high and low is not None:
         return f"{low} × ({inside})"
     ends = [f"{low} or more" if low else "", f"{high} at most" if high else ""]
@@ -367,16 +367,16 @@ def _list(told: Any) -> str:
     return f"list of {inside}" + (f" ({count})" if count else "")
 
 
-def _mapping(told: Any) -> str:
-    inside = told.get("additionalProperties")
+def _mapping(reported: Any) -> str:
+    inside = reported.get("additionalProperties")
     if not isinstance(inside, dict):
         return "mapping"
-    return f"mapping from {_keys(told)} to {allowed(inside)}"
+    return f"mapping from {_keys(reported)} to {allowed(inside)}"
 
 
-def _keys(told: Any) -> str:
+def _keys(reported: Any) -> str:
     """Spectra are from wavelengths, all others from names."""
-    return "nm" if allowed(told["additionalProperties"]).startswith("number") else "name"
+    return "nm" if allowed(reported["additionalProperties"]).startswith("number") else "name"
 
 
 def _bsdf_table() -> Iterator[str]:

@@ -27,13 +27,15 @@ EXTRA = re.compile(r"spisim\[(\w+)\]")
 
 def scripts_named(names: Iterable[str]) -> list[Path]:
     """Scripts by their names, all without any; ends the program for unknown ones."""
-    found = {path.name: path for path in sorted(SCRIPTS.iterdir()) if path.suffix in (".py", ".sh")}
-    stems = {path.stem: path for path in found.values()}
-    chosen = list(names) or list(found)
-    unknown = [name for name in chosen if name not in found | stems]
+    result = {
+        path.name: path for path in sorted(SCRIPTS.iterdir()) if path.suffix in (".py", ".sh")
+    }
+    stems = {path.stem: path for path in result.values()}
+    chosen = list(names) or list(result)
+    unknown = [name for name in chosen if name not in result | stems]
     if unknown:
-        raise SystemExit(f"no script {unknown[0]!r} in {SCRIPTS}; allowed: {', '.join(found)}")
-    return [(found | stems)[name] for name in chosen]
+        raise SystemExit(f"no script {unknown[0]!r} in {SCRIPTS}; allowed: {', '.join(result)}")
+    return [(result | stems)[name] for name in chosen]
 
 
 def installed(folder: Path, scripts: Iterable[Path]) -> Path:
@@ -47,7 +49,7 @@ def installed(folder: Path, scripts: Iterable[Path]) -> Path:
         for line in NEEDS.findall(script.read_text(encoding="utf-8"))
         for need in line.split(",")
     }
-    extras = sorted(found[1] for need in needs if (found := EXTRA.fullmatch(need)))
+    extras = sorted(match[1] for need in needs if (match := EXTRA.fullmatch(need)))
     packages = sorted(need for need in needs if not EXTRA.fullmatch(need))
     venv.create(folder / "venv", with_pip=True)
     python = folder / "venv" / "bin" / "python"
@@ -71,8 +73,8 @@ def installed(folder: Path, scripts: Iterable[Path]) -> Path:
 
 def environment(python: Path) -> dict[str, str]:
     """Variables of a process that sees nothing of this repository."""
-    kept = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
-    return kept | {"PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
+    retained = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "VIRTUAL_ENV")}
+    return retained | {"PATH": f"{python.parent}{os.pathsep}{os.environ['PATH']}"}
 
 
 def run(script: Path, python: Path) -> bool:

@@ -20,7 +20,7 @@ from drawn_images import FITTED
 from reconstruction.base.arrays import Floats
 from reconstruction.image.dictionaries.dct import DICTIONARY
 from reconstruction.image.fitted_spectrum import FITTED as FILE
-from reconstruction.image.fitted_spectrum import axial_deviation
+from reconstruction.image.fitted_spectrum import axial_sigma
 
 SEED = 3
 HIGHEST = 0.5
@@ -33,9 +33,9 @@ def main() -> None:
     parser.add_argument("images", type=Path, nargs="+")
     parser.add_argument("--leaves", type=int, default=300)
     asked = parser.parse_args()
-    told = [np.load(file) for file in asked.images]
-    images = np.concatenate([each["image"] for each in told]).astype(np.float64)
-    fitted = np.isin(np.concatenate([each["family"] for each in told]), FITTED)
+    reported = [np.load(file) for file in asked.images]
+    images = np.concatenate([each["image"] for each in reported]).astype(np.float64)
+    fitted = np.isin(np.concatenate([each["family"] for each in reported]), FITTED)
     shape = images.shape[1:]
     leaves = [dead_leaves(shape, np.random.default_rng([SEED, n])) for n in range(asked.leaves)]
     power = (mean_power(images[fitted]) + mean_power(np.array(leaves))) / 2
@@ -71,12 +71,12 @@ def likeliest(power: Floats) -> tuple[float, float]:
     low = (frequency > 0) & (frequency < HIGHEST)
 
     def unlikely(values: Floats) -> float:
-        variance = axial_deviation((height, width), *values)[low] ** 2
+        variance = axial_sigma((height, width), *values)[low] ** 2
         ratio = power[low] / variance
         return float(np.log(variance).mean() + np.log(ratio.mean()))
 
-    found = minimize(unlikely, [1.0, 0.0], method="Nelder-Mead").x
-    return float(found[0]), float(found[1])
+    result = minimize(unlikely, [1.0, 0.0], method="Nelder-Mead").x
+    return float(result[0]), float(result[1])
 
 
 if __name__ == "__main__":

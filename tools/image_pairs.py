@@ -20,7 +20,7 @@ from drawn_images import FITTED
 from reconstruction.base.arrays import Floats
 from reconstruction.image.coefficients import Coefficients
 from reconstruction.image.methods.edge_preserving import METHOD, EdgePreservingSolver
-from reconstruction.image.network import Shown
+from reconstruction.image.network import NetworkInput
 from reconstruction.operators import MeasurementOperator, decoder_for, make_plan
 
 SEED = 5
@@ -30,7 +30,7 @@ ORDERS = (
     *("sequency-2d", "sequency-2d", "sequency-2d", "natural", "sequency", "walsh-2d", "product"),
     *("radius", "zig-zag", "cake-cutting", "russian-dolls", "variance-ranked", "random:{}"),
 )
-SHARE = 0.02, 0.3
+FRACTION = 0.02, 0.3
 SNR = 0.1, 1000.0
 """Rms of coefficients other than the level over that of noise."""
 VEILED = 0.25
@@ -50,11 +50,11 @@ def main() -> None:
     asked.folder.mkdir(parents=True, exist_ok=True)
     for chunk in range(*asked.chunks):
         rng = np.random.default_rng([SEED, chunk])
-        found = list(pairs(rng, scenes))
+        result = list(pairs(rng, scenes))
         names = ("first", "better", "deviation", "share", "noise", "truth")
         columns = {
             name: np.array(values, np.float32)
-            for name, values in zip(names, zip(*found, strict=True), strict=True)
+            for name, values in zip(names, zip(*result, strict=True), strict=True)
         }
         part = asked.folder / f"{chunk:04}.part.npz"
         np.savez(part, **columns)
@@ -63,19 +63,19 @@ def main() -> None:
 
 def drawn_scenes(files: list[Path]) -> list[Floats]:
     """Images (H, W) of the families to learn from."""
-    found = []
+    result = []
     for file in files:
-        told = np.load(file)
-        found += list(told["image"][np.isin(told["family"], FITTED)].astype(np.float64))
-    return found
+        reported = np.load(file)
+        result += list(reported["image"][np.isin(reported["family"], FITTED)].astype(np.float64))
+    return result
 
 
 def pairs(rng: np.random.Generator, scenes: list[Floats]) -> Iterator[tuple[object, ...]]:
-    """What `Shown` is made of, and the truth (H, W), of one set of patterns."""
+    """What `NetworkInput` is made of, and the truth (H, W), of one set of patterns."""
     shape = SHAPES[rng.integers(len(SHAPES))]
-    share = np.exp(rng.uniform(*np.log(SHARE)))
+    fraction = np.exp(rng.uniform(*np.log(FRACTION)))
     order = ORDERS[rng.integers(len(ORDERS))].format(rng.integers(1000))
-    plan = make_plan(shape, max(8, round(share * shape[0] * shape[1])), order)
+    plan = make_plan(shape, max(8, round(fraction * shape[0] * shape[1])), order)
     operator = decoder_for(plan).operator
     solver = METHOD.compile(operator)
     assert isinstance(solver, EdgePreservingSolver)
@@ -93,20 +93,20 @@ def pairs(rng: np.random.Generator, scenes: list[Floats]) -> Iterator[tuple[obje
         assert start is not None
         spectrum, variance = solver.followed(start, coefficients)
         field = solver.linear.model.field
-        shown = Shown(
+        displayed = NetworkInput(
             field.image(start.mean),
             field.image(spectrum),
             np.sqrt(variance),
             operator.varying.sum() / operator.shape[1],
             float(np.median(start.noise)),
         )
-        scale = 1 / shown.contrast
+        scale = 1 / displayed.contrast
         yield (
-            scale * shown.first,
-            scale * shown.better,
-            scale * shown.deviation,
-            shown.share,
-            scale * shown.noise,
+            scale * displayed.first,
+            scale * displayed.better,
+            scale * displayed.sigma,
+            displayed.fraction,
+            scale * displayed.noise,
             scale * truth,
         )
 
@@ -120,8 +120,8 @@ def measured(
     snr = np.exp(rng.uniform(*np.log(SNR)))
     noise = float(np.sqrt(np.mean(values[varying] ** 2))) / snr
     values = values + noise * rng.standard_normal(values.shape)
-    told = noise * (FACTOR ** rng.standard_normal() if rng.random() < MISTOLD else 1.0)
-    return Coefficients(values, np.full(values.shape, told))
+    reported = noise * (FACTOR ** rng.standard_normal() if rng.random() < MISTOLD else 1.0)
+    return Coefficients(values, np.full(values.shape, reported))
 
 
 def one_of(scenes: list[Floats], shape: tuple[int, int], rng: np.random.Generator) -> Floats:

@@ -41,9 +41,9 @@ def main() -> None:
     parser.add_argument("--atoms", type=int, default=64)
     parser.add_argument("--output", type=Path, default=learned.FILE)
     asked = parser.parse_args()
-    told = [np.load(file) for file in asked.images]
-    images = np.concatenate([each["image"] for each in told]).astype(np.float64)
-    family = np.concatenate([each["family"] for each in told])
+    reported = [np.load(file) for file in asked.images]
+    images = np.concatenate([each["image"] for each in reported]).astype(np.float64)
+    family = np.concatenate([each["family"] for each in reported])
     fitted = np.isin(family, FITTED)
     rng = np.random.default_rng(0)
     of_fitted, of_others = squares(images[fitted], rng), squares(images[~fitted], rng)
@@ -55,7 +55,7 @@ def main() -> None:
             file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in asked.images
         },
         "families": sorted(set(family[fitted].tolist())),
-        "seeds": sorted({int(seed) for each in told for seed in each["seed"]}),
+        "seeds": sorted({int(seed) for each in reported for seed in each["seed"]}),
         "squares": len(of_fitted),
         "atoms": asked.atoms,
         "atoms_of_a_square": SPARSE,
@@ -75,24 +75,24 @@ def main() -> None:
 
 def squares(images: Floats, rng: np.random.Generator) -> Floats:
     """Of images (n, H, W): squares (m, SIDE, SIDE) of all scales, of unit rms at each."""
-    found = []
+    result = []
     contrasts = images - images.mean(axis=(1, 2), keepdims=True)
     contrasts /= contrasts.std(axis=(1, 2), keepdims=True)
     for scale in SCALES:
         height, width = (side // scale for side in contrasts.shape[1:])
         blocks = contrasts[:, : height * scale, : width * scale]
         means = blocks.reshape(-1, height, scale, width, scale).mean(axis=(2, 4))
-        places = [(r, c) for r in range(height - SIDE + 1) for c in range(width - SIDE + 1)]
+        positions = [(r, c) for r in range(height - SIDE + 1) for c in range(width - SIDE + 1)]
         several = []
         for image in means:
-            for at in rng.permutation(len(places))[:SQUARES]:
-                row, column = places[at]
+            for at in rng.permutation(len(positions))[:SQUARES]:
+                row, column = positions[at]
                 square = image[row : row + SIDE, column : column + SIDE]
                 several.append(square[:, :: rng.choice([-1, 1])])
         patches = np.array(several)
         patches = (patches - patches.mean(axis=(1, 2), keepdims=True)) * WINDOW[:, None] * WINDOW
-        found.append(patches / np.sqrt(np.mean(patches**2)))
-    return np.concatenate(found)
+        result.append(patches / np.sqrt(np.mean(patches**2)))
+    return np.concatenate(result)
 
 
 def cosines(atoms: int) -> Floats:
@@ -142,8 +142,8 @@ def coded(atoms: Floats, patches: Floats) -> Floats:
 
 def left(atoms: Floats, patches: Floats) -> float:
     """Share of the power of patches that their few atoms leave."""
-    told = np.einsum("na,ar,ac->nrc", coded(atoms, patches), *atoms, optimize=True)
-    return float(np.sum((patches - told) ** 2) / np.sum(patches**2))
+    reported = np.einsum("na,ar,ac->nrc", coded(atoms, patches), *atoms, optimize=True)
+    return float(np.sum((patches - reported) ** 2) / np.sum(patches**2))
 
 
 if __name__ == "__main__":

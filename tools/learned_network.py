@@ -22,7 +22,7 @@ from torch import Tensor, nn
 from torch.nn.functional import pixel_shuffle, pixel_unshuffle
 
 from reconstruction.base.arrays import Floats
-from reconstruction.image.network import VERSION, Shown
+from reconstruction.image.network import VERSION, NetworkInput
 
 SEED = 7
 BATCH = 16
@@ -30,11 +30,11 @@ RATE = 1.5e-3
 NARROW, WIDE = 16, 48
 """Channels at half and at a quarter of the resolution."""
 ASIDE = 20
-LEAST_ERROR = 1e-4
+MIN_ERROR = 1e-4
 """Squared, over that of the contrast: a better image is good enough."""
 WORSE = 3.0
 """Weight of what makes an image worse, besides that of all errors."""
-OF_DEVIATION = 0.1
+OF_SIGMA = 0.1
 """Weight of the deviation in the loss."""
 USUAL = 0.02, 99.98
 """Percentiles of what is like the pairs learned from."""
@@ -66,13 +66,13 @@ class Net(nn.Module):
         """Correction over deviation, and log of deviation over the one shown: (B, 2, H, W)."""
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
-        kept = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
-        kept = torch.relu(self.before(kept))
-        quarter = torch.relu(self.down(pixel_unshuffle(kept, 2)))
+        retained = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
+        retained = torch.relu(self.before(retained))
+        quarter = torch.relu(self.down(pixel_unshuffle(retained, 2)))
         for first, second in zip(self.wide[::2], self.wide[1::2], strict=True):
             quarter = quarter + second(torch.relu(first(quarter)))
-        kept = torch.relu(kept + pixel_shuffle(self.up(quarter), 2))
-        return pixel_shuffle(self.leave(torch.relu(self.after(kept))), 2)
+        retained = torch.relu(retained + pixel_shuffle(self.up(quarter), 2))
+        return pixel_shuffle(self.leave(torch.relu(self.after(retained))), 2)
 
 
 class Pairs:
@@ -80,29 +80,31 @@ class Pairs:
 
     def __init__(self, files: list[Path]) -> None:
         features = []
-        found: dict[tuple[int, ...], list[tuple[Floats, ...]]] = defaultdict(list)
+        result: dict[tuple[int, ...], list[tuple[Floats, ...]]] = defaultdict(list)
         for file in files:
-            told = np.load(file)
-            shown = [
-                Shown(*each)
+            reported = np.load(file)
+            displayed = [
+                NetworkInput(*each)
                 for each in zip(
-                    told["first"],
-                    told["better"],
-                    told["deviation"],
-                    told["share"],
-                    told["noise"],
+                    reported["first"],
+                    reported["better"],
+                    reported["deviation"],
+                    reported["share"],
+                    reported["noise"],
                     strict=True,
                 )
             ]
-            maps = np.array([each.maps() for each in shown])
-            numbers = np.array([each.numbers() for each in shown])
-            columns = maps, numbers, told["better"], told["deviation"], told["truth"]
-            visible = (told["truth"] ** 2).mean(axis=(1, 2)) < LARGEST
-            features += [each.features() for each, seen in zip(shown, visible, strict=True) if seen]
-            found[told["truth"].shape[1:]].append(tuple(column[visible] for column in columns))
+            maps = np.array([each.maps() for each in displayed])
+            numbers = np.array([each.numbers() for each in displayed])
+            columns = maps, numbers, reported["better"], reported["deviation"], reported["truth"]
+            visible = (reported["truth"] ** 2).mean(axis=(1, 2)) < LARGEST
+            features += [
+                each.features() for each, seen in zip(displayed, visible, strict=True) if seen
+            ]
+            result[reported["truth"].shape[1:]].append(tuple(column[visible] for column in columns))
         self.groups = [
             [torch.from_numpy(np.concatenate(column)) for column in zip(*each, strict=True)]
-            for each in found.values()
+            for each in result.values()
         ]
         self.limits = np.percentile(features, [*USUAL], axis=0).astype(np.float32)
         """Of what makes a frame like these."""
@@ -114,24 +116,24 @@ class Pairs:
         chosen = torch.from_numpy(rng.integers(len(group[0]), size=BATCH))
         columns = [column[chosen] for column in group]
         axes = [axis for axis in (-2, -1) if rng.random() < 0.5]
-        maps, numbers, better, deviation, truth = (
+        maps, numbers, better, sigma, truth = (
             column.flip(axes) if column.dim() > 2 and axes else column for column in columns
         )
         if rng.random() < INVERTED:
             sign = torch.tensor([-1.0, -1.0, 1.0])[:, None, None]
             maps, better, truth = maps * sign, -better, -truth
-        return [maps, numbers, better, deviation, truth]
+        return [maps, numbers, better, sigma, truth]
 
 
-def loss_of(out: Tensor, better: Tensor, deviation: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
+def loss_of(out: Tensor, better: Tensor, sigma: Tensor, truth: Tensor) -> tuple[Tensor, Tensor]:
     """The loss, and the squared error over that of the better image, of each (B,)."""
-    image = better + deviation * out[:, 0]
-    before = ((better - truth) ** 2).mean(dim=(1, 2)) + LEAST_ERROR
-    ratio = (((image - truth) ** 2).mean(dim=(1, 2)) + LEAST_ERROR) / before
-    error = ((image.detach() - truth) / torch.clamp(deviation, min=1e-3)).clamp(-FARTHEST, FARTHEST)
+    image = better + sigma * out[:, 0]
+    before = ((better - truth) ** 2).mean(dim=(1, 2)) + MIN_ERROR
+    ratio = (((image - truth) ** 2).mean(dim=(1, 2)) + MIN_ERROR) / before
+    error = ((image.detach() - truth) / torch.clamp(sigma, min=1e-3)).clamp(-FARTHEST, FARTHEST)
     unlikely = out[:, 1] + error**2 * torch.exp(-2 * out[:, 1]) / 2
     worse = torch.relu(ratio - 1)
-    return (ratio + WORSE * worse + OF_DEVIATION * unlikely.mean(dim=(1, 2))).mean(), ratio
+    return (ratio + WORSE * worse + OF_SIGMA * unlikely.mean(dim=(1, 2))).mean(), ratio
 
 
 def main() -> None:
@@ -166,8 +168,8 @@ def trained(train: Pairs, aside: Pairs, steps: int, start: Path | None) -> Net:
     rng = np.random.default_rng(SEED)
     net = Net()
     if start is not None:
-        told = np.load(start)
-        weights = {name: torch.from_numpy(told[name]).float() for name in net.state_dict()}
+        reported = np.load(start)
+        weights = {name: torch.from_numpy(reported[name]).float() for name in net.state_dict()}
         net.load_state_dict(weights)
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(
@@ -188,9 +190,9 @@ def trained(train: Pairs, aside: Pairs, steps: int, start: Path | None) -> Net:
         if step % 500 == 499:
             gains = gain_db(mean.module, aside)
             print(f"{step + 1} steps, {time.perf_counter() - begun:.0f} s: {gains}", flush=True)
-    kept = mean.module
-    assert isinstance(kept, Net)
-    return kept
+    retained = mean.module
+    assert isinstance(retained, Net)
+    return retained
 
 
 def _last(maps: Tensor) -> Tensor:

@@ -34,9 +34,9 @@ def main() -> None:
     parser.add_argument("images", type=Path, nargs="+")
     parser.add_argument("--patterns", type=int, default=127)
     asked = parser.parse_args()
-    told = [np.load(file) for file in asked.images]
-    images = np.concatenate([each["image"] for each in told]).astype(np.float64)
-    family = np.concatenate([each["family"] for each in told])
+    reported = [np.load(file) for file in asked.images]
+    images = np.concatenate([each["image"] for each in reported]).astype(np.float64)
+    family = np.concatenate([each["family"] for each in reported])
     shape = images.shape[1:]
     contrasts = images.reshape(len(images), -1)
     contrasts = contrasts - contrasts.mean(axis=1, keepdims=True)
@@ -45,7 +45,7 @@ def main() -> None:
     rows = learned(contrasts[fitted], shape, asked.patterns)
     np.save(asked.patterns_file, (rows.reshape(-1, *shape) > 0).astype(np.uint8))
     hadamard = make_plan(shape, asked.patterns, "variance-ranked", "signed")
-    shown = hadamard.patterns.matrix(hadamard.index)
+    displayed = hadamard.patterns.matrix(hadamard.index)
     manifest = {
         "images": {
             file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in asked.images
@@ -54,7 +54,7 @@ def main() -> None:
         "patterns": asked.patterns,
         "held_of_other_families": {
             "learned": held(rows, contrasts[~fitted]),
-            "hadamard, variance-ranked": held(shown, contrasts[~fitted]),
+            "hadamard, variance-ranked": held(displayed, contrasts[~fitted]),
         },
     }
     text = json.dumps(manifest, indent=2)
@@ -69,8 +69,8 @@ def learned(contrasts: Floats, shape: tuple[int, int], patterns: int) -> Floats:
     rows = [np.ones(left.shape[0])]
     start = rng.standard_normal(left.shape[0])
     for _ in range(patterns - 1):
-        _, found = eigsh(left, k=1, tol=1e-3, v0=start)
-        row = np.where(found[:, 0] >= 0, 1.0, -1.0)
+        _, result = eigsh(left, k=1, tol=1e-3, v0=start)
+        row = np.where(result[:, 0] >= 0, 1.0, -1.0)
         for _ in range(CHANGES):
             other = np.where(left @ row >= 0, 1.0, -1.0)
             if other @ left @ other <= row @ left @ row:

@@ -76,8 +76,8 @@ def main() -> int:
     together.combine(map(str, folder.glob("lines.*")))
     together.save()
     seconds = {name: round(took, 4) for name, took in watch.seconds.items()}
-    told = {"seconds": seconds, "failed": sorted(set(watch.failed))}
-    (folder / "tests.json").write_text(json.dumps(told))
+    reported = {"seconds": seconds, "failed": sorted(set(watch.failed))}
+    (folder / "tests.json").write_text(json.dumps(reported))
     return 0
 
 

@@ -65,8 +65,8 @@ def _model(material: Material) -> str:
 def _draw(axis: plt.Axes, name: str, colour: str, style: str, label: str | None) -> None:
     values = np.array([find_material(name, None, nm).reflectance for nm in WAVELENGTHS_NM])
     # Between 940 and 1460 nm nothing is known.
-    for part, shown in ((slice(0, 3), label), (slice(3, 5), None)):
-        marked = {"color": colour, "marker": "o", "markersize": 4, "label": shown}
+    for part, displayed in ((slice(0, 3), label), (slice(3, 5), None)):
+        marked = {"color": colour, "marker": "o", "markersize": 4, "label": displayed}
         axis.plot(WAVELENGTHS_NM[part], values[part], style, **marked)
 
 

@@ -38,7 +38,7 @@ WORK = ROOT / "out" / "mutation"
 EQUIVALENTS = Path(__file__).with_name("mutation_equivalents.yaml")
 PACKAGES = ("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats")
 MIN_KILLED = 0.85
-MOST_TESTS_S = 120.0
+MAX_TESTS_S = 120.0
 """Of the tests of one fault, as long as they took when measured; slower ones are left out."""
 START_S, SLOWER = 120.0, 5.0
 """What pytest may take to start, and the tests over what they took when measured, to be in time."""
@@ -49,7 +49,7 @@ class Verdict:
     """What became of a fault: `killed`, `survived`, or `equivalent` with a reason."""
 
     mutant: Mutant
-    fate: str
+    outcome: str
     tests: int
     left_out: int
     reason: str = ""
@@ -62,32 +62,32 @@ class Map:
         self.seconds: dict[str, float] = {}
         self._parts: list[tuple[coverage.CoverageData, set[str]]] = []
         for part in parts:
-            told = json.loads((part / "tests.json").read_text())
+            fields = json.loads((part / "tests.json").read_text())
             data = coverage.CoverageData(str(part / "lines"))
             data.read()
-            files = {test.partition("::")[0] for test in told["seconds"]}
+            files = {test.partition("::")[0] for test in fields["seconds"]}
             self._forget(files)
-            sound = set(told["seconds"]) - set(told["failed"])
-            self.seconds |= {test: told["seconds"][test] for test in sound}
+            sound = set(fields["seconds"]) - set(fields["failed"])
+            self.seconds |= {test: fields["seconds"][test] for test in sound}
             self._parts.append((data, sound))
 
     def _forget(self, files: set[str]) -> None:
-        def kept(test: str) -> bool:
+        def retained(test: str) -> bool:
             return test.partition("::")[0] not in files
 
-        self.seconds = {test: took for test, took in self.seconds.items() if kept(test)}
-        self._parts = [(data, set(filter(kept, sound))) for data, sound in self._parts]
+        self.seconds = {test: took for test, took in self.seconds.items() if retained(test)}
+        self._parts = [(data, set(filter(retained, sound))) for data, sound in self._parts]
 
     @cache  # noqa: B019 - one map per run
     def lines(self, file: str) -> dict[int, set[str]]:
         """Tests by the line of a file."""
-        found: dict[int, set[str]] = defaultdict(set)
+        result: dict[int, set[str]] = defaultdict(set)
         for data, sound in self._parts:
             for line, contexts in data.contexts_by_lineno(file).items():
                 # A process of a test's own says in which phase of the test it was started.
                 names = {each.partition("|")[0].partition(" (")[0] for each in contexts}
-                found[line] |= names & sound
-        return found
+                result[line] |= names & sound
+        return result
 
     def tests(self, mutant: Mutant) -> list[str]:
         """Tests that run a fault, the quickest first.
@@ -98,13 +98,13 @@ class Map:
         lines = self.lines(mutant.file)
         spans = [mutant.lines, mutant.function, (0, sys.maxsize)]
         for first, last in filter(None, spans):
-            found = set().union(*(each for line, each in lines.items() if first <= line <= last))
-            if found:
-                return sorted(found, key=lambda test: (self.seconds[test], test))
+            result = set().union(*(each for line, each in lines.items() if first <= line <= last))
+            if result:
+                return sorted(result, key=lambda test: (self.seconds[test], test))
         folder = Path(mutant.file).parent
         beside = (self.lines(str(each)) for each in sorted(folder.glob("*.py")))
-        found = set().union(*(tests for each in beside for tests in each.values()))
-        return sorted(found, key=lambda test: (self.seconds[test], test))
+        result = set().union(*(tests for each in beside for tests in each.values()))
+        return sorted(result, key=lambda test: (self.seconds[test], test))
 
 
 def main() -> int:
@@ -126,9 +126,9 @@ def main() -> int:
     verdicts = list(tried(chosen, measured, options.workers))
     print(table(verdicts))
     for verdict in verdicts:
-        if verdict.fate != "killed":
+        if verdict.outcome != "killed":
             print(said(verdict))
-    survivors = [asdict(each.mutant) for each in verdicts if each.fate == "survived"]
+    survivors = [asdict(each.mutant) for each in verdicts if each.outcome == "survived"]
     report.write_text(json.dumps({"survivors": survivors}))
     return 0 if score(verdicts) >= MIN_KILLED else 1
 
@@ -172,13 +172,13 @@ def sample(wanted: int, seed: int) -> list[Mutant]:
 
 def exceptions() -> dict[str, list[dict[str, str]]]:
     """What is not held against the tests, and why."""
-    found: dict[str, list[dict[str, str]]] = yaml.safe_load(EQUIVALENTS.read_text())
-    return found
+    result: dict[str, list[dict[str, str]]] = yaml.safe_load(EQUIVALENTS.read_text())
+    return result
 
 
 def _rank(mutant: Mutant, seed: int) -> bytes:
-    told = f"{seed} {mutant.file} {mutant.text} {mutant.change} {mutant.start % 7}"
-    return hashlib.sha256(told.encode()).digest()
+    text = f"{seed} {mutant.file} {mutant.text} {mutant.change} {mutant.start % 7}"
+    return hashlib.sha256(text.encode()).digest()
 
 
 def up_to_date(folder: Path) -> list[Path]:
@@ -189,8 +189,8 @@ def up_to_date(folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "packages").write_text(packages)
     tests = {str(file): _digest([file]) for file in sorted(Path("tests").glob("*/test_*.py"))}
-    kept = folder / "measured.json"
-    measured: dict[str, str] = json.loads(kept.read_text()) if kept.is_file() else {}
+    retained = folder / "measured.json"
+    measured: dict[str, str] = json.loads(retained.read_text()) if retained.is_file() else {}
     new = [file for file, digest in tests.items() if measured.get(file) != digest]
     if new:
         part = folder / f"part-{len(list(folder.glob('part-*'))):03d}"
@@ -200,15 +200,15 @@ def up_to_date(folder: Path) -> list[Path]:
             [sys.executable, str(Path(__file__).with_name("line_tests.py")), str(part), *new],
             cwd=tree, env=_environment(tree), check=True,
         )  # fmt: skip
-        kept.write_text(json.dumps(tests))
+        retained.write_text(json.dumps(tests))
     return sorted(folder.glob("part-*"))
 
 
 def _digest(files: Sequence[Path]) -> str:
-    found = hashlib.sha256()
+    result = hashlib.sha256()
     for file in files:
-        found.update(f"{file}\n".encode() + file.read_bytes())
-    return found.hexdigest()
+        result.update(f"{file}\n".encode() + file.read_bytes())
+    return result.hexdigest()
 
 
 def copied(tree: Path) -> Path:
@@ -246,14 +246,14 @@ def tried(chosen: Sequence[Mutant], measured: Map, workers: int) -> Iterator[Ver
             return Verdict(mutant, "equivalent", 0, 0, reason)
         every = measured.tests(mutant)
         spent_s = list(accumulate(measured.seconds[test] for test in every))
-        count = max(sum(each <= MOST_TESTS_S for each in spent_s), min(len(every), 1))
+        count = max(sum(each <= MAX_TESTS_S for each in spent_s), min(len(every), 1))
         tests, tree = every[:count], trees.get()
         try:
             limit_s = START_S + SLOWER * (spent_s[count - 1] if tests else 0)
-            fate = "killed" if tests and noticed(mutant, tree, tests, limit_s) else "survived"
+            outcome = "killed" if tests and noticed(mutant, tree, tests, limit_s) else "survived"
         finally:
             trees.put(tree)
-        return Verdict(mutant, fate, len(tests), len(every) - len(tests))
+        return Verdict(mutant, outcome, len(tests), len(every) - len(tests))
 
     with ThreadPoolExecutor(workers) as pool:
         for number, verdict in enumerate(pool.map(attempt, chosen)):
@@ -284,7 +284,7 @@ def noticed(mutant: Mutant, tree: Path, tests: Sequence[str], limit_s: float) ->
 
 def score(verdicts: Sequence[Verdict]) -> float:
     """Killed, of those that change something."""
-    fates = [each.fate for each in verdicts if each.fate != "equivalent"]
+    fates = [each.outcome for each in verdicts if each.outcome != "equivalent"]
     return fates.count("killed") / max(len(fates), 1)
 
 
@@ -295,7 +295,7 @@ def table(verdicts: Sequence[Verdict]) -> str:
         by_package[package_of(each.mutant.file)].append(each)
     lines = [f"{'package':30} faults  killed  survived  equivalent  score"]
     for package, some in [*by_package.items(), ("all", list(verdicts))]:
-        fates = [each.fate for each in some]
+        fates = [each.outcome for each in some]
         counts: tuple[Any, ...] = tuple(map(fates.count, ("killed", "survived", "equivalent")))
         cells = "{:6d}  {:6d}  {:8d}  {:10d}".format(len(some), *counts)
         lines.append(f"{package:30} {cells}  {100 * score(some):4.0f} %")
@@ -305,8 +305,8 @@ def table(verdicts: Sequence[Verdict]) -> str:
 def said(verdict: Verdict) -> str:
     """One line."""
     left_out = f", {verdict.left_out} slow ones left out" if verdict.left_out else ""
-    told = verdict.reason or f"{verdict.tests} tests{left_out}"
-    return f"{verdict.fate}: {said_mutant(verdict.mutant)} ({told})"
+    reported = verdict.reason or f"{verdict.tests} tests{left_out}"
+    return f"{verdict.outcome}: {said_mutant(verdict.mutant)} ({reported})"
 
 
 def said_mutant(mutant: Mutant) -> str:

@@ -133,9 +133,9 @@ class _Finder:
             return
         old, new = OPERATORS[kind]
         first, last = self._span(left)[1], self._span(right)[0]
-        place = self._source[first:last].find(old.encode())
-        if place >= 0:
-            start = first + place
+        position = self._source[first:last].find(old.encode())
+        if position >= 0:
+            start = first + position
             yield old, new, start, start + len(old)
 
     def _span(self, node: ast.expr | ast.AST) -> tuple[int, int]:

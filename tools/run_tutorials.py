@@ -34,21 +34,23 @@ def run(path: Path) -> nbformat.NotebookNode:
             startup_timeout=PATIENCE_S,
         )
         client.execute()
-    return _kept(notebook, folder)
+    return _retained(notebook, folder)
 
 
-def _kept(notebook: nbformat.NotebookNode, folder: str) -> nbformat.NotebookNode:
+def _retained(notebook: nbformat.NotebookNode, folder: str) -> nbformat.NotebookNode:
     """What is worth storing: no state of editors and kernels, no names of a passing folder."""
     notebook.metadata = {"kernelspec": {"name": "python3", "display_name": "Python 3"}}
     for number, cell in enumerate(notebook.cells):
         cell.metadata = {}
         cell.id = f"cell-{number}"
         if cell.cell_type == "code":
-            cell.outputs = [_without(folder, output) for output in cell.outputs if _shown(output)]
+            cell.outputs = [
+                _without(folder, output) for output in cell.outputs if _displayed(output)
+            ]
     return notebook
 
 
-def _shown(output: nbformat.NotebookNode) -> bool:
+def _displayed(output: nbformat.NotebookNode) -> bool:
     return output.output_type != "stream" or output.name == "stdout"
 
 

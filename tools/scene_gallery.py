@@ -66,15 +66,15 @@ def _library(pictures: Path, instrument: Instrument) -> Iterator[tuple[str, ...]
     yield "", "scene", "air", "nearest, m", "spots, m", "objects", "triangles"
     for entry in catalogue():
         print(entry.name, file=sys.stderr)
-        picture, found = _thumbnail(load_scene(entry.name), instrument, pictures / entry.name)
+        picture, result = _thumbnail(load_scene(entry.name), instrument, pictures / entry.name)
         yield (
             picture,
             f"**{entry.name}**: {entry.description}",
             ", ".join(entry.weather) or "clear",
-            f"{found.nearest.range_m:.1f}",
-            ", ".join(f"{spot.range_m:.1f}" for spot in found.spots),
-            str(found.objects),
-            f"{found.triangles:,}",
+            f"{result.nearest.range_m:.1f}",
+            ", ".join(f"{spot.range_m:.1f}" for spot in result.spots),
+            str(result.objects),
+            f"{result.triangles:,}",
         )
 
 

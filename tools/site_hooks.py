@@ -55,9 +55,9 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
 
     markdown = UPWARDS.sub(along, markdown)
     for mark, parts in (("commands", _commands), ("benchmarks", _benchmarks)):
-        place = f"<!-- {mark} are put here -->"
-        if place in markdown:
-            markdown = markdown.replace(place, "\n".join(parts()))
+        location = f"<!-- {mark} are put here -->"
+        if location in markdown:
+            markdown = markdown.replace(location, "\n".join(parts()))
     return markdown
 
 
@@ -84,9 +84,9 @@ def _commands() -> Iterator[str]:
 
 
 def _verb(command: Any, called: str) -> Iterator[str]:
-    told = (command.help or "").strip()
+    reported = (command.help or "").strip()
     if called != "spisim":
-        yield f"\n## `{called}`\n\n{told}\n"
+        yield f"\n## `{called}`\n\n{reported}\n"
         yield from _parameters(command)
         if command.epilog:
             yield f"\n`{command.epilog.removeprefix('Example: ')}`\n"
@@ -95,11 +95,11 @@ def _verb(command: Any, called: str) -> Iterator[str]:
 
 
 def _parameters(command: Any) -> Iterator[str]:
-    shown = [each for each in command.params if not getattr(each, "hidden", False)]
-    if not shown:
+    displayed = [each for each in command.params if not getattr(each, "hidden", False)]
+    if not displayed:
         return
     yield "| option | default | what it is |\n|---|---|---|"
-    for each in shown:
+    for each in displayed:
         names = ", ".join(f"`{name}`" for name in [*each.opts, *each.secondary_opts])
         names = names if each.param_type_name == "option" else f"`{each.metavar or each.name}`"
         default = "" if each.default in (None, False, ()) else f"`{each.default}`"

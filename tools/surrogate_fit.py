@@ -55,12 +55,12 @@ def main() -> None:
     for family, visibility_m, scene, seed in scenes(range(*asked.seeds), asked.families):
         traced = solve(scene, instrument, spp=SPP["fog" if visibility_m else "clear"], seed=seed)
         if family in FITTED:
-            row, rest = shares(scene, instrument, traced)
+            row, rest = fractions(scene, instrument, traced)
             rows.append(row)
             rests.append(rest)
         else:
-            told = distance(surrogate(scene, instrument, seed=seed), traced)
-            distances.append((visibility_m, *told))
+            reported = distance(surrogate(scene, instrument, seed=seed), traced)
+            distances.append((visibility_m, *reported))
     if rows:
         print("BOUNCED, FORWARD, AGAIN_M:", fitted(np.array(rows), np.array(rests)))
     print("visibility m; quartiles of correlation, relative bias of the image, bias of ranges, m")
@@ -93,7 +93,7 @@ def scenes(seeds: range, families: Sequence[str]) -> Iterator[tuple[str, float |
             yield family, visibility_m, replace(scene, atmosphere=air), seed
 
 
-def shares(scene: Scene, instrument: Instrument, traced: Transport) -> tuple[Floats, float]:
+def fractions(scene: Scene, instrument: Instrument, traced: Transport) -> tuple[Floats, float]:
     """What each constant is multiplied by, and what they are to explain, over all light."""
     placed, world = InstrumentView.placed(scene, instrument), build_world(scene)
     sums = image_once(world, placed, (), np.random.SeedSequence(0))

@@ -26,9 +26,9 @@ Values = NDArray[np.float64]
 def main(folder: Path) -> None:
     """Print the best factors and what is left."""
     header = (folder / "spectra.sli.hdr").read_text()
-    found = re.search(r"wavelength = {(.*?)}", header, re.DOTALL)
-    assert found is not None
-    wavelengths = 1000 * np.array([float(word) for word in found[1].split(",")])
+    match = re.search(r"wavelength = {(.*?)}", header, re.DOTALL)
+    assert match is not None
+    wavelengths = 1000 * np.array([float(word) for word in match[1].split(",")])
     spectra = np.fromfile(folder / "spectra.sli", "<f4").reshape(-1, len(wavelengths))
     with (folder / "spectra.csv").open() as file:
         kinds = [tuple(row[f"LEVEL_{k}"] for k in (1, 2, 3, 4)) for row in csv.DictReader(file)]
@@ -48,8 +48,8 @@ def main(folder: Path) -> None:
         )
     errors = np.abs(infrared - RULE * encoded(red))
     order = np.argsort(errors)
-    share = np.cumsum(weights[order]) / weights.sum()
-    within = [errors[order][np.searchsorted(share, level)] for level in (2 / 3, 0.95)]
+    fraction = np.cumsum(weights[order]) / weights.sum()
+    within = [errors[order][np.searchsorted(fraction, level)] for level in (2 / 3, 0.95)]
     print(f"{RULE} times red: {rms(errors, weights):.3f} rms, two thirds within {within[0]:.2f}, "
           f"95 % within {within[1]:.2f}")  # fmt: skip
     spread = infrared - np.average(infrared, weights=weights)

@@ -18,16 +18,16 @@ from reconstruction.operators import ORDERS, fwht, ordered_rows
 from reconstruction.operators.bases.hadamard import Hadamard
 from reconstruction.operators.orders.variance_ranked import ranked
 
-SHARES = (0.03, 0.06, 0.125)
+FRACTIONS = (0.03, 0.06, 0.125)
 """Of all rows that are shown."""
 LENGTHS = np.round(np.geomspace(0.05, 1.0, 14), 2)
 
 
 def main(files: list[Path]) -> None:
     """Print the lengths that fit best, and shares of contrast by order and number of patterns."""
-    told = [np.load(file) for file in files]
-    images = np.concatenate([each["image"] for each in told]).astype(np.float64)
-    family = np.concatenate([each["family"] for each in told])
+    reported = [np.load(file) for file in files]
+    images = np.concatenate([each["image"] for each in reported]).astype(np.float64)
+    family = np.concatenate([each["family"] for each in reported])
     basis = Hadamard(images.shape[1:])
     power = fwht(images.reshape(len(images), -1)) ** 2
     power[:, 0] = 0
@@ -47,13 +47,13 @@ def main(files: list[Path]) -> None:
         "best of the other families": np.argsort(-others),
     }
     for name, rows in sorted(orders.items(), key=lambda item: -held(others, item[1])[0]):
-        print(f"| {name} | {' | '.join(f'{share:.3f}' for share in held(others, rows))} |")
+        print(f"| {name} | {' | '.join(f'{fraction:.3f}' for fraction in held(others, rows))} |")
 
 
 def held(power: Floats, rows: np.ndarray) -> list[float]:
     """Share of the contrast that the first rows other than the level hold, by their number."""
-    shown = np.cumsum(power[rows[rows != 0]])
-    return [float(shown[round(share * power.size) - 2]) for share in SHARES]
+    displayed = np.cumsum(power[rows[rows != 0]])
+    return [float(displayed[round(fraction * power.size) - 2]) for fraction in FRACTIONS]
 
 
 if __name__ == "__main__":

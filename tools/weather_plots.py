@@ -88,7 +88,7 @@ def what_a_wavelength_buys() -> Any:
         extinction = np.array([weather[name].extinction_per_m for name in names])
         at_1550 = [by_wavelength[1550][name].extinction_per_m for name in names]
         axes[0].plot(extinction / at_1550, rows + offset, "o", ms=5, label=f"{nm} nm")
-        axes[1].plot([reach_m(nm, one) for one in extinction], rows + offset, "o", ms=5)
+        axes[1].plot([max_range_m(nm, one) for one in extinction], rows + offset, "o", ms=5)
     axes[0].axvline(1, color="0.8", zorder=0)
     axes[0].set(xscale="log", xlabel="extinction over that at 1550 nm")
     axes[0].set_xticks((0.9, 1, 1.5, 2, 3, 4, 5))
@@ -105,7 +105,7 @@ def what_a_wavelength_buys() -> Any:
     return figure
 
 
-def reach_m(wavelength_nm: int, extinction_per_m: float) -> float:
+def max_range_m(wavelength_nm: int, extinction_per_m: float) -> float:
     """Where as many photons come straight back as over the yardstick, with class 1 power."""
 
     def log_photons(power_w: float, nm: float, extinction: float, range_m: float) -> float:

@@ -113,19 +113,19 @@ def counts(frame):
     image = [light(pixel, frame) for pixel in range(PIXELS)]
     readings = []
     for k in range(PIXELS):
-        shown = sum(image[u] for u in range(PIXELS) if bin(k & u).count("1") % 2 == 0)
-        readings += [DARK + shown, DARK + sum(image) - shown]
+        displayed = sum(image[u] for u in range(PIXELS) if bin(k & u).count("1") % 2 == 0)
+        readings += [DARK + displayed, DARK + sum(image) - displayed]
     return readings
 
 
 def stream(frames):
     """All messages."""
-    told = setup()
-    mine = binascii.crc32(told)
+    reported = setup()
+    mine = binascii.crc32(reported)
     for frame in range(frames):
         time_ns = frame * PERIOD_NS
         if frame % 128 == 0:  # once a second, for those who came later
-            yield message(SETUP, told, frame, time_ns, mine)
+            yield message(SETUP, reported, frame, time_ns, mine)
         payload = struct.pack(f"<{EXPOSURES}H16H", *counts(frame), *TAPS)
         yield message(FRAME, payload, frame, time_ns, mine)
     yield message(END, b"", frames, frames * PERIOD_NS, mine)

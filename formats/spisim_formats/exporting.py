@@ -25,12 +25,12 @@ def export_scene(
     all in it was written here.
     """
     folder, suffix = mesh_folder(output), output.suffix.lower()
-    known = writers()
-    if suffix not in known:
-        raise InputError(f"{output}: unknown format {suffix!r}: {nearest(suffix, known)}")
+    given = writers()
+    if suffix not in given:
+        raise InputError(f"{output}: unknown format {suffix!r}: {nearest(suffix, given)}")
     if further and suffix != ".sdf":
         raise InputError(f"{output}: {suffix} has no sensors; those go into worlds of Gazebo, .sdf")
-    text, meshes = known[suffix](scene, folder.name, further)
+    text, meshes = given[suffix](scene, folder.name, further)
     for path in (output, *([folder] if meshes else [])):
         if path.exists() and not overwrite:
             raise InputError(f"{path} exists; --overwrite replaces it")

@@ -23,7 +23,7 @@ from spisim_formats.library.files import Folders
 from spisim_formats.library.ground import ground, ground_material
 from spisim_formats.library.materials import Match, check_map, match, read_map
 from spisim_formats.library.shapes import as_mesh
-from spisim_formats.library.source_material import ToldMaterials
+from spisim_formats.library.source_material import SourceMaterials
 from spisim_formats.library.textures import Pictured, Use
 from spisim_formats.library.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim_formats.library.writing import scene_fields
@@ -112,12 +112,12 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     pictured = Pictured(options.textures)
-    told = ToldMaterials() if options.surfaces == "file" else None
-    matches = [match(part, chosen, pictured, told) for part in content.parts]
+    reported = SourceMaterials() if options.surfaces == "file" else None
+    matches = [match(part, chosen, pictured, reported) for part in content.parts]
     content.notes += pictured.notes
-    if told is not None:
-        _check_told(told, file)
-        content.notes += told.notes
+    if reported is not None:
+        _check_stated(reported, file)
+        content.notes += reported.notes
     if pictured.rows:
         content.note(
             f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
@@ -131,10 +131,10 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
     fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
-    own = pictured.rows | (told.rows if told else {})
+    own = pictured.rows | (reported.rows if reported else {})
     if own:
         fields["materials"] = own
-    more = told.files if told else {}
+    more = reported.files if reported else {}
     written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files | more)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
@@ -161,17 +161,17 @@ def _reader(file: Path) -> Reader:
     suffix = file.suffix.lower()
     if suffix in ARCHIVES:
         raise InputError(f"{file}: archives are not read; unpack it and import the file in it")
-    known = readers()
-    if suffix not in known:
-        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, known)}")
+    given = readers()
+    if suffix not in given:
+        raise InputError(f"{file}: unknown format {suffix!r}: {nearest(suffix, given)}")
     if not file.is_file():
         raise InputError(f"{file}: no such file")
-    return known[suffix]
+    return given[suffix]
 
 
-def _check_told(told: ToldMaterials, file: Path) -> None:
+def _check_stated(reported: SourceMaterials, file: Path) -> None:
     """InputError where a file tells nothing that could be kept."""
-    if not told.rows:
+    if not reported.rows:
         raise InputError(
             f"{file}: --surfaces file: nothing in it tells surfaces in a way that is read; so do "
             "Mitsuba's scenes, glTF and Gazebo by metalness, and OpenUSD's preview surfaces"
@@ -196,15 +196,15 @@ def _placed(content: Content) -> tuple[Content, list[trimesh.Trimesh]]:
     placed = [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]
-    reaches = [float(np.abs(mesh.bounds).max()) for mesh in placed]
+    max_ranges = [float(np.abs(mesh.bounds).max()) for mesh in placed]
     faults = {
         index: f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m: see --units "
         "and --scale"
-        for index, far in enumerate(reaches)
+        for index, far in enumerate(max_ranges)
         if not far <= MAX_COORDINATE_M
     }
-    kept = [mesh for index, mesh in enumerate(placed) if index not in faults]
-    return content.without(faults), kept
+    retained = [mesh for index, mesh in enumerate(placed) if index not in faults]
+    return content.without(faults), retained
 
 
 def _check_size(placed: Sequence[trimesh.Trimesh]) -> None:
@@ -255,6 +255,6 @@ def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:
     counts: dict[Match, int] = {}
-    for found in matches:
-        counts[found] = counts.get(found, 0) + 1
+    for result in matches:
+        counts[result] = counts.get(result, 0) + 1
     return tuple(counts.items())

@@ -21,8 +21,8 @@ def linear_physics(operator: MeasurementOperator, noise: float = 0.0) -> Any:
         return torch.as_tensor(seen, dtype=images.dtype, device=images.device)
 
     def back(coefficients: Any, **_: Any) -> Any:
-        found = operator.back_project(coefficients.detach().cpu().numpy())[:, None] / length
-        return torch.as_tensor(found, dtype=coefficients.dtype, device=coefficients.device)
+        result = operator.back_project(coefficients.detach().cpu().numpy())[:, None] / length
+        return torch.as_tensor(result, dtype=coefficients.dtype, device=coefficients.device)
 
     return deepinv.physics.LinearPhysics(
         A=forward,

@@ -10,6 +10,6 @@ from ..operators import MeasurementOperator
 
 def linear_operator(operator: MeasurementOperator) -> Any:
     """A `pylops.LinearOperator` from flat images (N,) to coefficients (K,)."""
-    found = pylops.LinearOperator(aslinearoperator(cast(Any, operator)))
-    found.dims, found.dimsd = operator.image_shape, (operator.shape[0],)
-    return found
+    result = pylops.LinearOperator(aslinearoperator(cast(Any, operator)))
+    result.dims, result.dimsd = operator.image_shape, (operator.shape[0],)
+    return result

@@ -11,7 +11,7 @@ MAX_NAMES = 24
 #: Of a name, and names that are looked at: both may come from files of any size.
 MAX_LETTERS, MAX_SEARCHED = 80, 10_000
 #: Of what an error says that is not ours.
-MAX_TOLD = 500
+MAX_REPORTED = 500
 
 
 class InputError(ValueError):
@@ -44,8 +44,8 @@ def in_words(error: Exception) -> str:
     """What went wrong in one line; of an error that nobody has foreseen its kind, too."""
     if isinstance(error, OSError):
         return explain(error)
-    told = " ".join(str(error).split())[:MAX_TOLD]
-    return told if isinstance(error, InputError) else f"{type(error).__name__}: {told}"
+    text = " ".join(str(error).split())[:MAX_REPORTED]
+    return text if isinstance(error, InputError) else f"{type(error).__name__}: {text}"
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
@@ -55,9 +55,9 @@ def nearest(name: str, allowed: Iterable[str]) -> str:
     """
     name, names = name[:MAX_LETTERS], [each[:MAX_LETTERS] for each in islice(allowed, MAX_SEARCHED)]
     if len(names) <= MAX_NAMES:
-        known = f"allowed: {', '.join(names)}"
+        available = f"allowed: {', '.join(names)}"
     else:
         like = get_close_matches(name, names, n=MAX_NAMES // 2, cutoff=0.5) or names[:3]
-        known = f"allowed: {', '.join(like)} and {len(names) - len(like)} others"
+        available = f"allowed: {', '.join(like)} and {len(names) - len(like)} others"
     close = get_close_matches(name, names, n=1)
-    return f"did you mean {close[0]!r}? {known}" if close else known
+    return f"did you mean {close[0]!r}? {available}" if close else available

@@ -19,7 +19,7 @@ lock file lies beside it."""
 
 _CONTENT = re.compile(rb"(\d+ .*\n?)?")
 """What a lock file holds: nothing, or process and machine."""
-_MOST_BYTES = 300
+_MAX_BYTES = 300
 _held: set[tuple[int, Path]] = set()
 """Threads of this process and the lock files that they hold."""
 
@@ -168,7 +168,7 @@ def _is_at(file: int, lock: Path) -> bool:
 
 
 def _content(file: int) -> bytes:
-    return os.pread(file, _MOST_BYTES, 0)
+    return os.pread(file, _MAX_BYTES, 0)
 
 
 def _write(file: int, text: str) -> None:

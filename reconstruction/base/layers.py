@@ -40,11 +40,11 @@ class Layers:
         count, height, width = channels.shape
         down, out, along, _ = weight.shape
         if constants is not None:
-            told = weight[..., count:] @ constants
-            weight = np.concatenate([weight[..., :count], told[..., None]], axis=-1)
+            reported = weight[..., count:] @ constants
+            weight = np.concatenate([weight[..., :count], reported[..., None]], axis=-1)
         if down == 1:
-            found = weight.reshape(out, -1) @ channels.reshape(count, -1)
-            return found.reshape(out, height, width) + bias
+            result = weight.reshape(out, -1) @ channels.reshape(count, -1)
+            return result.reshape(out, height, width) + bias
         # Shifts along the rows are columns of one product, and down the columns its slices.
         shifted = np.zeros((along, weight.shape[-1], height + 2, width), np.float32)
         own = shifted[:, :count, 1:-1]
@@ -58,10 +58,10 @@ class Layers:
             ones[0, :, 1:], ones[1], ones[2, :, :-1] = 1, 1, 1
         rows = weight.reshape(down * out, -1) @ shifted.reshape(along * weight.shape[-1], -1)
         above, here, below = rows.reshape(down, out, height + 2, width)
-        found = above[:, :-2] + here[:, 1:-1]
-        found += below[:, 2:]
-        found += bias
-        return np.asarray(found)
+        result = above[:, :-2] + here[:, 1:-1]
+        result += below[:, 2:]
+        result += bias
+        return np.asarray(result)
 
     def changed(self, name: str, channels: Channels, blocks: int) -> Channels:
         """With what pairs of convolutions ``<name>.0`` and so on add to it, block by block."""
@@ -79,13 +79,13 @@ def load_weights(
     InputError where it holds no such weights, or those of another version.
     """
     try:
-        with np.load(file, allow_pickle=False) as told:
-            weights = dict(told)
+        with np.load(file, allow_pickle=False) as reported:
+            weights = dict(reported)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"{file} holds no weights of a network: {error}") from None
-    found = weights.pop("version", None)
-    if found is None or found != version:
-        raise InputError(f"{file}: version of the weights = {found}, must be {version}")
+    result = weights.pop("version", None)
+    if result is None or result != version:
+        raise InputError(f"{file}: version of the weights = {result}, must be {version}")
     missing = [name for name in axes if name not in weights]
     if missing:
         raise InputError(f"{file}: weights without {', '.join(missing)}")

@@ -16,7 +16,7 @@ MAX_LINES, MAX_LETTERS = 10, 100
 """Of what an object says of itself in a terminal."""
 
 
-def told(title: str, facts: Mapping[str, Any]) -> str:
+def reported(title: str, facts: Mapping[str, Any]) -> str:
     """A title, and facts by their names in a line each, as `repr` shows them."""
     lines = [title, *(f"  {name}: {value}" for name, value in facts.items())]
     if len(lines) > MAX_LINES:
@@ -29,7 +29,7 @@ def _cut(line: str) -> str:
     return line if len(line) <= MAX_LETTERS else f"{line[: MAX_LETTERS - 1]}…"
 
 
-def shown(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
+def displayed(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
     """A title, facts by their names, and pictures beside them; whatever it is of, it is escaped."""
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th>'
@@ -45,12 +45,12 @@ def shown(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) ->
 def picture(values: ArrayLike, caption: str, unit: str) -> str:
     """A map (H, W) in grey from its 1st to its 99th percentile; what is not known is blue."""
     array = np.asarray(values, dtype=np.float64)
-    known = np.isfinite(array)
-    low, high = np.percentile(array[known], (1, 99)) if known.any() else (0.0, 1.0)
+    finite = np.isfinite(array)
+    low, high = np.percentile(array[finite], (1, 99)) if finite.any() else (0.0, 1.0)
     grey = np.clip((array - low) / max(high - low, 1e-300), 0, 1)
-    levels = (255 * np.where(known, grey, 0)).astype(np.uint8)
+    levels = (255 * np.where(finite, grey, 0)).astype(np.uint8)
     colours = np.repeat(levels[..., None], 3, axis=-1)
-    colours[~known] = (70, 90, 140)
+    colours[~finite] = (70, 90, 140)
     address = b64encode(png(colours, "spisim")).decode()
     image = (
         f'<img src="data:image/png;base64,{address}" alt="{escape(caption)}" '

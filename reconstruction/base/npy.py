@@ -47,17 +47,17 @@ def read_header(file: IO[bytes], kinds: str = REAL) -> Header:
     return Header(shape, dtype)
 
 
-def read_npy(file: IO[bytes], most_bytes: int, kinds: str = REAL) -> NDArray[Any]:
+def read_npy(file: IO[bytes], max_bytes: int, kinds: str = REAL) -> NDArray[Any]:
     """Array of numbers of these kinds from an open NPY file that can hold so many bytes.
 
     Raises InputError for anything else, and where the header tells of more.
     """
     header = read_header(file, kinds)
     size = header.numbers * header.dtype.itemsize
-    if size > most_bytes:
+    if size > max_bytes:
         raise InputError(
             f"not a readable NPY file: its header tells of {size} bytes, where at most "
-            f"{most_bytes} can be"
+            f"{max_bytes} can be"
         )
     try:
         return np.asarray(np.lib.format.read_array(file, allow_pickle=False))

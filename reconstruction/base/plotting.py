@@ -30,8 +30,8 @@ def panels(count: int) -> Any:
 def draw_map(axes: Any, values: ArrayLike, title: str, unit: str, colours: str = "gray") -> None:
     """A map (H, W) from its 1st to its 99th percentile, with a bar; what is not known is white."""
     array = np.asarray(values, dtype=np.float64)
-    known = array[np.isfinite(array)]
-    low, high = np.percentile(known, (1, 99)) if known.size else (0.0, 1.0)
+    finite = array[np.isfinite(array)]
+    low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)
     drawn = axes.imshow(array, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
     axes.figure.colorbar(drawn, ax=axes, label=unit)
     axes.set(title=title, xticks=[], yticks=[])

@@ -16,7 +16,7 @@ _STEERING = re.compile(
 )
 
 #: Of a message: letters of a word without spaces, as names and values may be, and of all of it.
-MOST_LETTERS, MOST_CHARACTERS = 400, 4000
+MAX_LETTERS, MAX_CHARACTERS = 400, 4000
 
 #: How characters that this software writes are told where there is nothing but ASCII.
 _PLAIN = {
@@ -45,17 +45,17 @@ def printable(text: str) -> str:
 
 def shortened(text: str) -> str:
     """A message whose words, and all of it, are short enough to be read: the middle is left out."""
-    words = re.sub(rf"\S{{{MOST_LETTERS + 1},}}", lambda word: _ends(word[0], MOST_LETTERS), text)
-    return _ends(words, MOST_CHARACTERS)
+    words = re.sub(rf"\S{{{MAX_LETTERS + 1},}}", lambda word: _ends(word[0], MAX_LETTERS), text)
+    return _ends(words, MAX_CHARACTERS)
 
 
-def _ends(text: str, most: int) -> str:
+def _ends(text: str, maximum: int) -> str:
     """The beginning and the end of what is too long."""
-    return text if len(text) <= most else f"{text[: most // 2]}…{text[-most // 4 :]}"
+    return text if len(text) <= maximum else f"{text[: maximum // 2]}…{text[-maximum // 4 :]}"
 
 
-def _escape(found: re.Match[str]) -> str:
-    code = ord(found[0])
+def _escape(match: re.Match[str]) -> str:
+    code = ord(match[0])
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
@@ -66,7 +66,7 @@ def json_line(report: Any) -> str:
 
 def write_anything() -> None:
     """Let stdout and stderr of this process take all text, whatever their encoding has."""
-    codecs.register_error("told plainly", _told_plainly)
+    codecs.register_error("told plainly", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="told plainly")
@@ -87,7 +87,7 @@ def flush_output() -> None:
         raise OSError(error.errno, error.strerror, "standard output") from None
 
 
-def _told_plainly(error: UnicodeError) -> tuple[str, int]:
+def _in_ascii(error: UnicodeError) -> tuple[str, int]:
     """An error handler of codecs: what an encoding lacks, in ASCII."""
     if not isinstance(error, UnicodeEncodeError):
         raise error

@@ -12,7 +12,7 @@ from .schema import Stored
 
 FEWEST_SPARE = 3
 """Readings to spare from which noise can be estimated."""
-LEAST_MODULATION_HZ = 1e4
+MIN_MODULATION_HZ = 1e4
 """Of light whose phase tells a range: below, no path is long enough to turn it."""
 
 
@@ -96,9 +96,9 @@ def check_taps(group: str, frequencies_hz: Floats, phases_rad: Floats) -> None:
         where = f"{group}/tap_frequencies_hz: {frequency_hz:g} Hz"
         if phases.size < 3:
             raise InputError(f"{where} has {phases.size} tap(s); a phase needs at least 3")
-        if frequency_hz < LEAST_MODULATION_HZ:
+        if frequency_hz < MIN_MODULATION_HZ:
             raise InputError(
-                f"{where} is below {LEAST_MODULATION_HZ:g} Hz, the least that light is modulated "
+                f"{where} is below {MIN_MODULATION_HZ:g} Hz, the least that light is modulated "
                 f"with; if it is in MHz, write {frequency_hz:g}e6"
             )
         model = np.stack([np.ones_like(phases), np.cos(phases), np.sin(phases)])

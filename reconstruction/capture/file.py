@@ -147,12 +147,12 @@ class CaptureFile:
             return truth if still or start == 0 else None
         frame = file.numbers("truth/frame").ravel()
         still = bool(file.number("truth/still"))
-        known = np.flatnonzero(still | (frame >= start) & (frame < stop))
-        if not known.size:
+        given = np.flatnonzero(still | (frame >= start) & (frame < stop))
+        if not given.size:
             return None
         sizes = axis_sizes(self.setup.plan)
         _check_shapes(file, "truth", Truth, sizes)
-        truth = _read(file, "truth", Truth, slice(known[0], known[-1] + 1))
+        truth = _read(file, "truth", Truth, slice(given[0], given[-1] + 1))
         check_part("truth", truth, axis_sizes(self.setup.plan))
         return truth if still else replace(truth, frame=truth.frame - start)
 
@@ -161,7 +161,7 @@ class CaptureFile:
 
         def read(group: str, part: Part) -> Part:
             values = {
-                name: stored.kept(f"{group}/{name}", dataset.read(slice(start, stop)))
+                name: stored.retained(f"{group}/{name}", dataset.read(slice(start, stop)))
                 for name, (stored, dataset) in self._by_frame.get(group, {}).items()
             }
             return replace(part, **values) if values else part  # type: ignore[type-var]
@@ -221,7 +221,7 @@ def datasets(
         part = getattr(parts, group, None)
         if part is not None:
             for name, stored in stored_fields(type(part)):
-                value = stored.kept(f"{group}/{name}", np.asarray(getattr(part, name)))
+                value = stored.retained(f"{group}/{name}", np.asarray(getattr(part, name)))
                 on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
                 yield f"{group}/{name}", on_disk, stored.units
     if parts.spots is not None:
@@ -232,8 +232,8 @@ def _datasets_of_plans(plans: Sequence[PatternPlan]) -> Iterator[tuple[str, Any,
     first = plans[0]
     yield "patterns/shape", np.array(first.shape, np.int32), "1"
     for name in ("index", "polarity"):
-        shown = np.stack([getattr(plan, name) for plan in plans])
-        yield f"patterns/{name}", shown if len(plans) > 1 else shown[0], "1"
+        displayed = np.stack([getattr(plan, name) for plan in plans])
+        yield f"patterns/{name}", displayed if len(plans) > 1 else displayed[0], "1"
     for name in ("basis", "order"):
         yield f"patterns/{name}", getattr(first, name), "1"
     for name in first.patterns.arrays:
@@ -289,7 +289,7 @@ def _spots_class(file: hdf5.Tables) -> type[Spots] | None:
 
 
 def _check_shapes(file: hdf5.Tables, group: str, part: type, sizes: dict[str, int]) -> None:
-    for name, stored in _told_fields(file, group, part):
+    for name, stored in _recorded_fields(file, group, part):
         shape = file.shape(f"{group}/{name}", stored.units)
         if (stored.one_for_all or not stored.axes) and set(shape) == {1}:
             shape = ()  # a scalar may be an array of one element
@@ -298,11 +298,13 @@ def _check_shapes(file: hdf5.Tables, group: str, part: type, sizes: dict[str, in
 
 def _read(file: hdf5.Tables, group: str, part: type[Part], rows: slice | None = None) -> Part:
     """A part of the capture, of what there is for each frame only some ``rows``."""
-    told = _told_fields(file, group, part)
-    return part(**{name: _value(file, f"{group}/{name}", kept, rows) for name, kept in told})
+    reported = _recorded_fields(file, group, part)
+    return part(
+        **{name: _value(file, f"{group}/{name}", retained, rows) for name, retained in reported}
+    )
 
 
-def _told_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
+def _recorded_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
     """The datasets of a part but those that a file lacks, as what they tell is not known."""
     default = {
         field.name
@@ -318,7 +320,7 @@ def _told_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, S
 
 def _value(file: hdf5.Tables, where: str, stored: Stored, rows: slice | None) -> Any:
     value = file.get(where, stored.units, rows if stored.by_frame else None)
-    array = stored.kept(where, value)
+    array = stored.retained(where, value)
     scalar = array.size == 1 and (stored.one_for_all or not stored.axes)
     return array.item() if scalar else array
 
@@ -329,5 +331,5 @@ def _truth_of_the_first_frame(file: hdf5.Contents, *, still: bool) -> Truth:
     for name, stored in stored_fields(Truth):
         if stored.axes[1:]:  # all but which frames these are
             value = file.get(f"truth/{name}", stored.units)
-            values[name] = stored.kept(f"truth/{name}", value)[None]
+            values[name] = stored.retained(f"truth/{name}", value)[None]
     return Truth(frame=np.zeros(1, np.int64), still=still, **values)

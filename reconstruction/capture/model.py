@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
-from ..base.notebook import drawing, figure, picture, shown, told
+from ..base.notebook import displayed, drawing, figure, picture, reported
 from ..base.plotting import draw_map, panels
 from ..operators import PatternPlan
 from .buckets import Buckets
@@ -110,18 +110,20 @@ class Truth:
 
     def knows(self, frame: int) -> bool:
         """Whether the truth of a frame is known."""
-        return bool(self._places(frame).size)
+        return bool(self._positions(frame).size)
 
     def at(self, frame: int) -> FrameTruth:
         """The truth of one frame; InputError if it is not known."""
-        found = self._places(frame)
-        if not found.size:
-            known = ", ".join(map(str, self.frame.tolist()))
-            raise InputError(f"frame {frame}: the capture holds the truth of frames {known} alone")
+        result = self._positions(frame)
+        if not result.size:
+            available = ", ".join(map(str, self.frame.tolist()))
+            raise InputError(
+                f"frame {frame}: the capture holds the truth of frames {available} alone"
+            )
         names = (field.name for field in fields(FrameTruth))
-        return FrameTruth(**{name: getattr(self, name)[found[0]] for name in names})
+        return FrameTruth(**{name: getattr(self, name)[result[0]] for name in names})
 
-    def _places(self, frame: int) -> NDArray[np.intp]:
+    def _positions(self, frame: int) -> NDArray[np.intp]:
         return np.flatnonzero((self.frame == frame) | self.still)
 
 
@@ -161,18 +163,18 @@ class Setup:
     later_plans: tuple[PatternPlan, ...] = ()
 
     def __repr__(self) -> str:
-        return told("Setup", self.facts)
+        return reported("Setup", self.facts)
 
     @property
     def facts(self) -> dict[str, Any]:
         """What it is, in a few words by name."""
         plan, shape = self.plan, " × ".join(map(str, self.plan.shape))
-        shown = {
+        displayed = {
             "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
             "exposures": plan.exposures,
         }
         return {
-            **(shown if plan.shows_image else {"patterns": "none"}),
+            **(displayed if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
         }
 
@@ -213,7 +215,7 @@ class Frames:
         facts: dict[str, Any] = {"first": self.first, "frames": len(self)}
         if self.spots is not None:
             facts["ranging"] = self.spots.summary
-        return told("Frames", facts | {"exposures": self.buckets.counts.shape[1]})
+        return reported("Frames", facts | {"exposures": self.buckets.counts.shape[1]})
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -279,7 +281,7 @@ class Capture:
         return int(self.buckets.counts.shape[0])
 
     def __repr__(self) -> str:
-        return told("Capture", self._facts)
+        return reported("Capture", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:
@@ -300,7 +302,7 @@ class Capture:
         pictures = [figure(lines, f"readings of frame 0, {low:.4g} to {high:.4g} counts")]
         if self.truth is not None:
             pictures.append(picture(self.truth.image[0], "true image", "electrons"))
-        return shown("Capture", self._facts, pictures)
+        return displayed("Capture", self._facts, pictures)
 
     def plot(self, frame: int = 0) -> Any:
         """Draw a frame's readings and, where they are known, its true image and depth.
@@ -309,11 +311,11 @@ class Capture:
         Matplotlib.
         """
         counts = self.frame(frame).buckets.counts[0]
-        known = self.truth is not None and self.truth.knows(frame)
-        axes = panels(3 if known else 1)
+        valid = self.truth is not None and self.truth.knows(frame)
+        axes = panels(3 if valid else 1)
         axes[0].plot(counts, ".", markersize=3)
         axes[0].set(title=f"readings of frame {frame}", xlabel="exposure", ylabel="counts")
-        if known:
+        if valid:
             assert self.truth is not None
             truth = self.truth.at(frame)
             draw_map(axes[1], truth.image, "true image", "electrons")
@@ -365,14 +367,14 @@ def check_plans(plans: Sequence[PatternPlan]) -> None:
     """Raise InputError unless frames with these plans can be of one recording."""
     first, *others = plans
     for frame, plan in enumerate(others, 1):
-        for what, found, expected in (
+        for what, result, expected in (
             ("shape", plan.shape, first.shape),
             ("basis", plan.basis, first.basis),
             ("exposures", plan.exposures, first.exposures),
         ):
-            if found != expected:
+            if result != expected:
                 raise InputError(
-                    f"the patterns of frame {frame} have {what} {found}, those of the first "
+                    f"the patterns of frame {frame} have {what} {result}, those of the first "
                     f"{expected}"
                 )
 
@@ -382,7 +384,7 @@ def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
     for name, stored in stored_fields(type(part)):
         value = np.asarray(getattr(part, name))
         check_shape(f"{group}/{name}", value.shape, stored, sizes)
-        stored.kept(f"{group}/{name}", value)
+        stored.retained(f"{group}/{name}", value)
 
 
 def check_parts(capture: "Capture | Frames | Setup") -> None:

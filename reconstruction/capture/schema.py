@@ -28,7 +28,7 @@ near them, and what lies between can be squared and divided by."""
 
 Part = TypeVar("Part")
 
-_known: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
+_reported: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
 
 
 class Stored(NamedTuple):
@@ -55,7 +55,7 @@ class Stored(NamedTuple):
             return np.dtype(np.int32 if value.dtype.kind in "iu" else np.float64)
         return np.dtype(self.dtype)
 
-    def kept(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
+    def retained(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
         """The values in the type in which they are kept.
 
         Raises InputError where they do not fit it or are not allowed.
@@ -72,29 +72,29 @@ class Stored(NamedTuple):
             if not (value.min() >= limits.min and value.max() <= limits.max):
                 raise InputError(f"{name} holds integers beyond {8 * dtype.itemsize} bits")
         with np.errstate(over="ignore"):  # what becomes infinite is beyond its limits
-            kept = value.astype(dtype, copy=False)
-        bad = kept <= 0 if self.sign == "positive" else kept < 0
+            retained = value.astype(dtype, copy=False)
+        bad = retained <= 0 if self.sign == "positive" else retained < 0
         if self.sign != "any" and bad.any():
             raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
         if dtype.kind == "f":
-            self._check_limits(name, kept)
-        return kept
+            self._check_limits(name, retained)
+        return retained
 
     def _check_limits(self, name: str, value: NDArray[Any]) -> None:
-        least, most = LIMITS[self.units]
-        if (found := value[np.abs(value) > most]).size:
-            raise InputError(f"{name} is {found[0]:g}, must be within ±{most:g} {self.units}")
-        if self.sign == "positive" and (found := value[value < least]).size:
-            raise InputError(f"{name} is {found[0]:g}, must be at least {least:g} {self.units}")
+        minimum, maximum = LIMITS[self.units]
+        if (result := value[np.abs(value) > maximum]).size:
+            raise InputError(f"{name} is {result[0]:g}, must be within ±{maximum:g} {self.units}")
+        if self.sign == "positive" and (result := value[value < minimum]).size:
+            raise InputError(f"{name} is {result[0]:g}, must be at least {minimum:g} {self.units}")
 
 
 def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
     """The datasets of a part of the capture, a data class: name, and how it is stored."""
-    if part not in _known:
+    if part not in _reported:
         hints = get_type_hints(part, include_extras=True)
         names = (field.name for field in fields(part))
-        _known[part] = tuple((name, get_args(hints[name])[-1]) for name in names)
-    return _known[part]
+        _reported[part] = tuple((name, get_args(hints[name])[-1]) for name in names)
+    return _reported[part]
 
 
 def between(part: Part, start: int, stop: int) -> Part:

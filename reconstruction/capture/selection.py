@@ -28,21 +28,21 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
     if not 1 <= patterns <= fewest:
         raise InputError(f"patterns = {patterns}: this capture has 1..{fewest} to choose from")
     ordered = ordered_rows(capture.plan.patterns, order)
-    shown = [_first(plan, ordered, patterns) for plan in plans]
-    if len({exposures.sum() for exposures in shown}) > 1:
+    displayed = [_first(plan, ordered, patterns) for plan in plans]
+    if len({exposures.sum() for exposures in displayed}) > 1:
         raise InputError(
             f"patterns = {patterns}: frames show these with different numbers of exposures"
         )
-    places = [np.flatnonzero(exposures) for exposures in shown]
-    kept = np.array([places[frame % len(plans)] for frame in range(capture.frames)])
+    indices = [np.flatnonzero(exposures) for exposures in displayed]
+    retained = np.array([indices[frame % len(plans)] for frame in range(capture.frames)])
     taps = capture.pattern_taps
-    plan, *later_plans = (each.only(some) for each, some in zip(plans, shown, strict=True))
+    plan, *later_plans = (each.only(some) for each, some in zip(plans, displayed, strict=True))
     return replace(
         capture,
-        pattern_taps=None if taps is None else _some(taps, kept, "taps"),
+        pattern_taps=None if taps is None else _some(taps, retained, "taps"),
         plan=plan,
         later_plans=tuple(later_plans),
-        buckets=_some(capture.buckets, kept, "counts"),
+        buckets=_some(capture.buckets, retained, "counts"),
     )
 
 
@@ -51,8 +51,8 @@ def _first(plan: PatternPlan, ordered: NDArray[np.int64], patterns: int) -> Mask
     return np.isin(plan.index, ordered[np.isin(ordered, plan.index)][:patterns])
 
 
-def _some(part: Part, kept: NDArray[np.intp], readings: str) -> Part:
+def _some(part: Part, retained: NDArray[np.intp], readings: str) -> Part:
     """A part with some readings (F, K) of each frame."""
-    frames = np.arange(len(kept))[:, None]
+    frames = np.arange(len(retained))[:, None]
     names = (readings, "saturated")
-    return replace(part, **{name: getattr(part, name)[frames, kept] for name in names})
+    return replace(part, **{name: getattr(part, name)[frames, retained] for name in names})

@@ -24,7 +24,7 @@ SPOTS_AXIS, MAX_SPOTS = "spots", 64
 """Name of the axis of the spots, and the most of them."""
 USUAL_SPOTS = 4
 """As many as methods of ranging and depth take."""
-MOST_PULSE_S = 1e-3
+MAX_PULSE_S = 1e-3
 """Duration of pulses and time bins: light goes 300 km meanwhile."""
 
 
@@ -38,9 +38,9 @@ def check_four(who: str, spots: "Spots | None") -> None:
 
 def check_duration(name: str, duration_s: float) -> None:
     """Raise InputError for a pulse or a time bin that tells no range."""
-    if duration_s > MOST_PULSE_S:
+    if duration_s > MAX_PULSE_S:
         raise InputError(
-            f"{name} is {duration_s:g} s, must be at most {MOST_PULSE_S:g} s; if it is in "
+            f"{name} is {duration_s:g} s, must be at most {MAX_PULSE_S:g} s; if it is in "
             f"nanoseconds, write {duration_s:g}e-9"
         )
 

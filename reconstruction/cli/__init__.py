@@ -58,8 +58,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         return _fail(explain(error), "--json" in arguments)
     except KeyboardInterrupt:
-        told = "interrupted; no file is left half-written"
-        return _fail(told, "--json" in arguments, INTERRUPTED)
+        text = "interrupted; no file is left half-written"
+        return _fail(text, "--json" in arguments, INTERRUPTED)
     return 0
 
 

@@ -12,7 +12,7 @@ from ..base.errors import InputError, naming
 from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
 from ..ranging.calibration import path_check
-from ..ranging.fog.offsets import TOLD, OffsetEvidence, PathOffsets, path_offsets
+from ..ranging.fog.offsets import REPORTED, OffsetEvidence, PathOffsets, path_offsets
 
 EXAMPLE = "python -m reconstruction check flight/*.h5"
 USEFUL_M = 0.5
@@ -30,7 +30,7 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print(json_line(_report(offsets)))
     else:
-        for line in _told(offsets):
+        for line in _reported(offsets):
             print(printable(line))
 
 
@@ -61,19 +61,19 @@ def _alike(one: Spots, other: Spots) -> bool:
 
 
 def _report(offsets: PathOffsets) -> dict[str, Any]:
-    known = np.isfinite(offsets.sigma_m)
+    finite = np.isfinite(offsets.sigma_m)
     spots = [
         {
-            "path_offset_m": float(offsets.offset_m[spot]) if known[spot] else None,
-            "sigma_m": float(offsets.sigma_m[spot]) if known[spot] else None,
-            "told": bool(offsets.told[spot]),
+            "path_offset_m": float(offsets.offset_m[spot]) if finite[spot] else None,
+            "sigma_m": float(offsets.sigma_m[spot]) if finite[spot] else None,
+            "told": bool(offsets.reported[spot]),
         }
         for spot in range(4)
     ]
     return {"frames": offsets.frames, "spots": spots}
 
 
-def _told(offsets: PathOffsets) -> Iterator[str]:
+def _reported(offsets: PathOffsets) -> Iterator[str]:
     if offsets.sigma_m.min() > USEFUL_M:
         yield f"too little fog to check the spots' paths; frames with ranges: {offsets.frames}"
         return
@@ -81,10 +81,10 @@ def _told(offsets: PathOffsets) -> Iterator[str]:
     for spot in range(4):
         offset_m, sigma_m = offsets.offset_m[spot], offsets.sigma_m[spot]
         line = f"spot {spot}  {100 * offset_m:+6.1f} cm, standard deviation {100 * sigma_m:.1f} cm"
-        if offsets.told[spot]:
+        if offsets.reported[spot]:
             way = "far" if offset_m > 0 else "near"
             line += f": wrongly calibrated, its ranges are {50 * abs(offset_m):.1f} cm too {way}"
         yield line
-    if not offsets.told.any():
-        least_m = TOLD * offsets.sigma_m.max()
-        yield f"no spot differs from the others; {100 * least_m:.1f} cm would be told"
+    if not offsets.reported.any():
+        min_m = REPORTED * offsets.sigma_m.max()
+        yield f"no spot differs from the others; {100 * min_m:.1f} cm would be told"

@@ -59,10 +59,10 @@ def run(options: argparse.Namespace) -> None:
     inputs = [*options.captures, *([] if options.poses is None else [options.poses])]
     check_export(form, options.output, inputs, overwrite=options.overwrite)
     frames = frames_in(options.captures)
-    place = _nowhere if options.poses is None else _in_turn(options.poses, frames)
+    position = _nowhere if options.poses is None else _in_turn(options.poses, frames)
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    shots = shots_of(options.captures, place, methods, options.weather)
-    write_export(form, _told(shots, frames), options.output)
+    shots = shots_of(options.captures, position, methods, options.weather)
+    write_export(form, _reported(shots, frames), options.output)
     if options.json:
         print(json_line({"written": str(options.output), "frames": frames}))
     else:
@@ -81,10 +81,10 @@ def _in_turn(file: Path, frames: int) -> Place:
     return lambda capture, frame: next(rows)
 
 
-def _told(shots: Iterable[Shot], frames: int) -> Iterator[Shot]:
-    told_s = time.monotonic()
+def _reported(shots: Iterable[Shot], frames: int) -> Iterator[Shot]:
+    reported_s = time.monotonic()
     for number, shot in enumerate(shots):
-        if number and time.monotonic() - told_s > TELL_EVERY_S:
-            told_s = time.monotonic()
+        if number and time.monotonic() - reported_s > TELL_EVERY_S:
+            reported_s = time.monotonic()
             print(f"{number} of {frames} frames", file=sys.stderr)
         yield shot

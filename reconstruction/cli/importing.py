@@ -51,7 +51,7 @@ MANY_TAPS = 16
 """Four of each of four spots: images of as few pixels are rare."""
 PATTERNS = ("patterns_variable", "factors", "rows", "frequencies", "order", "polarity", "patterns")
 """Options that tell which patterns were shown."""
-MOST_TOLD, LEAST_TOLD = 3, 1e-3
+MAX_REPORTED, MIN_REPORTED = 3, 1e-3
 """Layouts that are told, and the least probability."""
 
 
@@ -213,37 +213,37 @@ def _recording(options: argparse.Namespace) -> Recording:
     shape = options.shape[::-1] if options.transposed else options.shape
     with naming(options.file):
         if np.iscomplexobj(readings):
-            found = _of_coefficients(options, readings, shape)
+            result = _of_coefficients(options, readings, shape)
         elif options.frequencies is not None:
-            found = _of_phase_steps(options, readings, shape)
+            result = _of_phase_steps(options, readings, shape)
         elif options.patterns_variable is not None:
             matrix = _source(options, options.patterns_variable)
-            found = Recording(readings, *plan_from_matrix(matrix, shape))
+            result = Recording(readings, *plan_from_matrix(matrix, shape))
         elif options.factors is not None:
-            found = _of_factors(options, readings)
+            result = _of_factors(options, readings)
         elif options.rows is not None:
-            found = _of_rows(options, readings, shape)
+            result = _of_rows(options, readings, shape)
         elif options.order == "auto":
-            found = _recognised(options, readings, shape)
+            result = _recognised(options, readings, shape)
         else:
             order, polarity = options.order or "natural", options.polarity or "signed"
             plan = make_plan(shape, options.patterns, order, polarity)
-            found = Recording(*_with_dark(options, readings, plan))
-        plan = transposed(found.plan) if options.transposed else found.plan
+            result = Recording(*_with_dark(options, readings, plan))
+        plan = transposed(result.plan) if options.transposed else result.plan
         if plan.shape != options.shape:
             raise InputError(
                 f"the patterns have {plan.shape[0]} x {plan.shape[1]} pixels, --shape tells "
                 f"{options.shape[0]} x {options.shape[1]}"
             )
-        return found._replace(plan=plan)
+        return result._replace(plan=plan)
 
 
 def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None:
     """InputError where readings of patterns may as well be taps of spots."""
-    told = any(getattr(options, name) is not None for name in PATTERNS)
+    reported = any(getattr(options, name) is not None for name in PATTERNS)
     small = 0 < options.shape[0] * options.shape[1] <= MANY_TAPS
     by_spot = readings.ndim < 2 or readings.shape[-1] % 4 == 0
-    if small and not told and by_spot and readings.size % MANY_TAPS == 0:
+    if small and not reported and by_spot and readings.size % MANY_TAPS == 0:
         raise InputError(
             f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
             f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
@@ -337,11 +337,11 @@ def _recognised(
         counts = np.column_stack([counts, np.full(len(counts), options.dark)])
     trusted = counts.astype(np.float64)
     trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
-    found = recognise(trusted, shape, options.polarity)
-    layout, probability = found[0][:2]
-    for place, candidate in enumerate(found[:MOST_TOLD]):
-        if place == 0 or candidate.probability >= LEAST_TOLD:
-            print(printable(_told(candidate)), file=sys.stderr if options.json else sys.stdout)
+    result = recognise(trusted, shape, options.polarity)
+    layout, probability = result[0][:2]
+    for position, candidate in enumerate(result[:MAX_REPORTED]):
+        if position == 0 or candidate.probability >= MIN_REPORTED:
+            print(printable(_reported(candidate)), file=sys.stderr if options.json else sys.stdout)
     if probability < SURE:
         print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
     if layout.polarity == UNLIT:
@@ -354,9 +354,9 @@ def _recognised(
     return Recording(counts, layout.plan)
 
 
-def _told(candidate: Candidate) -> str:
-    share = f"{100 * candidate.probability:.1f}"
-    return f"{candidate.layout}: {'over 99.9' if share == '100.0' else share} % sure"
+def _reported(candidate: Candidate) -> str:
+    fraction = f"{100 * candidate.probability:.1f}"
+    return f"{candidate.layout}: {'over 99.9' if fraction == '100.0' else fraction} % sure"
 
 
 def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:

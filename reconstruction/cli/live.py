@@ -26,7 +26,7 @@ SINKS = (
     "SOURCE (results), window"
 )
 
-TOLD_S = 1.0
+REPORTED_S = 1.0
 """What is waited for is told when it has taken so long."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
@@ -183,7 +183,7 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
-        if state.waiting_s >= TOLD_S:
+        if state.waiting_s >= REPORTED_S:
             yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
         yield from (each for each in (_amiss(state), state.trouble) if each)
         for each in self._detached:
@@ -194,15 +194,15 @@ class _Teller:
 
 
 def _why(state: State) -> str:
-    told = [each for each in (state.trouble, _amiss(state)) if each]
-    return f": {'; '.join(told)}" if told else ""
+    reported = [each for each in (state.trouble, _amiss(state)) if each]
+    return f": {'; '.join(reported)}" if reported else ""
 
 
 def _amiss(state: State) -> str:
     """Counts that had better be 0."""
     counts = vars(state.counts).items()
-    told = {name: value for name, value in counts if value and name not in EXPECTED}
-    return ", ".join(f"{name} {value}" for name, value in told.items())
+    reported = {name: value for name, value in counts if value and name not in EXPECTED}
+    return ", ".join(f"{name} {value}" for name, value in reported.items())
 
 
 def _window(text: str) -> int:

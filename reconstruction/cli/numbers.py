@@ -35,10 +35,10 @@ def shape(text: str) -> tuple[int, int]:
 def angles(text: str) -> tuple[float, float]:
     """Angles of view in degrees, between 0 and 180."""
     width, _, height = text.partition("x")
-    found = number(width), number(height)
-    if not all(0 < each < 180 for each in found):
+    result = number(width), number(height)
+    if not all(0 < each < 180 for each in result):
         raise argparse.ArgumentTypeError(f"{text!r}: both angles must lie between 0 and 180 deg")
-    return found
+    return result
 
 
 def band(text: str) -> tuple[float, float]:

@@ -14,8 +14,8 @@ from ..base.errors import InputError, naming
 from ..base.folders import output_folder
 from ..base.text import json_line, printable, shortened
 from ..capture import Capture, check_frames, first_patterns, open_capture
-from ..chosen_methods import lead, left_out
-from ..depth import DEPTH_METHODS, DISTANCES_M, MIN_FREE, REACH_M, check_min_free
+from ..chosen_methods import left_out, warm_up_frames
+from ..depth import DEPTH_METHODS, DISTANCES_M, MAX_RANGE_M, MIN_FREE, check_min_free
 from ..diagnostics import capture_warnings
 from ..evaluation import method_title, no_range
 from ..image import DICTIONARIES, IMAGE_METHODS
@@ -78,7 +78,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    before = lead(options.frame, methods["image"], methods["ranging"])
+    before = warm_up_frames(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
         check_frames(options.frame, options.frame + 1, file.frames)
         recording = capture = file.capture(options.frame - before, options.frame + 1)
@@ -102,7 +102,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
         report = _report(result, capture) | {"depths_left_out": unsuited}
         print(json_line(report | {"warnings": warnings, "files": written}))
     else:
-        for line in _told(result, capture, unsuited, files):
+        for line in _reported(result, capture, unsuited, files):
             print(printable(line))
 
 
@@ -154,7 +154,7 @@ def _coverage(result: Result) -> dict[str, float]:
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
-def _told(
+def _reported(
     result: Result, capture: Capture, unsuited: dict[str, str], files: dict[str, Path]
 ) -> Iterator[str]:
     plan = capture.plan
@@ -166,16 +166,16 @@ def _told(
     else:
         yield f"ranges alone, {capture.provenance.source}: no patterns, no image"
     for name, ranges in result.rangings.items():
-        yield from _told_ranges(name, ranges)
+        yield from _reported_ranges(name, ranges)
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
         yield "no depth map: no spot has a range, or the optics are not known"
     for name, why in unsuited.items():
         yield f"depth, {method_title('depths', name)}: not of this recording ({why})"
-    for name, share in _coverage(result).items():
+    for name, fraction in _coverage(result).items():
         ahead = _ahead(result.obstacles_m.get(name), result.min_free)
-        yield f"depth, {method_title('depths', name)}: {100 * share:.1f} % of all pixels{ahead}"
+        yield f"depth, {method_title('depths', name)}: {100 * fraction:.1f} % of all pixels{ahead}"
     yield ", ".join(f"{stage} {1e3 * s:.1f} ms" for stage, s in result.timings_s.items())
     for path in files.values():
         yield f"wrote {path}"
@@ -184,21 +184,21 @@ def _told(
 def _ahead(obstacle_m: float | None, min_free: float) -> str:
     if obstacle_m is None:
         return ""
-    free_m = REACH_M if np.isnan(obstacle_m) else obstacle_m
+    free_m = MAX_RANGE_M if np.isnan(obstacle_m) else obstacle_m
     return f", free ahead up to {free_m:.2f} m with a probability of {min_free:g}"
 
 
-def _told_ranges(name: str, ranges: Ranges) -> Iterable[str]:
+def _reported_ranges(name: str, ranges: Ranges) -> Iterable[str]:
     columns = ("range / m", "sigma / m", "signal / electrons", "background / electrons", "status")
     rows = [(name, *columns)]
     for spot, status in enumerate(ranges.status):
-        known = status in RANGED
+        valid = status in RANGED
         others = ranges.alternatives[spot]
         rows.append(
             (
                 f"spot {spot}",
-                f"{ranges.range_m[spot]:.3f}" if known else no_range(status, others),
-                f"{ranges.sigma_m[spot]:.3f}" if known else "",
+                f"{ranges.range_m[spot]:.3f}" if valid else no_range(status, others),
+                f"{ranges.sigma_m[spot]:.3f}" if valid else "",
                 f"{ranges.signal_electrons[spot]:.4g}",
                 f"{ranges.background_electrons[spot]:.4g}",
                 status,

@@ -1,7 +1,7 @@
 """From image, ranges and readings to depth maps: methods, rays, point clouds."""
 
-from .method import REACH_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
-from .methods import DEPTH_METHODS, depth_method, lacks, suits, unlike
+from .method import MAX_RANGE_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
+from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
 from .obstacle import DISTANCES_M, MIN_FREE, Corridor, check_min_free, nearest_obstacle_m
 from .pointcloud import point_cloud_ply
 from .rays import pixel_of, pixel_rays, range_over_depth
@@ -9,8 +9,8 @@ from .rays import pixel_of, pixel_rays, range_over_depth
 __all__ = [
     "DEPTH_METHODS",
     "DISTANCES_M",
+    "MAX_RANGE_M",
     "MIN_FREE",
-    "REACH_M",
     "Context",
     "Corridor",
     "DepthEstimate",
@@ -21,10 +21,10 @@ __all__ = [
     "depth_method",
     "lacks",
     "nearest_obstacle_m",
+    "out_of_distribution",
     "pixel_of",
     "pixel_rays",
     "point_cloud_ply",
     "range_over_depth",
     "suits",
-    "unlike",
 ]

@@ -63,8 +63,8 @@ class AnchoredImage:
         between_anchors = ((anchors[:, None] - anchors) ** 2).sum(axis=-1)
         self._of_anchors = likeness(between_anchors, self._at_anchors[:, None] - self._at_anchors)
         rows, columns = (
-            (np.arange(side) - place[:, None]) ** 2
-            for side, place in zip(image.shape, anchors.T, strict=True)
+            (np.arange(side) - position[:, None]) ** 2
+            for side, position in zip(image.shape, anchors.T, strict=True)
         )
         self._of_pixels = likeness(
             rows[:, :, None] + columns[:, None], smoothed - self._at_anchors[:, None, None]
@@ -72,8 +72,8 @@ class AnchoredImage:
 
     def __call__(self, depth_m: Floats, sigma_m: Floats) -> DepthEstimate | None:
         """The map of these depths (K,), None where there are none."""
-        found = self.log_depth(depth_m, sigma_m)
-        return None if found is None else DepthEstimate(np.exp(found.mean), found.deviation())
+        result = self.log_depth(depth_m, sigma_m)
+        return None if result is None else DepthEstimate(np.exp(result.mean), result.sigma())
 
     def log_depth(self, depth_m: Floats, sigma_m: Floats) -> "LogDepth | None":
         """Its logarithm."""
@@ -82,26 +82,26 @@ class AnchoredImage:
             return None
         depth_m, sigma_m = depth_m[usable], sigma_m[usable]
         log_depth, log_sigma = np.log(depth_m), sigma_m / depth_m
-        weight = 1 / (1 + (log_sigma / prior.log_depth_deviation) ** 2)
+        weight = 1 / (1 + (log_sigma / prior.log_depth_sigma) ** 2)
         mean = weight @ log_depth / weight.sum()
         scatter = weight @ (log_depth - mean) ** 2
-        depth_variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
-        share = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_deviation**2)
-        residual = log_depth + share / 2 * self._at_anchors[usable]
-        unexplained = (1 - share) * depth_variance
+        depth_variance = (prior.log_depth_sigma**2 + scatter) / max(weight.sum(), 1.0)
+        fraction = 4 * depth_variance / (4 * depth_variance + prior.log_reflectance_sigma**2)
+        residual = log_depth + fraction / 2 * self._at_anchors[usable]
+        unexplained = (1 - fraction) * depth_variance
         weights, to_pixels = self._krige(usable, unexplained, log_sigma)
         shape = self._brightness.shape
-        kriged = (residual @ weights[:-1]).reshape(shape) - share / 2 * self._brightness
+        kriged = (residual @ weights[:-1]).reshape(shape) - fraction / 2 * self._brightness
         # An uncertain range may be anywhere within its deviation.
         log_factor = np.where(log_sigma > prior.uncertain, log_sigma, 0.0)
         nearest = (log_depth - log_factor).min() - np.log(prior.max_nearer)
         farthest = (log_depth + log_factor).max()
 
-        def deviation() -> Floats:
-            told = (weights * to_pixels).sum(axis=0).reshape(shape)
-            return np.asarray(prior.doubt * np.sqrt((1 + prior.nugget) * unexplained - told))
+        def sigma() -> Floats:
+            reported = (weights * to_pixels).sum(axis=0).reshape(shape)
+            return np.asarray(prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - reported))
 
-        return LogDepth(np.clip(kriged, nearest, farthest), deviation)
+        return LogDepth(np.clip(kriged, nearest, farthest), sigma)
 
     def _krige(self, usable: Mask, variance: float, sigma: Floats) -> tuple[Floats, Floats]:
         """Ordinary kriging of n values that are known up to ``sigma``.
@@ -126,4 +126,4 @@ class LogDepth(NamedTuple):
     """Log depth of a map (H, W), and what tells its deviation."""
 
     mean: Floats
-    deviation: Callable[[], Floats]
+    sigma: Callable[[], Floats]

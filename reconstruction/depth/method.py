@@ -32,7 +32,7 @@ class View:
     frame: Frames
 
 
-REACH_M = 40.0
+MAX_RANGE_M = 40.0
 """What is farther than this counts as nothing: it returns too little, and can wait."""
 
 
@@ -40,8 +40,8 @@ REACH_M = 40.0
 class DepthEstimate:
     """A depth map and how sure of it a method is, each (H, W).
 
-    ``depth_m``: along the optical axis, nan where there is none. ``deviation``: standard deviation
-    of ln depth, at least where there is a depth, and ``nothing``: probability in each pixel that
+    ``depth_m``: along the optical axis, nan where there is none. ``sigma``: standard deviation
+    of ln depth, at least where there is a depth, and ``no_return``: probability in each pixel that
     there is nothing within REACH_M; both None where the method cannot tell. ``free`` (K,):
     probability that the corridor ahead is free up to each of `DISTANCES_M`, None where it is to be
     read off the map (see `Corridor.free`). ``note``: what the user must know of it, such as that
@@ -49,8 +49,8 @@ class DepthEstimate:
     """
 
     depth_m: NDArray[Any]
-    deviation: Floats | None = None
-    nothing: Floats | None = None
+    sigma: Floats | None = None
+    no_return: Floats | None = None
     note: str | None = None
     free: Floats | None = None
 

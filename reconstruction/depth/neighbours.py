@@ -19,18 +19,20 @@ def _with_next_rows(image: Floats) -> Floats:
     return total
 
 
-def between(image: Floats, places: Floats) -> Floats:
+def between(image: Floats, positions: Floats) -> Floats:
     """Values (K,) at fractional rows and columns (K, 2), linear between pixels."""
-    down, along = (hats(place, side) for place, side in zip(places.T, image.shape, strict=True))
+    down, along = (
+        hats(position, side) for position, side in zip(positions.T, image.shape, strict=True)
+    )
     return np.asarray(((down @ image) * along).sum(axis=1))
 
 
-def hats(places: Floats, side: int) -> Floats:
+def hats(positions: Floats, side: int) -> Floats:
     """What each pixel along an axis counts at fractional places (K,) on it: (K, side)."""
-    within = np.clip(places, 0, side - 1)
+    within = np.clip(positions, 0, side - 1)
     return np.maximum(1 - np.abs(within[:, None] - np.arange(side)), 0)
 
 
-def wide_hats(places: Floats, side: int) -> Floats:
+def wide_hats(positions: Floats, side: int) -> Floats:
     """The same for the mean with the neighbours along this axis."""
-    return np.asarray(_with_next_rows(hats(places, side).T).T / 3)
+    return np.asarray(_with_next_rows(hats(positions, side).T).T / 3)

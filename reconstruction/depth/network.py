@@ -25,8 +25,8 @@ from ..base.layers import (
     squares_as_channels,
 )
 from ..capture import Optics
+from .network_input import NUMBERS, Inputs, NetworkInput, plainly
 from .rays import pixel_of
-from .shown import NUMBERS, Inputs, Shown, plainly
 
 VERSION = 2
 """Of weights, inputs and layers together: what `load` takes."""
@@ -42,8 +42,8 @@ class Told:
     """What the network says, each (H, W): log depth, its deviation, probability of nothing."""
 
     log_depth: Floats
-    deviation: Floats
-    nothing: Floats
+    sigma: Floats
+    no_return: Floats
 
 
 class DepthNetwork:
@@ -66,33 +66,35 @@ class DepthNetwork:
         start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
         return Told(start + out[0], np.exp(log_sigma), logistic(out[2]))
 
-    def unlike(self, inputs: Inputs) -> str | None:
+    def out_of_distribution(self, inputs: Inputs) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing.
 
         `of_view` tells what its recording is unlike in.
         """
         return self.outside(of_frame(inputs))
 
-    def outside(self, told: Mapping[str, float]) -> str | None:
+    def outside(self, reported: Mapping[str, float]) -> str | None:
         """The first of some `FEATURES` that is not as they were, in words; None if all are."""
-        for name, least, most in zip(FEATURES, *self._limits.tolist(), strict=True):
-            if name in told and not least <= told[name] <= most:
-                value, *limits = (plainly(name, each) for each in (told[name], least, most))
+        for name, minimum, maximum in zip(FEATURES, *self._limits.tolist(), strict=True):
+            if name in reported and not minimum <= reported[name] <= maximum:
+                value, *limits = (
+                    plainly(name, each) for each in (reported[name], minimum, maximum)
+                )
                 return f"{name} = {value}, learned from {' to '.join(limits)}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        kept = positive(layer("enter", half, numbers))
-        kept = positive(layer("before", kept))
-        quarter = positive(layer("down", squares_as_channels(kept)))
+        retained = positive(layer("enter", half, numbers))
+        retained = positive(layer("before", retained))
+        quarter = positive(layer("down", squares_as_channels(retained)))
         quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
         eighth = positive(layer("deeper", squares_as_channels(quarter)))
         eighth = layer.changed("deep", eighth, DEEP_BLOCKS)
         quarter = positive(quarter + channels_as_squares(layer("rise", eighth)))
         quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
-        kept = positive(kept + channels_as_squares(layer("up", quarter)))
-        return channels_as_squares(layer("leave", positive(layer("after", kept))))
+        retained = positive(retained + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", retained))))
 
 
 def logistic(values: Floats) -> Floats:
@@ -108,11 +110,11 @@ FEATURES = (
 """By these a frame is like those learned from, or not."""
 
 
-def features(shown: Shown, inputs: Inputs) -> Channels:
+def features(displayed: NetworkInput, inputs: Inputs) -> Channels:
     """What `FEATURES` names."""
-    rows, columns = shown.image.shape
-    told = of_frame(inputs) | of_view((rows, columns), shown.optics, shown.directions)
-    return np.array([told[name] for name in FEATURES], np.float32)
+    rows, columns = displayed.image.shape
+    reported = of_frame(inputs) | of_view((rows, columns), displayed.optics, displayed.directions)
+    return np.array([reported[name] for name in FEATURES], np.float32)
 
 
 def of_frame(inputs: Inputs) -> dict[str, float]:
@@ -120,8 +122,8 @@ def of_frame(inputs: Inputs) -> dict[str, float]:
     bright = inputs.maps[0]
     down, along = bright[1:] - bright[:-1], bright[:, 1:] - bright[:, :-1]
     slopes = np.mean(down**2) + np.mean(along**2)
-    told = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
-    return told | {
+    reported = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
+    return reported | {
         "spread of log brightness": float(bright.std()),
         "steepness": float(np.sqrt(slopes)),
     }
@@ -129,14 +131,14 @@ def of_frame(inputs: Inputs) -> dict[str, float]:
 
 def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[str, float]:
     """The `FEATURES` of field, size of the image and places of the spots."""
-    places = 2 * (pixel_of(directions, optics, shape) + 0.5) / np.array(shape) - 1
-    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    positions = 2 * (pixel_of(directions, optics, shape) + 0.5) / np.array(shape) - 1
+    extent = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     return {
         "half width": optics.tan_half_width,
         "half height": optics.tan_half_height,
         "rows": shape[0],
         "columns": shape[1],
-        "farthest spot": float(np.abs(places).max()),
+        "farthest spot": float(np.abs(positions).max()),
         "spots off a line": float(extent[1]),
     }
 

@@ -10,15 +10,15 @@ from ..capture import Optics, Setup, Spots
 from ..capture.readings.cw import CwSpots
 from ..ranging import RANGING_METHODS, FogOptics, Ranges, RangingSolver
 from .method import View
-from .shown import Anchors, Shown
+from .network_input import Anchors, NetworkInput
 
 LOST = ("no signal", "weak")
 """Spots of which nothing came back."""
-FOG_TOLD = 0.4
+FOG_REPORTED = 0.4
 """Deviation of the log of backscattering below which fog is known; beforehand it is 0.6."""
 USUAL_NOISE = 0.03
 """Of readings whose noise is not known."""
-MOST_SIGMA = 2.0
+MAX_SIGMA = 2.0
 """Relative deviation of a range beyond which it tells nothing."""
 LOG_REFLECTANCE = -6.0, 3.0
 """What lies beyond is not told apart."""
@@ -37,7 +37,7 @@ class Observer:
     plain: RangingSolver
     fog: RangingSolver | None
     gain: float
-    reach_m: float
+    max_range_m: float
 
     @classmethod
     def of(cls, setup: Setup) -> "Observer":
@@ -52,10 +52,10 @@ class Observer:
             plain=plain.compile(spots),
             fog=_fog_solver(spots),
             gain=_gain(spots),
-            reach_m=plain.unambiguous_range_m(spots),
+            max_range_m=plain.unambiguous_range_m(spots),
         )
 
-    def __call__(self, view: View) -> Shown:
+    def __call__(self, view: View) -> NetworkInput:
         """What is seen of a frame that has ranges.
 
         Of plain ranges and those of target and fog together, the ones that are not given are found
@@ -70,41 +70,43 @@ class Observer:
         else:
             plain, fitted = own, view.ranges
         fog = None if fitted is None else fitted.fog
-        if fog is None or fog.log_sigma >= FOG_TOLD:
+        if fog is None or fog.log_sigma >= FOG_REPORTED:
             fog = FogOptics(np.nan, np.nan, np.nan)
-        nothing = Anchors(np.full(4, np.nan), np.full(4, np.nan))
-        shown = Shown(
+        no_return = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+        displayed = NetworkInput(
             image=view.image,
             optics=self.optics,
             directions=self.spots.directions,
             plain=self._anchors(plain),
-            fitted=nothing if fitted is None else self._anchors(fitted),
+            fitted=no_return if fitted is None else self._anchors(fitted),
             lost=np.isin(plain.status, LOST),
             log_reflectance=np.full(4, np.nan),
             noise=_noise(view),
-            share=view.frame.buckets.counts.shape[1] / view.image.size,
-            reach_m=self.reach_m,
+            fraction=view.frame.buckets.counts.shape[1] / view.image.size,
+            max_range_m=self.max_range_m,
             extinction_per_m=fog.extinction_per_m,
             backscatter_per_m_sr=fog.backscatter_per_m_sr,
         )
-        return replace(shown, log_reflectance=self._log_reflectance(shown, own.signal_electrons))
+        return replace(
+            displayed, log_reflectance=self._log_reflectance(displayed, own.signal_electrons)
+        )
 
     def _anchors(self, ranges: Ranges) -> Anchors:
         range_m, sigma_m = ranges.likeliest
         with np.errstate(divide="ignore", invalid="ignore"):
             return Anchors(
                 np.log(range_m * self.spots.directions[:, 2]),
-                np.minimum(sigma_m / range_m, MOST_SIGMA),
+                np.minimum(sigma_m / range_m, MAX_SIGMA),
             )
 
-    def _log_reflectance(self, shown: Shown, amplitudes: Floats) -> Floats:
+    def _log_reflectance(self, displayed: NetworkInput, amplitudes: Floats) -> Floats:
         """Of Lambertian surfaces that face the instrument; light lost in known fog is put back."""
-        range_m = np.exp(shown.best.log_depth) / self.spots.directions[:, 2]
+        range_m = np.exp(displayed.best.log_depth) / self.spots.directions[:, 2]
         collected = self.spots.aperture_radii_m**2 / range_m**2
         with np.errstate(divide="ignore", invalid="ignore"):
-            found = np.log(amplitudes / (self.gain * collected))
-        lost = 2 * np.nan_to_num(shown.extinction_per_m) * range_m
-        return np.where(np.isfinite(found), np.clip(found + lost, *LOG_REFLECTANCE), np.nan)
+            result = np.log(amplitudes / (self.gain * collected))
+        lost = 2 * np.nan_to_num(displayed.extinction_per_m) * range_m
+        return np.where(np.isfinite(result), np.clip(result + lost, *LOG_REFLECTANCE), np.nan)
 
 
 def _fog_solver(spots: Spots) -> RangingSolver | None:

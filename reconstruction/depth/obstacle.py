@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
-from .method import REACH_M, DepthEstimate
+from .method import MAX_RANGE_M, DepthEstimate
 
 CORRIDOR_M = 0.6
 """Width and height of the corridor along the optical axis in which a drone flies."""
 OBSTACLE_M2 = 0.01
 """Cross-section of what counts as an obstacle: that of a hand's breadth squared."""
-DISTANCES_M = np.geomspace(0.2, REACH_M, 54)
+DISTANCES_M = np.geomspace(0.2, MAX_RANGE_M, 54)
 """Distances up to which the probability that the corridor is free is stated; steps of 10.5 %."""
 DISTANCES_M.setflags(write=False)
 MIN_FREE = 0.65
@@ -39,7 +39,7 @@ LEVELS = (np.arange(6) + 0.5) / 6
 USUALLY_ENOUGH = 64
 """Nearest pixels of which an obstacle mostly consists; where it does not, all are looked at."""
 LOG_DISTANCES = np.log(DISTANCES_M)
-ANYWHERE = np.clip(np.log(REACH_M / DISTANCES_M) / np.log(REACH_M / NEAREST_M), 0, 1)
+ANYWHERE = np.clip(np.log(MAX_RANGE_M / DISTANCES_M) / np.log(MAX_RANGE_M / NEAREST_M), 0, 1)
 """Probability that an obstacle of a map that tells nothing is behind each distance."""
 HALEY = 1.702
 """A logistic distribution of this slope is normal within 0.01 (D. C. Haley, 1952)."""
@@ -94,25 +94,25 @@ class Corridor:
         if estimate.free is not None or not np.isfinite(estimate.depth_m).any():
             return estimate.free
         prior = corridor_prior("others")
-        return self.free(estimate.depth_m, prior, estimate.deviation, estimate.nothing)
+        return self.free(estimate.depth_m, prior, estimate.sigma, estimate.no_return)
 
     def free(
         self,
         depth_m: Floats,
         prior: CorridorPrior,
-        deviation: Floats | None = None,
-        nothing: Floats | None = None,
+        sigma: Floats | None = None,
+        no_return: Floats | None = None,
     ) -> Floats:
         """Probability that the corridor is free up to each of `DISTANCES_M`, never rising.
 
-        Of a map (H, W), nan where it tells no depth; ``deviation`` (H, W) is its standard deviation
-        of ln depth, ``nothing`` (H, W) the probability that there is nothing within reach.
+        Of a map (H, W), nan where it tells no depth; ``sigma`` (H, W) is its standard deviation
+        of ln depth, ``no_return`` (H, W) the probability that there is nothing within reach.
         """
-        if deviation is None:
-            deviation = np.full(depth_m.shape, prior.map_sigma)
-        return free_of(self.ensemble_m(depth_m, prior.scale * deviation, nothing), prior)
+        if sigma is None:
+            sigma = np.full(depth_m.shape, prior.map_sigma)
+        return free_of(self.ensemble_m(depth_m, prior.scale * sigma, no_return), prior)
 
-    def ensemble_m(self, depth_m: Floats, sigma: Floats, nothing: Floats | None = None) -> Floats:
+    def ensemble_m(self, depth_m: Floats, sigma: Floats, no_return: Floats | None = None) -> Floats:
         """Nearest obstacles (N,) of maps that are off by `ERRORS` times ``sigma`` of ln depth.
 
         They have nothing in the pixels where that is likelier than `LEVELS`; nan without obstacle.
@@ -120,9 +120,9 @@ class Corridor:
         inside = self._slope * depth_m * np.exp(ERRORS[0] * sigma) <= CORRIDOR_M / 2
         depth_m, sigma, slope = depth_m[inside], sigma[inside], self._slope[inside]
         maps = depth_m * np.exp(ERRORS[:, None] * sigma)
-        if nothing is None:
+        if no_return is None:
             return self._nearest_m(maps, slope, np.zeros(slope.size), 1)
-        first = np.searchsorted(LEVELS, nothing[inside], side="right")
+        first = np.searchsorted(LEVELS, no_return[inside], side="right")
         return self._nearest_m(maps, slope, first, LEVELS.size)
 
     def _nearest_m(self, maps: Floats, slope: Floats, first: Floats, levels: int) -> Floats:
@@ -130,25 +130,25 @@ class Corridor:
 
         ``first`` (n,): level from which on a pixel is there.
         """
-        inside = (maps <= REACH_M) & (slope * maps <= CORRIDOR_M / 2)
+        inside = (maps <= MAX_RANGE_M) & (slope * maps <= CORRIDOR_M / 2)
         near_m = np.where(inside, maps, np.inf)
-        for most in (USUALLY_ENOUGH, slope.size):
-            few = _nearest(near_m, most)
+        for maximum in (USUALLY_ENOUGH, slope.size):
+            few = _nearest(near_m, maximum)
             sorted_m = np.take_along_axis(near_m, few, axis=1)
             area = self._pixel * np.where(np.isfinite(sorted_m), sorted_m, 0) ** 2
             there = first[few][:, None] <= np.arange(levels)[:, None]
             count = (np.cumsum(area[:, None] * there, axis=-1) < OBSTACLE_M2).sum(axis=-1)
             if (count < few.shape[1]).all():
                 break
-        found = np.append(sorted_m, np.full((len(maps), 1), np.nan), axis=1)
-        return np.take_along_axis(found, count, axis=1).ravel()
+        result = np.append(sorted_m, np.full((len(maps), 1), np.nan), axis=1)
+        return np.take_along_axis(result, count, axis=1).ravel()
 
 
-def _nearest(depth_m: Floats, most: int) -> NDArray[np.intp]:
+def _nearest(depth_m: Floats, maximum: int) -> NDArray[np.intp]:
     """The nearest pixels of each map (E, n), in their order: (E, most)."""
-    if most >= depth_m.shape[1]:
+    if maximum >= depth_m.shape[1]:
         return np.argsort(depth_m, axis=1)
-    few = np.argpartition(depth_m, most, axis=1)[:, :most]
+    few = np.argpartition(depth_m, maximum, axis=1)[:, :maximum]
     return np.take_along_axis(few, np.argsort(np.take_along_axis(depth_m, few, axis=1)), axis=1)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats, Mask
-from ..depth import DISTANCES_M, MIN_FREE, REACH_M, Corridor, nearest_obstacle_m
+from ..depth import DISTANCES_M, MAX_RANGE_M, MIN_FREE, Corridor, nearest_obstacle_m
 from .numbers import number
 
 Figures = dict[str, float | None]
@@ -17,48 +17,49 @@ def depth_metrics(
     depth_m: ArrayLike,
     true_m: ArrayLike,
     *,
-    deviation: ArrayLike | None = None,
-    nothing: ArrayLike | None = None,
+    sigma: ArrayLike | None = None,
+    no_return: ArrayLike | None = None,
     rays: Floats | None = None,
     free: Floats | None = None,
     min_free: float = MIN_FREE,
 ) -> Figures:
     """Metrics of depths (..., H, W), nan where there is none, against true ones.
 
-    What is farther than REACH_M counts as nothing. ``deviation`` is the standard deviation of ln
-    depth, ``nothing`` the probability of nothing within reach; `obstacle_metrics`, of one map, need
-    the ``rays`` (H, W, 3) of its pixels, z = 1, and where it is stated the probability ``free``
-    (K,) that the corridor is free up to each of `DISTANCES_M`. What cannot be told is None.
+    What is farther than REACH_M counts as nothing. ``sigma`` is the standard deviation of ln
+    depth, ``no_return`` the probability of nothing within reach; `obstacle_metrics`, of one map,
+    need the ``rays`` (H, W, 3) of its pixels, z = 1, and where it is stated the probability
+    ``free`` (K,) that the corridor is free up to each of `DISTANCES_M`. What cannot be told is
+    None.
 
     Over the pixels that have a depth and where something is hit, ``mae_m``, ``rmse_m``,
     ``median_relative``, ``within_25_percent``, and as D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
     have them ``abs_rel``, the mean of |d - t| / t, and ``delta_1_25``, the share of pixels where
     max(d / t, t / d) < 1.25. ``coverage`` is the share of the pixels where something is hit that
     have a depth. Of these, ``within_1_sigma`` and ``within_2_sigma`` is the share whose ln depth is
-    off by no more: 0.683 and 0.954 of Gaussian errors. See `nothing_metrics` and `free_metrics` for
-    the others.
+    off by no more: 0.683 and 0.954 of Gaussian errors. See `no_return_metrics` and `free_metrics`
+    for the others.
     """
     values, true_values = (np.asarray(each, dtype=np.float64) for each in (depth_m, true_m))
-    empty = ~(true_values <= REACH_M)
-    found = _errors(values, true_values, ~empty, deviation)
-    found |= nothing_metrics(values, empty, nothing)
-    found |= free_metrics(values, true_values, nothing)
-    return found | obstacle_metrics(values, true_values, rays, free, min_free)
+    empty = ~(true_values <= MAX_RANGE_M)
+    result = _errors(values, true_values, ~empty, sigma)
+    result |= no_return_metrics(values, empty, no_return)
+    result |= free_metrics(values, true_values, no_return)
+    return result | obstacle_metrics(values, true_values, rays, free, min_free)
 
 
-def _errors(depth_m: Floats, true_m: Floats, hit: Mask, deviation: ArrayLike | None) -> Figures:
+def _errors(depth_m: Floats, true_m: Floats, hit: Mask, sigma: ArrayLike | None) -> Figures:
     names = ("mae_m", "rmse_m", "median_relative", "within_25_percent", "abs_rel", "delta_1_25")
-    found: Figures = dict.fromkeys((*names, "coverage", "within_1_sigma", "within_2_sigma"))
-    known = np.isfinite(depth_m) & hit
+    result: Figures = dict.fromkeys((*names, "coverage", "within_1_sigma", "within_2_sigma"))
+    finite = np.isfinite(depth_m) & hit
     if hit.any():
-        found["coverage"] = number(known.sum() / hit.sum())
-    if not known.any():
-        return found
-    depth_m, true_m = depth_m[known], true_m[known]
+        result["coverage"] = number(finite.sum() / hit.sum())
+    if not finite.any():
+        return result
+    depth_m, true_m = depth_m[finite], true_m[finite]
     error = np.abs(depth_m - true_m)
     relative = error / true_m
     ratio = np.maximum(depth_m / true_m, true_m / depth_m)
-    found |= {
+    result |= {
         "mae_m": number(error.mean()),
         "rmse_m": number(np.sqrt((error**2).mean())),
         "median_relative": number(np.median(relative)),
@@ -66,13 +67,13 @@ def _errors(depth_m: Floats, true_m: Floats, hit: Mask, deviation: ArrayLike | N
         "abs_rel": number(relative.mean()),
         "delta_1_25": number((ratio < CLOSE).mean()),
     }
-    if deviation is not None:
-        away = np.log(ratio) / np.asarray(deviation, dtype=np.float64)[known]
-        found |= {f"within_{k}_sigma": number((away <= k).mean()) for k in (1, 2)}
-    return found
+    if sigma is not None:
+        away = np.log(ratio) / np.asarray(sigma, dtype=np.float64)[finite]
+        result |= {f"within_{k}_sigma": number((away <= k).mean()) for k in (1, 2)}
+    return result
 
 
-def nothing_metrics(depth_m: Floats, empty: Mask, nothing: ArrayLike | None) -> Figures:
+def no_return_metrics(depth_m: Floats, empty: Mask, no_return: ArrayLike | None) -> Figures:
     """How well depths (H, W) tell where it is ``empty`` (H, W), nothing within reach.
 
     ``nothing_share``: of the pixels where there is nothing. ``nothing_brier``: mean squared
@@ -80,31 +81,33 @@ def nothing_metrics(depth_m: Floats, empty: Mask, nothing: ArrayLike | None) -> 
     pixels, has b (1 - b) (G. W. Brier, Mon. Weather Rev. 78, 1 (1950)). ``invented``: share of the
     empty pixels that have a depth within reach.
     """
-    found: Figures = {
+    result: Figures = {
         "nothing_share": number(empty.mean()),
         "nothing_brier": None,
-        "invented": number((depth_m <= REACH_M)[empty].mean()) if empty.any() else None,
+        "invented": number((depth_m <= MAX_RANGE_M)[empty].mean()) if empty.any() else None,
     }
-    if nothing is not None:
-        missed = np.asarray(nothing, dtype=np.float64) - empty
-        found["nothing_brier"] = number(np.mean(missed**2))
-    return found
+    if no_return is not None:
+        missed = np.asarray(no_return, dtype=np.float64) - empty
+        result["nothing_brier"] = number(np.mean(missed**2))
+    return result
 
 
-def free_metrics(depth_m: Floats, true_m: Floats, nothing: ArrayLike | None) -> Figures:
+def free_metrics(depth_m: Floats, true_m: Floats, no_return: ArrayLike | None) -> Figures:
     """Free space before the surfaces, as lengths along the optical axis, summed over pixels.
 
     What is free in a pixel is all up to its depth, up to REACH_M where there is nothing, and none
     that is told where it is not known. ``free_precision`` is the share of the length told free that
     is free, ``free_recall`` the share of what is free that is told.
     """
-    true_free = np.where(true_m <= REACH_M, true_m, REACH_M)
-    told = np.minimum(np.nan_to_num(depth_m), REACH_M)
-    if nothing is not None:
-        told = np.where(np.isnan(depth_m) & (np.asarray(nothing) >= 0.5), REACH_M, told)
-    both = np.minimum(told, true_free).sum()
+    true_free = np.where(true_m <= MAX_RANGE_M, true_m, MAX_RANGE_M)
+    reported = np.minimum(np.nan_to_num(depth_m), MAX_RANGE_M)
+    if no_return is not None:
+        reported = np.where(
+            np.isnan(depth_m) & (np.asarray(no_return) >= 0.5), MAX_RANGE_M, reported
+        )
+    both = np.minimum(reported, true_free).sum()
     return {
-        "free_precision": number(both / told.sum()) if told.any() else None,
+        "free_precision": number(both / reported.sum()) if reported.any() else None,
         "free_recall": number(both / true_free.sum()),
     }
 

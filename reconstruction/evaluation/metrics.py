@@ -53,8 +53,8 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
             name: depth_metrics(
                 depth_m,
                 truth.depth_m,
-                deviation=result.depth_deviations.get(name),
-                nothing=result.nothings.get(name),
+                sigma=result.log_depth_sigmas.get(name),
+                no_return=result.no_returns.get(name),
                 rays=rays,
                 free=result.free_probabilities.get(name),
                 min_free=result.min_free,
@@ -74,14 +74,14 @@ def image_metrics(
     average, which wins where there is more noise than image. None without the former.
     """
     true_values = np.asarray(true_image, dtype=np.float64)
-    known = np.isfinite(true_values)
-    true_values = true_values[known]
-    values = np.asarray(image, dtype=np.float64)[known]
+    finite = np.isfinite(true_values)
+    true_values = true_values[finite]
+    values = np.asarray(image, dtype=np.float64)[finite]
     with np.errstate(divide="ignore", invalid="ignore"):
         squared_error = np.mean((values - true_values) ** 2)
         baseline = np.nan
         if zero_filled is not None:
-            plain = np.asarray(zero_filled, dtype=np.float64)[known]
+            plain = np.asarray(zero_filled, dtype=np.float64)[finite]
             baseline = min(np.mean((plain - true_values) ** 2), true_values.var())
         spread = values.std() * true_values.std()
         covariance = np.mean((values - values.mean()) * (true_values - true_values.mean()))

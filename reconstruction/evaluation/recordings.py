@@ -16,7 +16,7 @@ from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result
 from .numbers import number
 
-MOST_FRAMES = 256
+MAX_FRAMES = 256
 """Frames that are looked at, from the first on."""
 
 
@@ -31,7 +31,7 @@ def evaluate_recording(
     Parameters
     ----------
     recording
-        A capture in memory or in its file; the first `MOST_FRAMES` frames are looked at.
+        A capture in memory or in its file; the first `MAX_FRAMES` frames are looked at.
     ranging, weather
         Methods and what is stated of the weather, as for `Reconstructor`.
 
@@ -52,7 +52,7 @@ def evaluate_recording(
     InputError
         For unknown methods, and plans that do not tell the background.
     """
-    setup, count = recording.setup, min(recording.frames, MOST_FRAMES)
+    setup, count = recording.setup, min(recording.frames, MAX_FRAMES)
     every, period = recording.batch(0, count), len(setup.plans)
     reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[], weather=weather)
     results: list[Result] = []
@@ -116,21 +116,21 @@ def _spots(rangings: Sequence[Ranges]) -> list[dict[str, float | None]]:
     range_m, sigma_m = (
         np.array([getattr(each, name) for each in rangings]) for name in ("range_m", "sigma_m")
     )
-    found = []
-    for spot, known in enumerate(ranged.T):
-        pairs = known[1:] & known[:-1]
+    result = []
+    for spot, given in enumerate(ranged.T):
+        pairs = given[1:] & given[:-1]
         spread = _rms(_differences(range_m[:, spot], 1)[pairs])
-        sigma = _rms(sigma_m[known, spot])
-        found.append(
+        sigma = _rms(sigma_m[given, spot])
+        result.append(
             {
-                "range_m": number(range_m[known, spot].mean()) if known.any() else None,
+                "range_m": number(range_m[given, spot].mean()) if given.any() else None,
                 "spread_m": spread,
                 "sigma_m": sigma,
                 "spread_ratio": _ratio(spread, sigma),
-                "ranged": float(known.mean()),
+                "ranged": float(given.mean()),
             }
         )
-    return found
+    return result
 
 
 def _differences(values: Floats, period: int) -> Floats:

@@ -4,18 +4,18 @@ from collections.abc import Iterable
 
 from ..ranging import Alternative, Status
 
-SHOWN = 3
+DISPLAYED = 3
 """Alternatives that are told at most."""
-LEAST = 0.01
+MIN = 0.01
 """Those with less weight are not."""
 
 
 def no_range(status: Status, alternatives: Iterable[Alternative]) -> str:
     """Why a spot has no range, and which ranges it may have, likeliest first."""
-    told = [each for each in alternatives if each.weight >= LEAST][:SHOWN]
-    if not told:
+    reported = [each for each in alternatives if each.weight >= MIN][:DISPLAYED]
+    if not reported:
         return status
-    if len(told) == 1:
-        return f"{status}: {told[0].range_m:.2f} ± {told[0].sigma_m:.2f} m"
-    ranges = (f"{each.range_m:.2f} m ({100 * each.weight:.0f} %)" for each in told)
+    if len(reported) == 1:
+        return f"{status}: {reported[0].range_m:.2f} ± {reported[0].sigma_m:.2f} m"
+    ranges = (f"{each.range_m:.2f} m ({100 * each.weight:.0f} %)" for each in reported)
     return f"{status}: {', '.join(ranges)}"

@@ -17,7 +17,7 @@ USUAL = "rgbd"
 """Where the name of the output tells no other."""
 KIND = "export"
 """Of all files, as their marks tell it."""
-MOST_FILES = 1_000_000
+MAX_FILES = 1_000_000
 """In a folder that is looked through."""
 
 
@@ -60,8 +60,8 @@ def export_format(name: str | None, output: Path) -> Export:
     if output.suffix.lower() in by_suffix:
         return by_suffix[output.suffix.lower()]
     if output.suffix and not output.is_dir():
-        known = nearest(output.suffix, [*by_suffix, "none (a folder)"])
-        raise InputError(f"{output}: unknown ending {output.suffix!r} of an export: {known}")
+        candidate = nearest(output.suffix, [*by_suffix, "none (a folder)"])
+        raise InputError(f"{output}: unknown ending {output.suffix!r} of an export: {candidate}")
     return EXPORTS[USUAL]
 
 
@@ -93,7 +93,7 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
             raise InputError(f"{path} is read by this command; choose a folder without it")
     for number, path in enumerate(sorted(folder.rglob("*")) if folder.exists() else ()):
         ours = path.is_dir() or (path.is_file() and is_marked(path, KIND))
-        if path.is_symlink() or not ours or number > MOST_FILES:
+        if path.is_symlink() or not ours or number > MAX_FILES:
             raise InputError(f"{path} is not of an earlier export; choose an empty folder")
 
 

@@ -127,12 +127,12 @@ def _made(types: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 def _value(types: Any, definition: Any, value: Any) -> Any:
     """A field; its definition is (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
-    node, told = int(definition[0]), definition[1]
+    node, reported = int(definition[0]), definition[1]
     if node == 1:
         return value
     if node == 2:
-        return _made(types, told, value)
-    inner = told[0]
+        return _made(types, reported, value)
+    inner = reported[0]
     if int(inner[0]) == 2:
         return [_made(types, inner[1], each) for each in value]
     if isinstance(value, bytes):

@@ -8,7 +8,7 @@ from ..base.files import mark
 from ..base.png import png
 from .export import KIND
 
-MOST_MM = 2**16 - 1
+MAX_MM = 2**16 - 1
 """Depths beyond are left out, as those that are not known."""
 
 
@@ -16,8 +16,8 @@ def depth_png(depth_m: NDArray[np.floating] | None, shape: tuple[int, int]) -> b
     """Depth (H, W) along the optical axis in whole millimetres, 16 bits; 0 where there is none."""
     millimetres = np.zeros(shape, np.uint16)
     if depth_m is not None:
-        known = np.isfinite(depth_m) & (depth_m <= MOST_MM / 1000)
-        millimetres[known] = np.rint(1000 * depth_m[known].astype(np.float64))
+        finite = np.isfinite(depth_m) & (depth_m <= MAX_MM / 1000)
+        millimetres[finite] = np.rint(1000 * depth_m[finite].astype(np.float64))
     return png(millimetres, mark(KIND))
 
 
@@ -28,9 +28,9 @@ def colour_png(image: NDArray[np.floating]) -> bytes:
     return png(np.repeat(grey[..., None], 3, axis=-1), mark(KIND))
 
 
-def require_depths(found: int, shots: int) -> None:
+def require_depths(result: int, shots: int) -> None:
     """Raise InputError unless there is a shot, and any of them has a depth map."""
     if not shots:
         raise InputError("there is nothing to export")
-    if not found:
+    if not result:
         raise InputError("there is no depth map: no spot has a range, or the optics are not known")

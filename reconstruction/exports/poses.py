@@ -14,7 +14,7 @@ UNIT_TOLERANCE = 0.01
 """Quaternions may be off unit length by rounding."""
 LARGEST = 1e10
 """Of all numbers; times may count from 1970."""
-MOST_BYTES = 2**28
+MAX_BYTES = 2**28
 
 OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
 """The optical frame (right, down, forward) in a body's (forward, left, up; ROS REP 103)."""
@@ -35,8 +35,8 @@ def read_poses(path: Path) -> list[Placed]:
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file of poses")
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MOST_BYTES} of poses")
+    if path.stat().st_size > MAX_BYTES:
+        raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_BYTES} of poses")
     placed: list[Placed] = []
     last_s = -math.inf
     text = path.read_text(encoding="utf-8", errors="replace")

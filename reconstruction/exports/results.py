@@ -60,8 +60,8 @@ def _optics(result: Result) -> Optics | None:
     v = (2 * np.arange(height) + 1 - height) / height
     squares = np.stack(np.meshgrid(u**2, v**2), axis=-1).reshape(-1, 2)
     lengths = np.asarray(result.range_over_depth, float).ravel()
-    found = np.linalg.lstsq(squares, lengths**2 - 1, rcond=None)[0]
-    across, down = (float(np.sqrt(value)) if value > 0 else 0.0 for value in found)
+    outcome = np.linalg.lstsq(squares, lengths**2 - 1, rcond=None)[0]
+    across, down = (float(np.sqrt(value)) if value > 0 else 0.0 for value in outcome)
     if not (across > 0 or down > 0):
         return None
     return Optics(across or down, down or across)

@@ -92,13 +92,13 @@ def state_message(
     risen = [
         name for name in AMISS if numbers[name] > (0 if before is None else before[name])
     ]  # fmt: skip
-    level, told = OK, "frames come"
+    level, reported = OK, "frames come"
     if risen or numbers["trouble"]:
-        level, told = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
+        level, reported = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
     if not np.isfinite(numbers["age_s"]):
-        level, told = STALE, numbers["trouble"] or "no frame yet"
+        level, reported = STALE, numbers["trouble"] or "no frame yet"
     values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
-    return _diagnostics(stamp_ns, _status("spisim: stream", level, told, values))
+    return _diagnostics(stamp_ns, _status("spisim: stream", level, reported, values))
 
 
 def spot_frame(number: int) -> str:
@@ -210,10 +210,10 @@ def _range(shot: Shot, spot: int) -> dict[str, Any]:
 def ranging_status(shot: Shot) -> dict[str, Any]:
     """Which spots have a range and why the others have none; fog; what else is to be known."""
     values: dict[str, str] = {}
-    level, told = OK, "no time of flight"
+    level, message = OK, "no time of flight"
     if shot.ranges is not None:
         seen = int(shot.ranges.valid.sum())
-        told = f"{seen} of {len(shot.ranges.status)} spots have a range"
+        message = f"{seen} of {len(shot.ranges.status)} spots have a range"
         level = OK if seen == len(shot.ranges.status) else WARN if seen else ERROR
         values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}
         if shot.ranges.fog is not None:
@@ -221,14 +221,14 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
     if shot.warnings:
         level = max(level, WARN)
         values |= {f"warning {k}": text for k, text in enumerate(shot.warnings, 1)}
-    return _status("spisim: ranging", level, told, values)
+    return _status("spisim: ranging", level, message, values)
 
 
-def _status(name: str, level: int, told: str, values: Mapping[str, str]) -> dict[str, Any]:
+def _status(name: str, level: int, reported: str, values: Mapping[str, str]) -> dict[str, Any]:
     return {
         "level": level,
         "name": name,
-        "message": told,
+        "message": reported,
         "hardware_id": "spisim",
         "values": [{"key": key, "value": value} for key, value in values.items()],
     }

@@ -87,10 +87,10 @@ class Shot:
     @property
     def intrinsics(self) -> Intrinsics:
         """Of the projector, as whose camera the pixels are seen; InputError if not known."""
-        return Intrinsics.of(self.known_optics, self.shape)
+        return Intrinsics.of(self.complete_optics, self.shape)
 
     @property
-    def known_optics(self) -> Optics:
+    def complete_optics(self) -> Optics:
         """The optics; InputError where the capture does not tell them."""
         if self.optics is None:
             raise InputError("the capture tells no optics, without which there is no camera")
@@ -102,4 +102,4 @@ class Shot:
         depth_m: NDArray[Any] = np.full(self.shape, np.nan)
         if self.depth_m is not None:
             depth_m = self.depth_m
-        return np.asarray(pixel_rays(self.known_optics, self.shape) * depth_m[..., None])
+        return np.asarray(pixel_rays(self.complete_optics, self.shape) * depth_m[..., None])

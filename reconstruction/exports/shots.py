@@ -38,7 +38,7 @@ def frames_in(captures: Sequence[Path]) -> int:
 
 def shots_of(
     captures: Sequence[Path],
-    place: Place = lambda capture, frame: None,
+    position: Place = lambda capture, frame: None,
     methods: Mapping[str, Names] | None = None,
     weather: str | float | None = None,
 ) -> Iterator[Shot]:
@@ -46,16 +46,16 @@ def shots_of(
 
     Results are taken as they are, a second apart.
 
-    Times are those of ``place``, or else of the middle of each frame, counted from when its capture
-    was made (from 1970 where it does not tell); no capture begins before the last one ends. Raises
-    InputError, naming the capture, for what cannot be reconstructed.
+    Times are those of ``position``, or else of the middle of each frame, counted from when its
+    capture was made (from 1970 where it does not tell); no capture begins before the last one ends.
+    Raises InputError, naming the capture, for what cannot be reconstructed.
     """
     next_ns = 0
     for path in captures:
         if is_result(path):
             if weather is not None:
                 raise InputError(f"{path} holds a result; a stated weather goes with captures")
-            placed = place(None, 0)
+            placed = position(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             if placed is not None and placed.time_s is not None:
                 stamp_ns = round(1e9 * placed.time_s)
@@ -69,7 +69,7 @@ def shots_of(
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):
-                placed = place(capture, number)
+                placed = position(capture, number)
                 stamp_ns = begun_ns + number * period_ns + period_ns // 2
                 if placed is not None and placed.time_s is not None:
                     stamp_ns = round(1e9 * placed.time_s)

@@ -13,9 +13,9 @@ from .recognition import (
     UNLIT,
     Candidate,
     Layout,
+    candidate_layouts,
     dark_estimate,
     doubt,
-    known_layouts,
     recognise,
 )
 from .shared_errors import without_shared_errors
@@ -40,11 +40,11 @@ __all__ = [
     "StrongestAtoms",
     "UsableReadings",
     "batch_omp",
+    "candidate_layouts",
     "dark_estimate",
     "doubt",
     "fit_variance",
     "image_method",
-    "known_layouts",
     "load_pursuit",
     "recognise",
     "without_shared_errors",

@@ -11,18 +11,18 @@ from .dictionary import Dictionary
 
 
 class StrongestAtoms:
-    """The ``most`` atoms of greatest expected energy in the rows other than the level.
+    """The ``maximum`` atoms of greatest expected energy in the rows other than the level.
 
     Atoms are scaled by their deviations in natural images: ``columns`` (rows, A) is what the rows,
     of length 1, see of each. ``expected`` (rows,): their variances if coefficients of all atoms
     were independent, up to a common factor.
     """
 
-    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, most: int) -> None:
+    def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, maximum: int) -> None:
         self._shape = operator.image_shape
         self._bands = dictionary.bands(self._shape)
         seen = [operator.in_atoms(band.vertical, band.horizontal) for band in self._bands]
-        variances = [band.deviation**2 for band in self._bands]
+        variances = [band.sigma**2 for band in self._bands]
         self.expected: Floats = sum(
             (each.by_row(variance) for each, variance in zip(seen, variances, strict=True)),
             start=np.zeros(int(operator.varying.sum())),
@@ -31,15 +31,15 @@ class StrongestAtoms:
             (each.by_atom() * variance).ravel()
             for each, variance in zip(seen, variances, strict=True)
         ]
-        strongest = np.argsort(-np.concatenate(energy), kind="stable")[:most]
+        strongest = np.argsort(-np.concatenate(energy), kind="stable")[:maximum]
         ends = np.cumsum([each.size for each in energy])
         self._band = np.searchsorted(ends, strongest, side="right")
         self._place = strongest - (ends - [each.size for each in energy])[self._band]
         self.columns: Floats = np.empty((self.expected.size, strongest.size))
         for number in np.unique(self._band):
-            there, places = self._places(number)
-            deviation = self._bands[number].deviation[places]
-            self.columns[:, there] = seen[number].of(places) * deviation
+            there, positions = self._positions(number)
+            sigma = self._bands[number].sigma[positions]
+            self.columns[:, there] = seen[number].of(positions) * sigma
 
     def image(self, values: NDArray[Any]) -> NDArray[Any]:
         """Sums (..., H, W) of the scaled atoms times their ``values`` (..., A), less their means.
@@ -50,13 +50,13 @@ class StrongestAtoms:
         image = np.zeros((*stack, *self._shape), dtype=values.dtype)
         for number in np.unique(self._band[values.reshape(-1, self._band.size).any(axis=0)]):
             band = self._bands[number]
-            there, places = self._places(number)
-            spectrum = np.zeros((*stack, *band.deviation.shape), dtype=values.dtype)
-            spectrum[..., places[0], places[1]] = band.deviation[places] * values[..., there]
+            there, positions = self._positions(number)
+            spectrum = np.zeros((*stack, *band.sigma.shape), dtype=values.dtype)
+            spectrum[..., positions[0], positions[1]] = band.sigma[positions] * values[..., there]
             image += band.vertical @ spectrum @ band.horizontal.T
         return np.asarray(image - image.mean(axis=(-2, -1), keepdims=True))
 
-    def _places(self, number: int) -> tuple[NDArray[np.bool_], tuple[NDArray[np.intp], ...]]:
+    def _positions(self, number: int) -> tuple[NDArray[np.bool_], tuple[NDArray[np.intp], ...]]:
         """Which of the atoms are of a band, and where in it."""
         there = self._band == number
-        return there, np.unravel_index(self._place[there], self._bands[number].deviation.shape)
+        return there, np.unravel_index(self._place[there], self._bands[number].sigma.shape)

@@ -43,10 +43,10 @@ class Coefficients:
 
         At least what may be noise by chance, one standard error; None where there is no noise.
         """
-        known = rows & self.measured & (self.noise > 0)
-        if not known.any():
+        valid = rows & self.measured & (self.noise > 0)
+        if not valid.any():
             return None
-        power = float(np.mean(np.abs(self.values[known]) ** 2 / self.noise[known] ** 2))
+        power = float(np.mean(np.abs(self.values[valid]) ** 2 / self.noise[valid] ** 2))
         return float(np.sqrt(max(power - 1, np.sqrt(2 / np.count_nonzero(rows)))))
 
 
@@ -93,22 +93,22 @@ class CoefficientDecoder:
         measured = None if usable is None else self._decoder.measured(usable)
         if measured is not None:
             values[~measured] = 0
-        known, levels = np.isfinite(variance), CERTAIN
-        known = known if usable is None else known & usable
-        if not known.any():
+        given, levels = np.isfinite(variance), CERTAIN
+        given = given if usable is None else given & usable
+        if not given.any():
             estimated = self._estimated(signal, values, usable, measured)
             levels = estimated.relative
             variance = np.full(variance.shape, estimated.mean**2)
-        elif not known.all():
-            variance = np.where(known, variance, np.median(variance[known]))
+        elif not given.all():
+            variance = np.where(given, variance, np.median(variance[given]))
         if self._alike:
             values, left = self._unshared(values, variance, measured)
             noise = np.full(
                 left.shape, np.sqrt(np.median(left if measured is None else left[measured]))
             )
         else:
-            least = (MIN_ERROR * float(np.std(signal))) ** 2
-            equal = max(float(np.mean(variance)), least)
+            minimum = (MIN_ERROR * float(np.std(signal))) ** 2
+            equal = max(float(np.mean(variance)), minimum)
             noise = np.sqrt(equal) * self._decoder.operator.usual_noise
         if measured is not None:
             noise[~measured] = np.inf
@@ -145,9 +145,9 @@ class CoefficientDecoder:
         redundant = self._redundant
         if usable is not None:
             redundant = redundant.only(redundant.resting_on(usable))
-        told = variance_by_repetition(redundant, signal)
-        if told is not None:
-            repeated = NoiseLevels(np.sqrt([told]), np.ones(1))
+        reported = variance_by_repetition(redundant, signal)
+        if reported is not None:
+            repeated = NoiseLevels(np.sqrt([reported]), np.ones(1))
             sure = self._throughput.probability_of_noise(signal, usable)
             if sure == 1:
                 return repeated
@@ -177,5 +177,5 @@ class CoefficientDecoder:
             return None
         if measured is not None and not measured[operator.level]:
             return None
-        mean = operator.mean_level(values[operator.level], np.zeros(operator.image_shape))
-        return usual_contrast(abs(mean) ** 2, float((self._prior.deviation**2).mean())) or None
+        mean = operator.mean_dc(values[operator.level], np.zeros(operator.image_shape))
+        return usual_contrast(abs(mean) ** 2, float((self._prior.sigma**2).mean())) or None

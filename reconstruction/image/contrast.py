@@ -29,7 +29,7 @@ POINTS, ROUNDS = 12, 3
 STEPS = np.linspace(0, 1, POINTS)
 UNLIKELY = 8.0
 """Log-density below the highest that is not looked at more closely."""
-LEAST = 1e-3
+MIN = 1e-3
 """Least contrast that is looked at, over that at which the strongest component is half noise."""
 NOISELESS = 1e-12
 """Least variance of noise over the mean power of components."""
@@ -69,7 +69,7 @@ class ContrastByLevel:
         self._level = operator.level
         self._variance = variance
         if operator.level is not None:
-            self._mean = float(operator.mean_level(1.0, np.zeros(operator.image_shape)))
+            self._mean = float(operator.mean_dc(1.0, np.zeros(operator.image_shape)))
 
     def __call__(self, coefficients: Coefficients) -> float | None:
         """The median v, None where the level is not measured."""
@@ -97,9 +97,9 @@ def contrasts(
     equal, ``lost`` (K, f) are combinations of the components of which nothing is known.
     A complex component counts as one number, as if all of the image had one phase.
     """
-    told = None if expected is None else np.array([expected])
-    found = contrasts_of_frames(measured[None], spreads, noise, told, levels, usual, lost)
-    return Contrasts(*(each[0] for each in found))
+    reported = None if expected is None else np.array([expected])
+    result = contrasts_of_frames(measured[None], spreads, noise, reported, levels, usual, lost)
+    return Contrasts(*(each[0] for each in result))
 
 
 def contrasts_of_frames(
@@ -119,15 +119,15 @@ def contrasts_of_frames(
     seen = usual > 1e-12 * usual.max()
     power = np.abs(measured) ** 2
     frames, count = power.shape
-    least_noise = NOISELESS * (power.sum(axis=1, keepdims=True) / count)
-    variances = np.maximum(np.broadcast_to(noise, power.shape), least_noise)
+    min_noise = NOISELESS * (power.sum(axis=1, keepdims=True) / count)
+    variances = np.maximum(np.broadcast_to(noise, power.shape), min_noise)
     times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
     # At ``equal`` (F, L E, 1) half of the strongest component is noise.
     equal = (variances[:, seen] / usual[seen]).min(axis=1)[:, None, None] * times[:, None]
-    most = np.maximum((power[:, seen] / usual[seen]).max(axis=1)[:, None, None], equal)
+    maximum = np.maximum((power[:, seen] / usual[seen]).max(axis=1)[:, None, None], equal)
     expected = None if expected is None else expected[:, None, None]
-    least = LEAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
-    low, high = np.log(np.minimum(least, LEAST * equal)), np.log(10 * most)
+    minimum = MIN * equal if expected is None else expected * np.exp(-6 * SPREAD)
+    low, high = np.log(np.minimum(minimum, MIN * equal)), np.log(10 * maximum)
     logs = low + (high - low) * STEPS  # (F, L E, J)
     signal = spreads.T[:, None] / variances.T[..., None]
     signal = np.concatenate([signal] * levels.sigma.size, axis=-1) / times
@@ -145,7 +145,7 @@ def contrasts_of_frames(
             misfit, volume = misfit - explained, volume + log_determinant
         misfit = misfit.reshape(logs.shape) / times[:, None]
         density = -(volume.reshape(logs.shape) + misfit) / 2
-        density += _told(logs, expected) if expected is not None else _untold(logs, equal)
+        density += _reported(logs, expected) if expected is not None else _untold(logs, equal)
         if not last:
             logs = _closer(logs, density)
     weight = np.exp(density - density.max(axis=-1, keepdims=True))
@@ -192,7 +192,7 @@ def _closer(logs: Floats, density: Floats) -> Floats:
     return low + (high - low) * STEPS
 
 
-def _told(logs: Floats, expected: Floats) -> Floats:
+def _reported(logs: Floats, expected: Floats) -> Floats:
     """Log-density of logarithms of v before anything but the level is measured."""
     return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
 
@@ -204,16 +204,16 @@ def _untold(logs: Floats, equal: Floats) -> Floats:
 
 
 def shrunk(
-    known: Contrasts, spreads: Floats, noise: Floats | float, levels: NoiseLevels = CERTAIN
+    given: Contrasts, spreads: Floats, noise: Floats | float, levels: NoiseLevels = CERTAIN
 ) -> Shrunk:
     """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``.
 
     ``levels``: as for `contrasts`. Of several frames, ``noise`` is (F, 1, 1, 1).
     """
     noise = np.repeat(levels.sigma**2, len(spreads))[:, None, None] * noise
-    signal = known.value[..., None] * np.concatenate([spreads] * levels.sigma.size)[:, None]
+    signal = given.value[..., None] * np.concatenate([spreads] * levels.sigma.size)[:, None]
     gains = signal / (signal + noise)
-    weighted = known.probability[..., None] * gains
+    weighted = given.probability[..., None] * gains
     gain = weighted.sum(axis=(-3, -2))
     square = np.einsum("...ejk,...ejk->...k", weighted, gains)
     by_noise = (weighted * noise).sum(axis=(-3, -2))

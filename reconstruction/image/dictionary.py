@@ -11,14 +11,14 @@ from ..base.arrays import Floats
 class Band:
     """Atoms that are outer products of those of either axis, and how strong each is.
 
-    ``vertical`` (H, a) and ``horizontal`` (W, b) have an atom in each column. ``deviation`` (a, b):
+    ``vertical`` (H, a) and ``horizontal`` (W, b) have an atom in each column. ``sigma`` (a, b):
     relative standard deviation of their coefficients in natural images, 0 for the constant image,
     whose level is measured by itself.
     """
 
     vertical: Floats
     horizontal: Floats
-    deviation: Floats
+    sigma: Floats
 
 
 class Dictionary(Protocol):

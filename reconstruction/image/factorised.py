@@ -31,20 +31,22 @@ class Factorised(Posterior):
         field: Field,
         expected: float | None,
     ) -> None:
-        known = np.isfinite(noise)
-        gram = gram[np.ix_(known, known)]
-        variance = noise[known] ** 2
+        finite = np.isfinite(noise)
+        gram = gram[np.ix_(finite, finite)]
+        variance = noise[finite] ** 2
         self.noise = noise
-        self.contrast = contrasts(measured[known], np.diag(gram)[None], variance, expected).given[0]
+        self.contrast = contrasts(measured[finite], np.diag(gram)[None], variance, expected).given[
+            0
+        ]
         shrinking = self.contrast / (self.contrast * np.diag(gram) + variance)
         self.noise_energy = float((shrinking**2 * np.diag(gram) * variance).sum())
         matrix = self.contrast * gram
         matrix[np.diag_indices_from(matrix)] += variance
         self._factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
-        self._known, self._seen, self._field = known, seen, field
-        self._rows = rows[known]
+        self._reported, self._seen, self._field = finite, seen, field
+        self._rows = rows[finite]
         self._prior = self.contrast * field.variance
-        self.mean = self._prior * self._spread(self._solved(measured[known]))
+        self.mean = self._prior * self._spread(self._solved(measured[finite]))
 
     @property
     def own_mean(self) -> NDArray[Any]:
@@ -55,7 +57,7 @@ class Factorised(Posterior):
     def seen(self) -> NDArray[Any]:
         """What rows (K,) see of the mean, 0 of those that are left out."""
         seen = np.zeros(self.noise.size, self.mean.dtype)
-        seen[self._known] = self._rows @ self.mean.ravel()
+        seen[self._reported] = self._rows @ self.mean.ravel()
         return seen
 
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
@@ -74,9 +76,9 @@ class Factorised(Posterior):
         row = np.minimum(down[:, None] + offset // BLOCK, height - 1)
         column = np.minimum(across + offset % BLOCK, width - 1)
         lower, _ = self._factor
-        seen = self._seen[:, (row * width + column).ravel()][self._known]
-        told = solve_triangular(lower, seen, lower=True, check_finite=False)
-        explained = self.contrast**2 * (told**2).sum(axis=0).reshape(row.shape)
+        seen = self._seen[:, (row * width + column).ravel()][self._reported]
+        reported = solve_triangular(lower, seen, lower=True, check_finite=False)
+        explained = self.contrast**2 * (reported**2).sum(axis=0).reshape(row.shape)
         left = self.contrast * prior[row, column] - explained
         blocks = np.repeat(np.repeat(left, BLOCK, axis=0), BLOCK, axis=1)
         return np.maximum(blocks[:height, :width], 0)

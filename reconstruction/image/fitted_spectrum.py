@@ -20,12 +20,12 @@ from ..base.arrays import Floats
 FITTED = Path(__file__).with_suffix(".json")
 
 
-def fitted_deviation(shape: tuple[int, int]) -> Floats:
+def fitted_sigma(shape: tuple[int, int]) -> Floats:
     """Relative standard deviation of cosines (H, W), 0 for the constant."""
-    return axial_deviation(shape, *_fitted())
+    return axial_sigma(shape, *_fitted())
 
 
-def axial_deviation(shape: tuple[int, int], exponent: float, axes: float) -> Floats:
+def axial_sigma(shape: tuple[int, int], exponent: float, axes: float) -> Floats:
     """f^-p exp(a / 2 cos 4 t) of cosines (H, W), 0 for the constant."""
     vertical, horizontal = (np.arange(side) / side for side in shape)
     frequency = np.hypot.outer(vertical, horizontal)
@@ -36,5 +36,5 @@ def axial_deviation(shape: tuple[int, int], exponent: float, axes: float) -> Flo
 
 @cache
 def _fitted() -> tuple[float, float]:
-    told = json.loads(FITTED.read_text())
-    return told["exponent"], told["axes"]
+    fields = json.loads(FITTED.read_text())
+    return fields["exponent"], fields["axes"]

@@ -26,9 +26,9 @@ from ..base.arrays import Floats
 from .noise import CERTAIN, NoiseLevels
 from .posterior import Combined, Components, Field, OwnPosterior, Posterior
 
-LEAST_NOISE = 1e-6
+MIN_NOISE = 1e-6
 """Least noise over the rms of coefficients: without any the posterior is a limit."""
-MOST_LOST = 32
+MAX_LOST = 32
 """Coefficients of which nothing is known, at most, that are taken out of the eigendecomposition of
 all: the remaining ones have their own otherwise."""
 AT_A_TIME = 16
@@ -95,8 +95,8 @@ class GaussianModel:
         for start in range(0, len(measured), AT_A_TIME):
             some = np.s_[start : start + AT_A_TIME]
             turned = measured[some] @ self._components.turn.T
-            found = self._components.posteriors(turned, rms[some], expected[some])
-            yield from zip(*found, strict=True)
+            result = self._components.posteriors(turned, rms[some], expected[some])
+            yield from zip(*result, strict=True)
 
     def usual_rms(self, measured: NDArray[Any], noise: Floats) -> float | None:
         """By what ``noise`` (K,) is larger than the usual one, None where it is another."""
@@ -111,19 +111,21 @@ class GaussianModel:
         noise, relative = self._noise(measured, noise)
         if relative is None:
             return self._factorised(measured, noise, expected)
-        told = self._turned(measured, noise, relative)
-        contrast = told.components.own_contrast(told.turned, told.lost, told.rms, expected)
-        return OwnPosterior(*told, contrast)
+        reported = self._turned(measured, noise, relative)
+        contrast = reported.components.own_contrast(
+            reported.turned, reported.lost, reported.rms, expected
+        )
+        return OwnPosterior(*reported, contrast)
 
     def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
         """Noise (K,) to divide by, and its size over the usual one, None where it is another."""
-        known, usual = np.isfinite(noise), self.usual
-        if not known.all():
-            measured, usual = measured[known], usual[known]
+        given, usual = np.isfinite(noise), self.usual
+        if not given.all():
+            measured, usual = measured[given], usual[given]
         size = np.abs(measured / usual)
-        least = LEAST_NOISE * float(np.sqrt(size @ size / size.size))
-        noise = np.maximum(noise, least * self.usual)
-        relative = (noise if known.all() else noise[known]) / usual
+        minimum = MIN_NOISE * float(np.sqrt(size @ size / size.size))
+        noise = np.maximum(noise, minimum * self.usual)
+        relative = (noise if given.all() else noise[given]) / usual
         largest = relative.max()
         if largest - relative.min() > ALIKE * largest:
             return noise, None
@@ -137,14 +139,14 @@ class GaussianModel:
         return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field, expected)
 
     def _turned(self, measured: NDArray[Any], noise: Floats, rms: float) -> _Turned:
-        known = np.isfinite(noise)
-        (lost,) = np.nonzero(~known)
-        if lost.size > MOST_LOST:
-            components, lost = self._of_some(known), lost[:0]
+        finite = np.isfinite(noise)
+        (lost,) = np.nonzero(~finite)
+        if lost.size > MAX_LOST:
+            components, lost = self._of_some(finite), lost[:0]
         else:
             components = self._components
         turn = components.turn
-        turned = turn @ np.where(known, measured, 0)
+        turned = turn @ np.where(finite, measured, 0)
         return _Turned(components, turned, turn[:, lost], noise, rms)
 
     @cached_property
@@ -162,9 +164,9 @@ class GaussianModel:
         spectra = self.rows.reshape(-1, *self.field.variance.shape) * self.field.variance
         return self.field.image(spectra).reshape(len(spectra), -1)
 
-    def _of_some(self, known: NDArray[np.bool_]) -> Components:
+    def _of_some(self, given: NDArray[np.bool_]) -> Components:
         """Those of the coefficients that are known, kept for as long as it is the same ones."""
-        key = known.tobytes()
+        key = given.tobytes()
         if self._fewer is None or self._fewer[0] != key:
-            self._fewer = key, Components(self.field, self.rows, self.usual, known)
+            self._fewer = key, Components(self.field, self.rows, self.usual, given)
         return self._fewer[1]

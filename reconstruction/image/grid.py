@@ -34,10 +34,10 @@ class Grid:
         return np.maximum(self.scale * self.finer(image), 0)
 
 
-def band(seen: Floats, share: float) -> Shape:
+def band(seen: Floats, fraction: float) -> Shape:
     """The lowest frequencies that hold a share of what is ``seen`` (H, W) of all."""
     rows, columns = (
-        int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), share * seen.sum())) + 1
+        int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), fraction * seen.sum())) + 1
         for axis in (0, 1)
     )
     return min(rows, seen.shape[0]), min(columns, seen.shape[1])

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..operators import (
+    OutlierDetector,
     PatternPlan,
-    SpoiltReadings,
     Throughput,
     decoder_for,
     drift_of,
@@ -74,9 +74,9 @@ class CompiledPlan:
         self._solvers: dict[str, ImageSolver] = {}
 
     @cached_property
-    def spoilt(self) -> SpoiltReadings:
+    def outliers(self) -> OutlierDetector:
         """Which of the readings cannot be right."""
-        return SpoiltReadings(self._plan, self._readings, self._throughput)
+        return OutlierDetector(self._plan, self._readings, self._throughput)
 
     @cached_property
     def _throughput(self) -> Throughput:
@@ -127,9 +127,9 @@ class UsableReadings:
         """Whether the mean level of an image is told."""
         return self.decoder.level and bool(self.measured[self.decoder.operator.level])
 
-    def spoilt(self, signal: NDArray[Any]) -> Mask:
+    def outliers(self, signal: NDArray[Any]) -> Mask:
         """Which of the usable readings (M,) cannot be right."""
-        return self._compiled.spoilt(signal, self._usable)
+        return self._compiled.outliers(signal, self._usable)
 
     def decode(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
         """From readings (M,) to coefficients."""

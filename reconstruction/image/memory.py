@@ -42,7 +42,7 @@ CHANGE = 0.2
 """Probability that the scene moves otherwise than before, as it may beforehand."""
 LEVEL = 100.0
 """Variance of the level over that of the coefficient that varies most."""
-LEAST_NOISE = 1e-4
+MIN_NOISE = 1e-4
 """Least rms noise of a coefficient over what they vary by: no scene holds still more exactly."""
 FORGOTTEN = 1e-6
 """Share of a coefficient's variance below which what earlier frames explain of it is dropped."""
@@ -59,8 +59,8 @@ class Memory:
         self.operator = operator
         self._expected, self._left = _expected_and_left(operator, speeds)
         near = FASTER ** np.arange(len(speeds))
-        self._beforehand = np.append((1 - CUT) * near / near.sum(), CUT)
-        self.weights = self._beforehand
+        self._predicted = np.append((1 - CUT) * near / near.sum(), CUT)
+        self.weights = self._predicted
         self._values: NDArray[np.inexact] = np.zeros(operator.shape[0])
         self._precision = np.zeros(operator.shape[0])
         self._age = np.zeros(operator.shape[0])
@@ -91,7 +91,7 @@ class Memory:
         measured = values[varying]
         if not measured.any():
             return None, noise
-        noise = np.maximum(noise, LEAST_NOISE**2 * np.mean(np.abs(measured) ** 2))
+        noise = np.maximum(noise, MIN_NOISE**2 * np.mean(np.abs(measured) ** 2))
         self._scale = max(fit_scale(measured, expected, noise[varying]), self._scale / 2)
         return self._expected * self._scale, noise
 
@@ -107,14 +107,14 @@ class Memory:
         noise: Floats,
     ) -> None:
         """Weigh the speeds by the new readings, and let what is known fade accordingly."""
-        told = self._precision * prior
-        rho = told / (1 + told)
+        reported = self._precision * prior
+        rho = reported / (1 + reported)
         fading = self._left ** (2 * self._age + 1)
         left = fading[:, rows]
         variance = (1 - left**2 * rho[rows]) * prior[rows] + noise
         error = np.abs(values - left * (rho * self._values)[rows]) ** 2
         evidence = -(error / variance + np.log(variance)).sum(axis=1) / 2
-        expected = (1 - CHANGE) * self.weights + CHANGE * self._beforehand
+        expected = (1 - CHANGE) * self.weights + CHANGE * self._predicted
         weights = expected * np.exp(evidence - evidence.max())
         self.weights = weights / weights.sum()
         mean = (self.weights @ fading) * rho * self._values
@@ -129,9 +129,9 @@ class Memory:
         before = self._precision[rows]
         self._precision[rows] = before + 1 / noise
         self._age[rows] *= before / self._precision[rows]
-        known = before * self._values[rows] + values / noise
-        self._values = self._values.astype(known.dtype)
-        self._values[rows] = known / self._precision[rows]
+        valid = before * self._values[rows] + values / noise
+        self._values = self._values.astype(valid.dtype)
+        self._values[rows] = valid / self._precision[rows]
 
 
 def _expected_and_left(
@@ -139,21 +139,21 @@ def _expected_and_left(
 ) -> tuple[Floats, Floats]:
     """Prior variance (K,) up to a common factor, and what a frame of each speed and a cut leave."""
     height, width = operator.image_shape
-    deviation = DICTIONARY.deviation(operator.image_shape)
+    sigma = DICTIONARY.sigma(operator.image_shape)
     atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
     varying = operator.varying
     expected = np.empty(operator.shape[0])
-    expected[varying] = atoms.by_row(deviation**2)
+    expected[varying] = atoms.by_row(sigma**2)
     left = np.zeros((len(speeds) + 1, operator.shape[0]))
     # 2 pi f, as the deviation is 1 / 2f; the constant, which has none, stays.
-    turn = np.divide(np.pi, deviation, out=np.zeros_like(deviation), where=deviation > 0)
-    for kept, speed in zip(left, speeds, strict=False):
-        decayed = deviation**2 * np.exp(-((turn * speed) ** 2) / 2)
-        kept[varying] = atoms.by_row(decayed) / expected[varying]
+    turn = np.divide(np.pi, sigma, out=np.zeros_like(sigma), where=sigma > 0)
+    for retained, speed in zip(left, speeds, strict=False):
+        decayed = sigma**2 * np.exp(-((turn * speed) ** 2) / 2)
+        retained[varying] = atoms.by_row(decayed) / expected[varying]
     if operator.level is not None:
         # The level changes by as much as the coefficient that varies most, and a cut changes all.
-        most = np.argmax(np.where(varying, expected, 0.0))
-        expected[operator.level] = LEVEL * expected[most]
-        changed = (1 - left[:-1, most] ** 2) / LEVEL
+        maximum = np.argmax(np.where(varying, expected, 0.0))
+        expected[operator.level] = LEVEL * expected[maximum]
+        changed = (1 - left[:-1, maximum] ** 2) / LEVEL
         left[:-1, operator.level] = np.sqrt(1 - changed)
     return expected, left

@@ -15,12 +15,12 @@ from .coefficients import Coefficients
 class Estimate:
     """An ``image`` (H, W), complex where its coefficients are, and how sure of it a method is.
 
-    ``deviation`` (H, W): standard deviation of each pixel, None where the method cannot tell.
+    ``sigma`` (H, W): standard deviation of each pixel, None where the method cannot tell.
     ``note``: what the user must know of it, such as that another method took over.
     """
 
     image: NDArray[Any]
-    deviation: Floats | None = None
+    sigma: Floats | None = None
     note: str | None = None
 
 

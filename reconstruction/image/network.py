@@ -35,53 +35,53 @@ FEATURES = (
     *("share of patterns", "noise over contrast", "deviation over contrast"),
     *("change by edges", "steepness", "peak over contrast"),
 )
-LEAST_DEVIATION = 1e-3
+MIN_SIGMA = 1e-3
 """Of the contrast: what is surer than that is not told apart."""
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class NetworkInput:
     """What the network sees of one frame, its level left out.
 
-    ``first`` and ``better`` (H, W) are estimates of the image, ``deviation`` (H, W) that of the
-    better one; ``share`` is the number of coefficients over that of pixels, ``noise`` that of a
+    ``first`` and ``better`` (H, W) are estimates of the image, ``sigma`` (H, W) that of the
+    better one; ``fraction`` is the number of coefficients over that of pixels, ``noise`` that of a
     coefficient of a row of length 1.
     """
 
     first: Floats
     better: Floats
-    deviation: Floats
-    share: float
+    sigma: Floats
+    fraction: float
     noise: float
 
     @property
     def contrast(self) -> float:
         """Rms of the image, as far as it is known."""
-        return float(np.sqrt(np.mean(self.better**2) + np.mean(self.deviation**2)))
+        return float(np.sqrt(np.mean(self.better**2) + np.mean(self.sigma**2)))
 
     def maps(self) -> Channels:
         """Channels (3, H, W)."""
         contrast = self.contrast
-        deviation = np.maximum(self.deviation, LEAST_DEVIATION * contrast)
-        change = (self.better - self.first) / deviation
-        return np.array([self.better / contrast, change, np.log(deviation / contrast)], np.float32)
+        sigma = np.maximum(self.sigma, MIN_SIGMA * contrast)
+        change = (self.better - self.first) / sigma
+        return np.array([self.better / contrast, change, np.log(sigma / contrast)], np.float32)
 
     def numbers(self) -> Channels:
         """What is the same for all pixels (2,)."""
-        return np.log(np.array([self.share, self._relative_noise], np.float32))
+        return np.log(np.array([self.fraction, self._relative_noise], np.float32))
 
     def features(self) -> Channels:
         """What `FEATURES` names: by these a frame is like those learned from, or not."""
         contrast = self.contrast
-        change = np.sqrt(np.mean((self.better - self.first) ** 2) / np.mean(self.deviation**2))
+        change = np.sqrt(np.mean((self.better - self.first) ** 2) / np.mean(self.sigma**2))
         slopes = np.mean(np.diff(self.better, axis=0) ** 2)
         slopes += np.mean(np.diff(self.better, axis=1) ** 2)
         # Of the finest details that so many patterns see.
-        steepness = np.sqrt(slopes / self.share) / contrast
+        steepness = np.sqrt(slopes / self.fraction) / contrast
         peak = np.abs(self.better).max() / contrast
-        unsure = np.sqrt(np.mean(self.deviation**2)) / contrast
-        told = [self.share, self._relative_noise, unsure, change, steepness, peak]
-        return np.array(told, np.float32)
+        unsure = np.sqrt(np.mean(self.sigma**2)) / contrast
+        reported = [self.fraction, self._relative_noise, unsure, change, steepness, peak]
+        return np.array(reported, np.float32)
 
     @property
     def _relative_noise(self) -> float:
@@ -97,29 +97,29 @@ class Network:
     def __init__(self, weights: dict[str, NDArray[Any]], limits: NDArray[Any]) -> None:
         self._limits, self._layers = limits, Layers(weights)
 
-    def __call__(self, shown: Shown) -> tuple[Channels, Channels]:
+    def __call__(self, displayed: NetworkInput) -> tuple[Channels, Channels]:
         """Correction over deviation, and log of its deviation over the one shown, (H, W) each."""
-        maps = shown.maps()
+        maps = displayed.maps()
         height, width = maps.shape[1:]
-        out = self._evaluated(filled(maps, MULTIPLE), shown.numbers())
+        out = self._evaluated(filled(maps, MULTIPLE), displayed.numbers())
         return out[0, :height, :width], out[1, :height, :width]
 
-    def unlike(self, shown: Shown) -> str | None:
+    def out_of_distribution(self, displayed: NetworkInput) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
-        limits = zip(FEATURES, shown.features(), *self._limits, strict=True)
-        for name, value, least, most in limits:
-            if not least <= value <= most:
-                return f"{name} = {value:.3g}, learned from {least:.3g} to {most:.3g}"
+        limits = zip(FEATURES, displayed.features(), *self._limits, strict=True)
+        for name, value, minimum, maximum in limits:
+            if not minimum <= value <= maximum:
+                return f"{name} = {value:.3g}, learned from {minimum:.3g} to {maximum:.3g}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        kept = positive(layer("enter", half, numbers))
-        kept = positive(layer("before", kept))
-        quarter = positive(layer("down", squares_as_channels(kept)))
+        retained = positive(layer("enter", half, numbers))
+        retained = positive(layer("before", retained))
+        quarter = positive(layer("down", squares_as_channels(retained)))
         quarter = layer.changed("wide", quarter, WIDE_LAYERS // 2)
-        kept = positive(kept + channels_as_squares(layer("up", quarter)))
-        return channels_as_squares(layer("leave", positive(layer("after", kept))))
+        retained = positive(retained + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", retained))))
 
 
 def load(file: Path) -> Network:

@@ -64,26 +64,26 @@ class OwnPosterior:
         spread = components.spread
         precision = 1 / (contrast * spread + rms**2)
         energy = (spread * precision**2).sum()
-        told = precision * turned
+        reported = precision * turned
         self._lost = lost
         if lost.shape[1]:
             missing = precision[:, None] * lost
             factor = np.linalg.cholesky(lost.T @ missing)
             missing = np.linalg.solve(factor, missing.T).T
-            told = told - missing @ (missing.T @ turned)
+            reported = reported - missing @ (missing.T @ turned)
             weighed = spread[:, None] * missing
             energy -= 2 * (precision[:, None] * missing * weighed).sum()
             energy += ((missing.T @ weighed) * (missing.T @ missing)).sum()
             self._lost = contrast * missing
         self.noise_energy = float(contrast**2 * rms**2 * energy)
         self._of_one = contrast**2 * precision
-        self._told, self._components = contrast * told, components
-        self._filled = told / precision
+        self._reported, self._components = contrast * reported, components
+        self._filled = reported / precision
 
     @property
     def own_mean(self) -> NDArray[Any]:
         """The mean (H, W), a spectrum, complex where coefficients are."""
-        return self._components.spectrum(self._told)
+        return self._components.spectrum(self._reported)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
         """The posterior covariance times a spectrum (H, W)."""
@@ -115,9 +115,9 @@ class Posterior(OwnPosterior):
         levels: NoiseLevels,
     ) -> None:
         levels = levels.and_one  # of which is `contrast`
-        known = components.contrasts(turned, lost, rms, expected, levels)
-        super().__init__(components, turned, lost, noise, rms, float(known.given[0]))
-        each = shrunk(known, components.spreads, rms**2, levels)
+        given = components.contrasts(turned, lost, rms, expected, levels)
+        super().__init__(components, turned, lost, noise, rms, float(given.given[0]))
+        each = shrunk(given, components.spreads, rms**2, levels)
         weights = each.gain * components.inverse * self._filled
         self.mean = components.spectrum(weights)
         self._weights = weights
@@ -169,23 +169,23 @@ class Components:
         field: Field,
         rows: Floats,
         relative: Floats,
-        known: Mask | None = None,
+        given: Mask | None = None,
         combined: Combined | None = None,
     ) -> None:
         self.field, self._combined = field, combined
         self.shape = field.shape
-        known = np.ones(len(rows), dtype=bool) if known is None else known
-        rows, relative = rows[known], relative[known]
+        given = np.ones(len(rows), dtype=bool) if given is None else given
+        rows, relative = rows[given], relative[given]
         seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
-        told = spread > 1e-12 * spread.max()
-        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=told)
-        self.turn: Floats = np.zeros((len(rows), known.size))
-        self.turn[:, known] = turn.T / relative
-        self.back: Floats = np.zeros((known.size, len(rows)))
-        self.back[known] = relative[:, None] * turn
-        self.spectra: Floats = self.turn[:, known] @ seen
+        reported = spread > 1e-12 * spread.max()
+        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=reported)
+        self.turn: Floats = np.zeros((len(rows), given.size))
+        self.turn[:, given] = turn.T / relative
+        self.back: Floats = np.zeros((given.size, len(rows)))
+        self.back[given] = relative[:, None] * turn
+        self.spectra: Floats = self.turn[:, given] @ seen
         powers = self.spread ** np.array(POWERS)[:, None]
         self.spreads: Floats = powers * (self.spread.sum() / powers.sum(axis=1, keepdims=True))
         self._usual: Floats = self.spreads.mean(axis=0)
@@ -212,8 +212,8 @@ class Components:
         self, turned: NDArray[Any], lost: Floats, rms: float, expected: float | None
     ) -> float:
         """The mean contrast of the prior's own exponent."""
-        found = self._contrasts(self.spreads[:1], turned, lost, rms, expected, CERTAIN)
-        return float(found.given[0])
+        result = self._contrasts(self.spreads[:1], turned, lost, rms, expected, CERTAIN)
+        return float(result.given[0])
 
     def _contrasts(
         self,
@@ -230,15 +230,17 @@ class Components:
     def posteriors(self, turned: NDArray[Any], rms: Floats, expected: Floats | None) -> Posteriors:
         """What `Posterior` is of each frame, of components (F, K) with noise ``rms`` (F,)."""
         noise = rms[:, None] ** 2
-        known = contrasts_of_frames(turned, self.spreads, noise, expected, usual=self._usual)
-        contrast = known.given[:, :1]
-        each = shrunk(known, self.spreads, noise[..., None, None])
+        given = contrasts_of_frames(turned, self.spreads, noise, expected, usual=self._usual)
+        contrast = given.given[:, :1]
+        each = shrunk(given, self.spreads, noise[..., None, None])
         left = each.by_noise + each.between * np.abs(turned) ** 2
         explained = (contrast * self.spread - left) * self.inverse**2 / contrast
-        told = (explained.astype(np.float32) @ self.squared).reshape(-1, *self.pixel_variance.shape)
+        reported = (explained.astype(np.float32) @ self.squared).reshape(
+            -1, *self.pixel_variance.shape
+        )
         return Posteriors(
             self.spectrum(each.gain * self.inverse * turned),
-            contrast[..., None] * np.maximum(self.pixel_variance - told, 0),
+            contrast[..., None] * np.maximum(self.pixel_variance - reported, 0),
             contrast[:, 0],
         )
 

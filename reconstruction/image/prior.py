@@ -18,7 +18,7 @@ WHITE = np.logspace(-6, 3, 46)
 """White parts that are tried, relative to the mean variance."""
 
 
-Deviation = Callable[[tuple[int, int]], Floats]
+Sigma = Callable[[tuple[int, int]], Floats]
 """Relative standard deviation of the cosines of images of a shape (H, W), 0 for the constant."""
 
 
@@ -26,36 +26,34 @@ class Prior:
     """How much the rows of an operator, other than the level, vary from image to image.
 
     Images are Gaussian fields of independent cosines. ``atoms``: what the rows see of these;
-    ``deviation`` (H, W) of their coefficients; ``expected`` (rows other than the level,): variances
+    ``sigma`` (H, W) of their coefficients; ``expected`` (rows other than the level,): variances
     up to a common factor.
     """
 
-    def __init__(
-        self, operator: MeasurementOperator, deviation: Deviation = DICTIONARY.deviation
-    ) -> None:
+    def __init__(self, operator: MeasurementOperator, sigma: Sigma = DICTIONARY.sigma) -> None:
         height, width = operator.image_shape
         self.varying = operator.varying
-        self.deviation = deviation(operator.image_shape)
+        self.sigma = sigma(operator.image_shape)
         self.atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
-        self.expected: Floats = self.atoms.by_row(self.deviation**2)
+        self.expected: Floats = self.atoms.by_row(self.sigma**2)
 
     @cached_property
     def _fit(self) -> "VarianceFit":
         return VarianceFit(self.expected)
 
-    def variance(self, coefficients: NDArray[Any], known: Mask | None = None) -> Floats:
+    def variance(self, coefficients: NDArray[Any], given: Mask | None = None) -> Floats:
         """Variance (K,) that coefficients (K,) like these have from image to image.
 
         Infinite for the level, which may be any, and where nothing was measured. Only some may be
-        ``known`` (K,).
+        ``given`` (K,).
         """
         variance = np.full(coefficients.size, np.inf)
         measured, expected = coefficients[self.varying], self.expected
         if measured.any():
             fit = self._fit
-            if known is not None:
-                measured = measured[known[self.varying]]
-                fit = VarianceFit(expected[known[self.varying]])
+            if given is not None:
+                measured = measured[given[self.varying]]
+                fit = VarianceFit(expected[given[self.varying]])
             scale, white = fit(measured)
             variance[self.varying] = scale * (expected + white)
         return variance

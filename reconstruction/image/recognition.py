@@ -40,13 +40,13 @@ spectrum of none is quite that of a model, so that any number of readings says n
 probability of what was shown, of scenes that tools/drawn_images.py draws to learn from."""
 NEGATIVE = 20.0
 """Log-odds against negative counts of displayed light: only an offset taken off makes them."""
-LEAST_GAIN = 6.0
+MIN_GAIN = 6.0
 """Log-likelihood that images' spectrum must gain over a white one for readings to tell a layout;
 coefficients in any order gain up to 4."""
-LEAST_DOUBT = 30.0
+MIN_DOUBT = 30.0
 """By how much another layout must be likelier for a named one to be doubted, and what tails gain
 that are heavier than those of noise."""
-LEAST_SPREAD = 2000.0
+MIN_SPREAD = 2000.0
 """Log-likelihood that the usual spectrum of images would gain, where its absence means something:
 a thousand rows of all frequencies. Few low ones vary little, in a texture the other way round."""
 OTHER_TRANSFORM = 12.0
@@ -91,7 +91,7 @@ class Candidate(NamedTuple):
     gain: float
 
 
-def known_layouts(
+def candidate_layouts(
     shape: tuple[int, int], exposures: int, polarity: str | None = None
 ) -> Iterator[Layout]:
     """Layouts of so many readings, of one polarity if it is told; equal ones once."""
@@ -105,10 +105,10 @@ def known_layouts(
             except Exception:  # one of other patterns, with a seed, or of a faulty package
                 continue
             for name in sequences:
-                kept = _rows_of(exposures, name)
-                if not 1 < kept <= len(rows):
+                retained = _rows_of(exposures, name)
+                if not 1 < retained <= len(rows):
                     continue
-                index, sign = SEQUENCES[name](rows[:kept], 0)
+                index, sign = SEQUENCES[name](rows[:retained], 0)
                 plan = PatternPlan(basis.shape, index, sign, order, basis)
                 plan = transposed(plan) if turned else plan
                 if (key := (plan.index.tobytes(), sign.tobytes())) not in seen:
@@ -135,13 +135,13 @@ def recognise(
     """
     if polarity is not None and polarity not in SEQUENCES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    found = _ranked(readings, shape, polarity)
-    if not found:
+    result = _ranked(readings, shape, polarity)
+    if not result:
         raise InputError(
             f"no known layout of {shape[0]} x {shape[1]} pixels has {readings.shape[1]} readings"
         )
-    best = found[0]
-    if best.gain < LEAST_GAIN:
+    best = result[0]
+    if best.gain < MIN_GAIN:
         raise InputError(
             f"no known layout explains the {readings.shape[1]} readings better than chance does "
             f"(the best: {best.layout}): name order and polarity, or give the row numbers"
@@ -149,7 +149,7 @@ def recognise(
     other = _other_transform(best.layout.plan, readings)
     if other is not None:
         raise InputError(f"the readings look like {other}, not like Hadamard's")
-    return found
+    return result
 
 
 def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
@@ -166,18 +166,18 @@ def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     assert declared is not None
     likely = _likely(readings, plan.shape)
     gap = likely[0][1] - roughly.image if likely else 0.0
-    if gap > LEAST_DOUBT * _coarseness(readings, MAX_ROUGH):
+    if gap > MIN_DOUBT * _coarseness(readings, MAX_ROUGH):
         best = _ranked(readings, plan.shape)[0]
-        if best.likelihood - declared.image > LEAST_DOUBT * _coarseness(readings):
-            told = _other_transform(best.layout.plan, readings) or str(best.layout)
+        if best.likelihood - declared.image > MIN_DOUBT * _coarseness(readings):
+            reported = _other_transform(best.layout.plan, readings) or str(best.layout)
             return (
                 "the readings do not look like those of an image in the pattern plan's order; "
-                f"they look like {told}"
+                f"they look like {reported}"
             )
     other = _other_transform(plan, readings)
     if other is not None:
         return f"the readings look like {other}, not like those of the pattern plan"
-    if declared.gain < LEAST_GAIN and _scattered(plan, readings[0]):
+    if declared.gain < MIN_GAIN and _scattered(plan, readings[0]):
         return (
             "the readings have nothing to do with the pattern plan's order, nor with another that "
             "is known: their patterns may have been shown in an order of their own"
@@ -190,16 +190,16 @@ def _ranked(
 ) -> list[Candidate]:
     likely = _likely(readings, shape, polarity)[:MAX_REFINED]
     tried = [
-        (layout, found)
+        (layout, result)
         for layout, _ in likely
-        if (found := _fit(layout.plan, readings)) is not None
+        if (result := _fit(layout.plan, readings)) is not None
     ]
-    likelihoods = np.array([found.image for _, found in tried])
+    likelihoods = np.array([result.image for _, result in tried])
     temperature = TEMPERATURE * (1 + readings.shape[1] / WORTH)
     weights = np.exp((likelihoods - likelihoods.max(initial=-np.inf)) / temperature)
     ranked = [
-        Candidate(layout, float(weight / weights.sum()), found.image, found.gain)
-        for (layout, found), weight in zip(tried, weights, strict=True)
+        Candidate(layout, float(weight / weights.sum()), result.image, result.gain)
+        for (layout, result), weight in zip(tried, weights, strict=True)
     ]
     return sorted(ranked, key=lambda candidate: -candidate.probability)
 
@@ -208,12 +208,12 @@ def _likely(
     readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
 ) -> list[tuple[Layout, float]]:
     """Known layouts and their log-likelihoods by the usual spectrum alone, the likeliest first."""
-    found = [
+    result = [
         (layout, rough.image)
-        for layout in known_layouts(shape, readings.shape[1], polarity)
+        for layout in candidate_layouts(shape, readings.shape[1], polarity)
         if (rough := _fit(layout.plan, readings, rough=True)) is not None
     ]
-    return sorted(found, key=lambda each: -each[1])
+    return sorted(result, key=lambda each: -each[1])
 
 
 def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
@@ -221,18 +221,18 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     come, are likelier than those rows, and than Hadamard's rows in orders that have no name."""
     if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.level:
         return None
-    place = np.argsort(plan.distinct)
+    position = np.argsort(plan.distinct)
     parts = _parts(plan, readings[0].astype(np.float64))
     bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
     for order in _unnamed_orders(plan.shape):
-        found = _fit_some(parts.values, row_spectra(plan.shape), order[place[parts.rows]]).image
-        bar = max(bar, found)
+        result = _fit_some(parts.values, row_spectra(plan.shape), order[position[parts.rows]]).image
+        bar = max(bar, result)
     bar += OTHER_TRANSFORM * _coarseness(readings)
     likeliest = None
     for name, models in other_spectra(plan.shape):
-        found = _fit_some(parts.values, models, place[parts.rows]).image
-        if found > bar:
-            likeliest, bar = name, found
+        result = _fit_some(parts.values, models, position[parts.rows]).image
+        if result > bar:
+            likeliest, bar = name, result
     return likeliest
 
 
@@ -254,7 +254,7 @@ def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
     parts = _parts(plan, readings.astype(np.float64))
     usual = row_spectra(plan.shape).mean(axis=0)[parts.rows]
     spread = parts.rows.size * np.log(usual.mean()) - np.log(usual).sum()
-    return bool(spread > LEAST_SPREAD and heavy_tails(parts.values) > LEAST_DOUBT)
+    return bool(spread > MIN_SPREAD and heavy_tails(parts.values) > MIN_DOUBT)
 
 
 def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
@@ -327,37 +327,39 @@ def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> F
         return None
     frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
     models = row_spectra(plan.shape)
-    models, most = (models[[USUAL_MODEL]], MAX_ROUGH) if rough else (models, MAX_FITTED)
-    fits = [_fit_frame(plan, readings[frame].astype(np.float64), models, most) for frame in frames]
+    models, maximum = (models[[USUAL_MODEL]], MAX_ROUGH) if rough else (models, MAX_FITTED)
+    fits = [
+        _fit_frame(plan, readings[frame].astype(np.float64), models, maximum) for frame in frames
+    ]
     return Fit(*np.mean(fits, axis=0))
 
 
-def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats, most: int) -> Fit:
+def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats, maximum: int) -> Fit:
     scale = float(np.abs(readings).max()) or 1.0
     rows, values, sums, level = _parts(plan, readings / scale)
-    found = _fit_some(values, models, rows, most)
+    result = _fit_some(values, models, rows, maximum)
     others = readings.size - values.size - sums.size  # the level: anything goes
     penalty = others * log(2.0)
     if plan.polarity.any():  # the background is one more parameter
         penalty += log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
     if level < 0:  # all on is darker than all off
         penalty += min(readings.size, level**2 / (2 * np.mean(values**2) + np.finfo(float).tiny))
-    told = gaussian(sums) - penalty
-    return Fit(found.image + told, found.white + told)
+    reported = gaussian(sums) - penalty
+    return Fit(result.image + reported, result.white + reported)
 
 
-def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], most: int = MAX_FITTED) -> Fit:
+def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], maximum: int = MAX_FITTED) -> Fit:
     """Fit of some of many values, for all."""
-    if values.size <= most:
+    if values.size <= maximum:
         return fit(values, models[:, rows])
-    some = np.random.default_rng(0).choice(values.size, most, replace=False)
-    share = values.size / most
-    return Fit(*(share * each for each in fit(values[some], models[:, rows[some]])))
+    some = np.random.default_rng(0).choice(values.size, maximum, replace=False)
+    fraction = values.size / maximum
+    return Fit(*(fraction * each for each in fit(values[some], models[:, rows[some]])))
 
 
-def _coarseness(readings: NDArray[Any], most: int = MAX_FITTED) -> float:
+def _coarseness(readings: NDArray[Any], maximum: int = MAX_FITTED) -> float:
     """By how much log-likelihoods of so many readings are less sure, since some stand for all."""
-    return max(readings.shape[1] / most, 1.0)
+    return max(readings.shape[1] / maximum, 1.0)
 
 
 @lru_cache(maxsize=4)
@@ -366,6 +368,6 @@ def row_spectra(shape: tuple[int, int]) -> Floats:
     basis = Hadamard(shape)
     operator = RowOperator(basis, np.arange(basis.rows, dtype=np.int32))
     varying = spectra(operator)
-    found = np.zeros((len(varying), basis.rows))
-    found[:, operator.varying] = varying
-    return found
+    result = np.zeros((len(varying), basis.rows))
+    result[:, operator.varying] = varying
+    return result

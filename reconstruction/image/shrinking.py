@@ -22,26 +22,26 @@ class ShrinkingSolver:
     def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
         self._operator = operator
         self._expected: Floats = prior.expected
-        self._everything = float((prior.deviation**2).sum())
-        self._expected_contrast = ContrastByLevel(operator, float((prior.deviation**2).mean()))
+        self._everything = float((prior.sigma**2).sum())
+        self._expected_contrast = ContrastByLevel(operator, float((prior.sigma**2).mean()))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
         """The image, and one standard deviation for all pixels."""
         operator, seen = self._operator, self._operator.varying
         length, pixels = operator.row_length, operator.shape[1]
-        known = np.isfinite(coefficients.noise[seen])
-        measured = coefficients.values[seen][known] / length
-        variance = (coefficients.noise[seen][known] / length) ** 2
+        finite = np.isfinite(coefficients.noise[seen])
+        measured = coefficients.values[seen][finite] / length
+        variance = (coefficients.noise[seen][finite] / length) ** 2
         if not measured.any():
-            return Estimate(operator.least_energy(coefficients.values))
-        expected = self._expected[known]
-        known_contrasts = contrasts(
+            return Estimate(operator.min_norm(coefficients.values))
+        expected = self._expected[finite]
+        estimated_contrasts = contrasts(
             measured, expected[None], variance, self._expected_contrast(coefficients)
         )
-        each = shrunk(known_contrasts, expected[None], variance)
+        each = shrunk(estimated_contrasts, expected[None], variance)
         values = coefficients.values.copy()
-        values[np.flatnonzero(seen)[known]] *= each.gain
-        left = known_contrasts.given[0] * (self._everything - expected.sum())
+        values[np.flatnonzero(seen)[finite]] *= each.gain
+        left = estimated_contrasts.given[0] * (self._everything - expected.sum())
         left += (each.by_noise + each.between * np.abs(measured) ** 2).sum()
-        deviation = np.full(operator.image_shape, np.sqrt(max(left, 0.0) / pixels))
-        return Estimate(operator.least_energy(values), deviation)
+        sigma = np.full(operator.image_shape, np.sqrt(max(left, 0.0) / pixels))
+        return Estimate(operator.min_norm(values), sigma)

@@ -28,7 +28,7 @@ WHITES = np.logspace(-4, 1, 6)
 FREEDOMS = (1.0, 3.0, 30.0)
 """Degrees of freedom of Student's t: Cauchy's density, an in-between, nearly Gauss's."""
 USUAL_FREEDOM = 3.0
-MIN_DEVIATION = 1e-4
+MIN_SIGMA = 1e-4
 """Least deviation over the root mean square: coefficients that are exactly zero tell no more."""
 ROUNDS = 6
 """Of the fixed-point iteration for the scale."""
@@ -57,18 +57,18 @@ def powers(shape: tuple[int, int]) -> list[Floats]:
     """Variance (H, W) of cosines in images, for each model; 0 for the level."""
     height, width = shape
     vertical, horizontal = np.arange(height)[:, None] / height, np.arange(width) / width
-    found = []
+    result = []
     for aspect in ASPECTS:
         square = vertical**2 * aspect + horizontal**2 / aspect
         square[0, 0] = np.inf
-        found += [square ** (-exponent / 2) for exponent in EXPONENTS]
-    return found
+        result += [square ** (-exponent / 2) for exponent in EXPONENTS]
+    return result
 
 
 def fit(coefficients: NDArray[Any], models: Floats) -> Fit:
     """Fit of coefficients (K,) of rows with these ``models`` (models, K) of their variance."""
     square = np.abs(coefficients) ** 2
-    square = square + MIN_DEVIATION**2 * (square.mean() or 1.0)
+    square = square + MIN_SIGMA**2 * (square.mean() or 1.0)
     shape = models / models.mean(axis=1, keepdims=True)
     mixed = (shape[:, None] + WHITES[:, None]).reshape(-1, square.size)
     best = mixed[[int(np.argmax(_likelihoods(square, mixed, USUAL_FREEDOM)))]]

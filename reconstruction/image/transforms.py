@@ -40,7 +40,7 @@ def _haar_of_axes(power: Floats) -> Floats:
 def _haar_pyramid(power: Floats) -> Floats:
     """Bands of S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989): alike along both axes."""
     side = len(power)
-    found = np.zeros(power.shape)
+    result = np.zeros(power.shape)
     size = side
     while size > 1:
         half = size // 2
@@ -48,9 +48,9 @@ def _haar_pyramid(power: Floats) -> Floats:
         both = np.vstack([means, haar(side)[half:size]])
         band = _seen(power, both, both)
         band[:half, :half] = 0  # of the coarser bands
-        found[:size, :size] += band
+        result[:size, :size] += band
         size = half
-    return found
+    return result
 
 
 def _haar_pyramid_of_signs(power: Floats) -> Floats:

@@ -56,6 +56,6 @@ class Latencies:
         """Of one more frame."""
         self._seconds.append(seconds)
 
-    def percentile(self, share: float) -> float:
+    def percentile(self, fraction: float) -> float:
         """Seconds that so many per cent of the frames stay below; nan without any."""
-        return float(np.percentile(self._seconds, share)) if self._seconds else float("nan")
+        return float(np.percentile(self._seconds, fraction)) if self._seconds else float("nan")

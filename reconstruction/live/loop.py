@@ -70,14 +70,16 @@ class Loop:
         self._trouble: str | None = None
         self._logged = ""
         self._last_s = float("nan")
-        self._told_s = clock()
-        self._told_frames = 0
-        self._told_dropped = 0
+        self._reported_s = clock()
+        self._reported_frames = 0
+        self._reported_dropped = 0
 
-    def run(self, most: int | None = None) -> None:
+    def run(self, maximum: int | None = None) -> None:
         """Go on until the stream is over, or there are so many results."""
         counts = self._reception.counts
-        while not self._reception.queue.over and (most is None or counts.reconstructed < most):
+        while not self._reception.queue.over and (
+            maximum is None or counts.reconstructed < maximum
+        ):
             self.step(POLL_S)
         if self._reception.failure is not None:
             raise self._reception.failure
@@ -90,7 +92,7 @@ class Loop:
             self._frame(arrival)
         elif self._reception.stream is not None:
             self._compile(self._reception.stream)
-        if self._clock() - self._told_s >= STATE_EVERY_S:
+        if self._clock() - self._reported_s >= STATE_EVERY_S:
             self._tell()
 
     def _compile(self, stream: StreamSetup) -> None:
@@ -144,13 +146,13 @@ class Loop:
         """How the stream is."""
         now_s, counts = self._clock(), self._reception.counts
         awaited, since_s = self._reception.awaited
-        period_s = max(now_s - self._told_s, 1e-9)
+        period_s = max(now_s - self._reported_s, 1e-9)
         return State(
             counts=counts,
             age_s=now_s - self._last_s,
             latency_s=self.latencies.percentile(50),
             latency_99_s=self.latencies.percentile(99),
-            frames_per_s=(counts.reconstructed - self._told_frames) / period_s,
+            frames_per_s=(counts.reconstructed - self._reported_frames) / period_s,
             trouble=self._trouble or self._reception.trouble or self._overload(),
             waiting_for=awaited,
             waiting_s=now_s - since_s,
@@ -158,7 +160,7 @@ class Loop:
 
     def _overload(self) -> str:
         """What to do where frames come faster than they are reconstructed; empty where not."""
-        dropped = self._reception.counts.dropped - self._told_dropped
+        dropped = self._reception.counts.dropped - self._reported_dropped
         if not dropped:
             return ""
         return (
@@ -168,7 +170,7 @@ class Loop:
 
     def _tell(self) -> None:
         state, counts = self.state(), self._reception.counts
-        self._told_s = self._clock()
-        self._told_frames, self._told_dropped = counts.reconstructed, counts.dropped
+        self._reported_s = self._clock()
+        self._reported_frames, self._reported_dropped = counts.reconstructed, counts.dropped
         for tell in self._states:
             tell(state)

@@ -9,7 +9,7 @@ from ..base.errors import InputError
 from .framing import Kind, Message, pack
 
 POSE = struct.Struct("<7d")
-MOST_M = 1e6
+MAX_M = 1e6
 UNIT_TOLERANCE = 0.01
 """Quaternions may be off unit length by rounding."""
 
@@ -38,14 +38,14 @@ def pose_of(payload: bytes) -> Pose | None:
         raise InputError(f"a pose of {len(payload)} bytes; it has {POSE.size}, or none")
     x, y, z, *quaternion = POSE.unpack(payload)
     position = (x, y, z)
-    if not all(abs(value) <= MOST_M for value in position):  # nan is not
-        raise InputError(f"position {_told(position)} m; should lie within ±{MOST_M:g}")
+    if not all(abs(value) <= MAX_M for value in position):  # nan is not
+        raise InputError(f"position {_reported(position)} m; should lie within ±{MAX_M:g}")
     length = math.hypot(*quaternion)
     if not abs(length - 1) <= UNIT_TOLERANCE:
-        raise InputError(f"quaternion {_told(quaternion)}; should be of length 1")
+        raise InputError(f"quaternion {_reported(quaternion)}; should be of length 1")
     qx, qy, qz, qw = (value / length for value in quaternion)
     return Pose(position, (qx, qy, qz, qw))
 
 
-def _told(values: Sequence[float]) -> str:
+def _reported(values: Sequence[float]) -> str:
     return f"({', '.join(f'{value:g}' for value in values)})"

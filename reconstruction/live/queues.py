@@ -18,7 +18,7 @@ class Waiting(Generic[Item]):
         self.dropped = 0
         self._items: deque[tuple[Item, int]] = deque()
         self._bytes = 0
-        self._most = items
+        self._maximum = items
         self._closed = False
         self._changed = threading.Condition()
 
@@ -74,7 +74,7 @@ class Waiting(Generic[Item]):
 
     def _full(self, size: int) -> bool:
         """Whether there is no room for one more of so many bytes."""
-        return len(self._items) >= self._most or self._bytes + size > MAX_BYTES
+        return len(self._items) >= self._maximum or self._bytes + size > MAX_BYTES
 
     def _put(self, item: Item, size: int) -> None:
         self._items.append((item, size))

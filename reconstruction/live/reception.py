@@ -21,7 +21,7 @@ logger = logging.getLogger(__name__)
 
 POLL_S = 0.05
 """Most that a source is waited for at a time."""
-FIRST_DELAY_S, MOST_DELAY_S = 0.1, 5.0
+FIRST_DELAY_S, MAX_DELAY_S = 0.1, 5.0
 """Until a broken source is tried again: twice as long after each time in vain."""
 ENDING_S = 1.0
 """After an end that may be forged, nothing of use comes for so long if it is true."""
@@ -192,7 +192,7 @@ class Reception:
         self.trouble = f"waiting for {self._source.address}: {in_words(error)}"
         logger.warning("%s", self.trouble)
         self._again_s = now_s + self._delay_s
-        self._delay_s = min(2 * self._delay_s, MOST_DELAY_S)
+        self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
 
     def _fits(self, message: Message, length: int) -> bool:
         """Whether a message may be as its header says: what cannot be of use is not waited for."""
@@ -291,7 +291,7 @@ class Reception:
 
     def _refuse(self, why: str) -> None:
         """What is not understood at all: nothing better comes from a file, but from others."""
-        told = f"{self._sender}: {why}"
+        text = f"{self._sender}: {why}"
         if self.stream is None and self._source.patient:
-            raise InputError(told)
-        self.trouble = told
+            raise InputError(text)
+        self.trouble = text

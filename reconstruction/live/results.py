@@ -61,10 +61,10 @@ def result_entries(outcome: Outcome) -> dict[str, Any]:
     entries: dict[str, Any] = {
         "image": result.image,
         "image_unit": result.unit,
-        "image_deviation": result.deviation,
+        "image_deviation": result.sigma,
         "depth_m": result.depth_m,
-        "depth_deviation": result.depth_deviation,
-        "nothing": result.nothing,
+        "depth_deviation": result.log_depth_sigma,
+        "nothing": result.no_return,
         "free_probability": result.free_probability,
         "free_distance_m": None if result.free_probability is None else DISTANCES_M,
         "obstacle_m": result.obstacle_m,

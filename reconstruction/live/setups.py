@@ -23,7 +23,7 @@ MAX_WEIGHTS = 2**23
 """Pixels of all patterns together, or of those that are left out where these are fewer: methods
 compile matrices of so many numbers, and take a few times their 64 MiB."""
 FLAGS = "saturated"
-TOLD = {"source": "hardware", "software": "", "provenance/instrument": ""}
+REPORTED = {"source": "hardware", "software": "", "provenance/instrument": ""}
 """Texts that a setup may hold beside a capture's datasets, and what they are without."""
 
 Part = TypeVar("Part")
@@ -51,7 +51,8 @@ class StreamSetup:
         self.setup = read_setup(tables)
         _check_patterns(self.setup)
         texts = {
-            name: tables.text(name) if name in entries else usual for name, usual in TOLD.items()
+            name: tables.text(name) if name in entries else usual
+            for name, usual in REPORTED.items()
         }
         if texts["source"] not in ("hardware", "simulation"):
             raise InputError(f"source is {texts['source']!r}; allowed: hardware, simulation")
@@ -94,11 +95,13 @@ def misfit(message: Message, length: int, stream: StreamSetup | None) -> str | N
     """Why a message of a ``stream`` cannot be so long, by its header; None if it can."""
     setup, frame = message.kind == Kind.SETUP, message.kind == Kind.FRAME
     if stream is not None and message.setup == stream.id and (setup or frame):
-        told = len(stream.payload) if setup else stream.frame_bytes
-        if length != told:
-            return f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {told}"
-    most = MAX_PAYLOAD_BYTES if setup else MAX_FRAME_BYTES
-    return f"a message of {length} bytes; at most {most}" if length > most else None
+        reported = len(stream.payload) if setup else stream.frame_bytes
+        if length != reported:
+            return (
+                f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {reported}"
+            )
+    maximum = MAX_PAYLOAD_BYTES if setup else MAX_FRAME_BYTES
+    return f"a message of {length} bytes; at most {maximum}" if length > maximum else None
 
 
 def frame_period_s(setup: Setup) -> float:
@@ -120,7 +123,7 @@ def frame_payload(frame: Frames) -> bytes:
     """The payload of a frame, of the setup whose payload `setup_payload` is."""
     parts = [part for group in READ if (part := getattr(frame, group)) is not None]
     return b"".join(
-        _bytes(stored.kept(name, getattr(part, name)))
+        _bytes(stored.retained(name, getattr(part, name)))
         for part in parts
         for name, stored in stored_fields(type(part))
         if stored.by_frame
@@ -177,18 +180,18 @@ def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
             value = values.get(where)
             if value is None:
                 value = np.zeros((1, *empty.shape[1:]), empty.dtype)
-            filled[name] = stored.kept(where, value)
+            filled[name] = stored.retained(where, value)
     return replace(part, **filled)  # type: ignore[type-var]
 
 
 def _with_flags(entries: Mapping[str, Value]) -> dict[str, Value]:
     """The same, and flags of saturation where none are told."""
-    told = dict(entries)
+    reported = dict(entries)
     for group, readings in (("buckets", "counts"), ("spots", ""), ("pattern_taps", "taps")):
         flags = f"{group}/{FLAGS}"
         names = [f"{group}/{readings}"] if readings else ["spots/taps", "spots/counts"]
         for name in names:
-            if name in told and flags not in told:
-                shape = told[name].shape
-                told[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
-    return told
+            if name in reported and flags not in reported:
+                shape = reported[name].shape
+                reported[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
+    return reported

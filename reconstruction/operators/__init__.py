@@ -7,8 +7,9 @@ from .hadamard import fwht, sequency
 from .interleaving import interleaved
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
+from .outliers import OutlierDetector
 from .plan import (
-    NOTHING_SHOWN,
+    NO_PATTERN,
     PatternPlan,
     expose,
     illumination,
@@ -20,13 +21,12 @@ from .plan import (
 from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
-from .spoilt import SpoiltReadings
 from .throughput import Throughput
 from .transposed import transposed
 
 __all__ = [
     "BASES",
-    "NOTHING_SHOWN",
+    "NO_PATTERN",
     "ORDERS",
     "POLARITIES",
     "Basis",
@@ -34,11 +34,11 @@ __all__ = [
     "Drift",
     "MatrixOperator",
     "MeasurementOperator",
+    "OutlierDetector",
     "PatternPlan",
     "RowOperator",
     "SeenAtoms",
     "SparseRows",
-    "SpoiltReadings",
     "Throughput",
     "basis_of",
     "checked_shape",

@@ -22,7 +22,7 @@ from .sparse import SparseRows
 
 RANK = 1e-6
 """Directions that patterns excite by less than this share of the strongest are not measured."""
-LEVEL_SHARE = 0.5
+DC_FRACTION = 0.5
 """Share of the energy of a row that must be constant for it to tell the level of an image."""
 
 
@@ -70,9 +70,9 @@ class Decoder:
 
     def shared_columns(self) -> Floats:
         """Columns (K, S) of the readings that many coefficients share."""
-        (places,) = self.shared.nonzero()
-        units = np.zeros((self.shared.size, places.size))
-        units[places, range(places.size)] = 1
+        (positions,) = self.shared.nonzero()
+        units = np.zeros((self.shared.size, positions.size))
+        units[positions, range(positions.size)] = 1
         return np.asarray(self.matrix @ units)
 
 
@@ -95,24 +95,24 @@ def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
 def _row_decoder(plan: PatternPlan) -> SparseRows:
     """The (K, M) matrix that turns M readings into K signed coefficients."""
     rows = {int(k): row for row, k in enumerate(plan.distinct)}
-    shown = {
+    displayed = {
         (k, p): np.flatnonzero((plan.index == k) & (plan.polarity == p))
         for k, p in set(zip(plan.index.tolist(), plan.polarity.tolist(), strict=True))
     }
     entries: list[tuple[int, NDArray[np.intp], float]] = []
     level = plan.patterns.level
     for k, row in rows.items():
-        signed, plus, minus = ((k, p) in shown for p in (0, 1, -1))
+        signed, plus, minus = ((k, p) in displayed for p in (0, 1, -1))
         if signed:
-            entries.append((row, shown[k, 0], 1.0))
+            entries.append((row, displayed[k, 0], 1.0))
         elif plus and minus:
-            entries += [(row, shown[k, 1], 1.0), (row, shown[k, -1], -1.0)]
-        elif (level, 1) in shown and (level, -1) in shown:
+            entries += [(row, displayed[k, 1], 1.0), (row, displayed[k, -1], -1.0)]
+        elif (level, 1) in displayed and (level, -1) in displayed:
             sign = 1.0 if plus else -1.0
             entries += [
-                (row, shown[k, 1 if plus else -1], 2 * sign),
-                (row, shown[level, 1], -sign),
-                (row, shown[level, -1], -sign),
+                (row, displayed[k, 1 if plus else -1], 2 * sign),
+                (row, displayed[level, 1], -sign),
+                (row, displayed[level, -1], -sign),
             ]
         else:
             raise InputError(
@@ -129,13 +129,13 @@ def _row_decoder(plan: PatternPlan) -> SparseRows:
 def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:
     """Any patterns: readings that know no background, made orthonormal."""
     difference = _without_background(plan, usable)
-    matrix, rows = _orthonormal(difference, difference @ _shown(plan))
+    matrix, rows = _orthonormal(difference, difference @ _displayed(plan))
     operator = MatrixOperator(rows, plan.shape, np.linalg.norm(matrix, axis=1))
     index = np.unique(plan.index[usable]) if len(rows) else plan.index[:0]
     return Decoder(matrix, operator, index, np.zeros(plan.exposures, dtype=bool))
 
 
-def _shown(plan: PatternPlan) -> Floats:
+def _displayed(plan: PatternPlan) -> Floats:
     """What every exposure shows, (M, N)."""
     signed = plan.patterns.matrix(plan.index)
     polarity = plan.polarity[:, None]
@@ -174,13 +174,13 @@ def _orthonormal(decoder: Floats, rows: Floats) -> tuple[Floats, Floats]:
     errors that are independent of each other.
     """
     left, strength, right = np.linalg.svd(rows, full_matrices=False)
-    kept = strength > RANK * strength.max(initial=0.0)
-    rows, decoder = right[kept], (left[:, kept] / strength[kept]).T @ decoder
+    retained = strength > RANK * strength.max(initial=0.0)
+    rows, decoder = right[retained], (left[:, retained] / strength[retained]).T @ decoder
     constant = rows.sum(axis=1) / np.sqrt(rows.shape[1])
-    share = float(constant @ constant)
-    first = int(share >= RANK)
+    fraction = float(constant @ constant)
+    first = int(fraction >= RANK)
     level, others = np.split(np.linalg.qr(constant[:, None], mode="complete").Q.T, [first])
-    if share <= LEVEL_SHARE:
+    if fraction <= DC_FRACTION:
         level = level[:0]
     turn = np.linalg.svd(others @ decoder, full_matrices=False)[0].T @ others
     turn = np.concatenate([level, turn])

@@ -45,17 +45,17 @@ class MeasurementOperator:
         flat = self._combine(np.asarray(coefficients))
         return flat.reshape(*flat.shape[:-1], *self.image_shape)
 
-    def least_energy(self, coefficients: NDArray[Any]) -> NDArray[Any]:
+    def min_norm(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         """Of all images that fit coefficients (..., K) the one of least energy: (..., H, W)."""
         return self.back_project(coefficients) / self.row_length**2
 
-    def mean_level(self, coefficient: Any, image: NDArray[Any]) -> Any:
+    def mean_dc(self, coefficient: Any, image: NDArray[Any]) -> Any:
         """What an ``image`` (H, W) lacks in every pixel for the ``coefficient`` of the level."""
-        row = self._level_row
+        row = self._dc_row
         return (coefficient - (row * image).sum()) / row.sum()
 
     @cached_property
-    def _level_row(self) -> Floats:
+    def _dc_row(self) -> Floats:
         return self.back_project((~self.varying).astype(np.float64))
 
     @cached_property
@@ -121,8 +121,8 @@ class RowOperator(MeasurementOperator):
         self.basis = basis
         self.index = index
         self.row_length = float(np.sqrt(basis.pixels))
-        place = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
-        self.level = int(place[0]) if place.size else None
+        position = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
+        self.level = int(position[0]) if position.size else None
         self._products = None if basis.factors is None else _Products(*basis.factors, index)
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
@@ -191,9 +191,9 @@ class _SeenFactors(SeenAtoms):
         return self._vertical[tall[:, None], atoms[0]] * self._horizontal[wide[:, None], atoms[1]]
 
     def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
-        above, beside, place = self._occurring
+        above, beside, position = self._occurring
         there = np.zeros((*weights.shape[:-1], len(above) * len(beside)), weights.dtype)
-        there[..., place] = weights
+        there[..., position] = weights
         there = there.reshape(*weights.shape[:-1], len(above), len(beside))
         return np.asarray(above.T @ there @ beside)
 
@@ -202,8 +202,8 @@ class _SeenFactors(SeenAtoms):
         """Products of the factors that occur, and where each row is among pairs of these."""
         above, row = np.unique(self._rows[0], return_inverse=True)
         beside, column = np.unique(self._rows[1], return_inverse=True)
-        place = row * beside.size + column
-        return self._vertical[above], self._horizontal[beside], place
+        position = row * beside.size + column
+        return self._vertical[above], self._horizontal[beside], position
 
 
 class MatrixOperator(MeasurementOperator):

@@ -99,7 +99,7 @@ class PatternPlan:
         )
 
 
-NOTHING_SHOWN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
+NO_PATTERN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
 """Of recordings without an image: one exposure of a dark pixel."""
 
 
@@ -120,12 +120,14 @@ def make_plan(
     """
     rows_of = basis_of(basis, shape) if isinstance(basis, str) else basis
     rows = rows_of.rows
-    kept = rows if patterns is None else patterns
-    if not 1 <= kept <= rows:
+    retained = rows if patterns is None else patterns
+    if not 1 <= retained <= rows:
         height, width = rows_of.shape
-        raise InputError(f"patterns = {kept}: must lie in 1..{rows} for {height} x {width} pixels")
+        raise InputError(
+            f"patterns = {retained}: must lie in 1..{rows} for {height} x {width} pixels"
+        )
     order = order or rows_of.usual_order
-    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:kept], polarity)
+    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:retained], polarity)
     return PatternPlan(shape, index, sign, order, rows_of)
 
 
@@ -205,7 +207,7 @@ def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
 def mean_illumination(plan: PatternPlan) -> Floats:
     """Mean of all displayed patterns, (H, W)."""
     weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
-    shown, position = np.unique(plan.index, return_inverse=True)
-    rows = plan.patterns.combine(np.bincount(position, weight), shown)
+    displayed, position = np.unique(plan.index, return_inverse=True)
+    rows = plan.patterns.combine(np.bincount(position, weight), displayed)
     steady = np.count_nonzero(plan.polarity) / 2
     return np.asarray((rows + steady) / plan.exposures).reshape(plan.shape)

@@ -17,7 +17,7 @@ from ..base.arrays import Mask
 from .plan import PatternPlan, illumination
 from .sparse import SparseRows
 
-MOST_READINGS = 2048
+MAX_READINGS = 2048
 """Of which combinations are looked for that no image explains: a matrix of their square."""
 
 Weights = dict[int, float]
@@ -26,7 +26,7 @@ DEGREE = 2
 """Of the polynomial that drifts are."""
 FEWEST = 20
 """Degrees of freedom that are left for the noise, at least."""
-BEYOND_DOUBT = 10.0
+CERTAIN = 10.0
 """F above which a drift is none by chance in less than one recording of a thousand."""
 
 
@@ -48,7 +48,7 @@ def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
     """Combinations that are 0 for every image and every steady background."""
     readings = np.flatnonzero(usable)
     unknowns = plan.pixels + 1
-    if not unknowns < readings.size <= MOST_READINGS:
+    if not unknowns < readings.size <= MAX_READINGS:
         return matrix_of([], plan.exposures)
     seen = np.ones((readings.size, unknowns))
     for row, reading in enumerate(readings):
@@ -82,7 +82,7 @@ class Drift:
         time = np.linspace(-1, 1, sums.shape[1])
         self._sums, self._of_group, self._freedom = sums, of_group, freedom
         self._powers = np.stack([time**power for power in range(1, DEGREE + 1)], axis=1)
-        self._seen = np.stack([self._deviations(power) for power in self._powers.T], axis=1)
+        self._seen = np.stack([self._sigmas(power) for power in self._powers.T], axis=1)
         self._inverse = np.linalg.pinv(self._seen)
 
     def __call__(self, signal: NDArray[Any], usable: Mask | None = None) -> NDArray[Any]:
@@ -91,19 +91,19 @@ class Drift:
         By those sums alone that rest on ``usable`` (M,) readings, where not all do.
         """
         if usable is not None:
-            kept = self._sums.resting_on(usable)
-            _, of_group = np.unique(self._of_group[kept], return_inverse=True)
-            fewer = _drift_in(self._sums.only(kept), of_group)
+            retained = self._sums.resting_on(usable)
+            _, of_group = np.unique(self._of_group[retained], return_inverse=True)
+            fewer = _drift_in(self._sums.only(retained), of_group)
             return np.zeros_like(signal) if fewer is None else fewer(signal)
-        deviations = self._deviations(signal)
-        course = self._inverse @ deviations
+        sigmas = self._sigmas(signal)
+        course = self._inverse @ sigmas
         explained = np.sum(np.abs(self._seen @ course) ** 2) / DEGREE
-        noise = np.sum(np.abs(deviations - self._seen @ course) ** 2) / self._freedom
-        if explained <= BEYOND_DOUBT * noise:
+        noise = np.sum(np.abs(sigmas - self._seen @ course) ** 2) / self._freedom
+        if explained <= CERTAIN * noise:
             return np.zeros_like(signal)
         return np.asarray(self._powers @ course)
 
-    def _deviations(self, signal: NDArray[Any]) -> NDArray[Any]:
+    def _sigmas(self, signal: NDArray[Any]) -> NDArray[Any]:
         """Of the sums from the mean of their group."""
         sums = self._sums @ signal
         means = np.zeros(self._of_group.max() + 1, sums.dtype)
@@ -113,32 +113,34 @@ class Drift:
 
 def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
     """Groups of sums of usable readings which are the same but for noise, and drift."""
-    shown = _shown(plan, usable)
-    equal: list[list[Weights]] = [[{reading: 1.0} for reading in each] for each in shown.values()]
+    displayed = _displayed(plan, usable)
+    equal: list[list[Weights]] = [
+        [{reading: 1.0} for reading in each] for each in displayed.values()
+    ]
     return [*equal, [plus | minus for plus, minus in complements(plan, usable)]]
 
 
 def complements(plan: PatternPlan, usable: Mask) -> list[tuple[Weights, Weights]]:
     """Means of the usable readings of each pattern that is shown with its complement, and of that
     complement."""
-    shown = _shown(plan, usable)
-    pairs = [(plus, shown.get((k, -1))) for (k, sign), plus in shown.items() if sign == 1]
+    displayed = _displayed(plan, usable)
+    pairs = [(plus, displayed.get((k, -1))) for (k, sign), plus in displayed.items() if sign == 1]
     return [(_mean(plus), _mean(minus)) for plus, minus in pairs if minus]
 
 
-def _shown(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
+def _displayed(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
     """Usable readings by index and polarity."""
-    shown: dict[tuple[int, int], list[int]] = defaultdict(list)
+    displayed: dict[tuple[int, int], list[int]] = defaultdict(list)
     for reading in np.flatnonzero(usable).tolist():
-        shown[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
-    return shown
+        displayed[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
+    return displayed
 
 
 def matrix_of(rows: list[Weights], readings: int) -> SparseRows:
     """The matrix (rows, readings) of these weights."""
-    places = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
+    positions = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
     values = [value for weights in rows for value in weights.values()]
-    at = np.array(places, dtype=int).reshape(-1, 2).T
+    at = np.array(positions, dtype=int).reshape(-1, 2).T
     return SparseRows(at[0], at[1], np.array(values), (len(rows), readings))
 
 

@@ -39,15 +39,15 @@ class SparseRows:
         resting[self.rows[~usable[self.columns]]] = False
         return resting
 
-    def only(self, kept: Mask) -> "SparseRows":
+    def only(self, retained: Mask) -> "SparseRows":
         """The rows of a mask."""
-        entries = kept[self.rows]
-        number = np.cumsum(kept) - 1
+        entries = retained[self.rows]
+        number = np.cumsum(retained) - 1
         return SparseRows(
             number[self.rows[entries]],
             self.columns[entries],
             self.values[entries],
-            (int(np.count_nonzero(kept)), self.shape[1]),
+            (int(np.count_nonzero(retained)), self.shape[1]),
         )
 
     def __pow__(self, power: int) -> "SparseRows":

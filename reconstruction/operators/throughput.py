@@ -21,7 +21,7 @@ ERROR = 1.8
 more of sums that follow each other."""
 USUAL = 1.0
 """Score that noise alone often has,"""
-BEYOND_DOUBT = 3.5
+CERTAIN = 3.5
 """and one that it has in one recording of several thousand."""
 
 
@@ -45,8 +45,8 @@ class Throughput:
         """
         of_sums, of_differences = self._sums, self._differences
         if usable is not None:
-            kept = of_sums.resting_on(usable)
-            of_sums, of_differences = of_sums.only(kept), of_differences.only(kept)
+            retained = of_sums.resting_on(usable)
+            of_sums, of_differences = of_sums.only(retained), of_differences.only(retained)
         pairs = of_sums.shape[0]
         if pairs < FEWEST or np.iscomplexobj(signal):
             return 0.0

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..base.files import Output, write_atomically
 from ..capture import Setup
-from ..depth import DEPTH_METHODS, REACH_M, pixel_rays, point_cloud_ply
+from ..depth import DEPTH_METHODS, MAX_RANGE_M, pixel_rays, point_cloud_ply
 from ..evaluation.methods import method_title
 from ..image import DICTIONARIES, IMAGE_METHODS
 from ..result import Result
-from .pictures import depth_picture, deviation_picture, image_picture, nothing_picture
+from .pictures import depth_picture, image_picture, no_return_picture, sigma_picture
 from .result_file import result_bytes
 
 
@@ -75,16 +75,16 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
         pictures[_file("image", name, number)] = image_picture(image, title, result.unit)
     for number, (name, depth_m) in enumerate(result.depths.items()):
         title = f"Depth ({method_title('depths', name)})"
-        nothing, deviation = result.nothings.get(name), result.depth_deviations.get(name)
+        no_return, sigma = result.no_returns.get(name), result.log_depth_sigmas.get(name)
         pictures[_file("depth", name, number)] = depth_picture(
-            depth_m, title, setup, result.ranges, nothing
+            depth_m, title, setup, result.ranges, no_return
         )
-        if deviation is not None:
+        if sigma is not None:
             title = f"Deviation ({method_title('depths', name)})"
-            pictures[_file("depth deviation", name, number)] = deviation_picture(deviation, title)
-        if nothing is not None:
-            title = f"Nothing within {REACH_M:g} m ({method_title('depths', name)})"
-            pictures[_file("nothing", name, number)] = nothing_picture(nothing, title)
+            pictures[_file("depth deviation", name, number)] = sigma_picture(sigma, title)
+        if no_return is not None:
+            title = f"Nothing within {MAX_RANGE_M:g} m ({method_title('depths', name)})"
+            pictures[_file("nothing", name, number)] = no_return_picture(no_return, title)
     return pictures
 
 

@@ -25,7 +25,7 @@ CROSS = 6
 NO_DEPTH = 128
 """Grey of pixels without a depth."""
 
-NOTHING = (198, 219, 239)
+NO_RETURN = (198, 219, 239)
 """Pale blue of pixels without a depth where nothing within reach is likelier than something."""
 
 Canvas = NDArray[np.uint8]
@@ -45,46 +45,46 @@ def depth_picture(
     title: str,
     setup: Setup,
     ranges: Ranges | None,
-    nothing: NDArray[np.float32] | None = None,
+    no_return: NDArray[np.float32] | None = None,
 ) -> bytes:
     """A depth map with its scale, and the spots with their depths where there are any.
 
-    ``nothing`` (H, W) is the probability of nothing within reach.
+    ``no_return`` (H, W) is the probability of nothing within reach.
     """
-    known = np.isfinite(depth_m)
-    low, high = np.percentile(depth_m[known], (1, 99)).tolist() if known.any() else (0.0, 1.0)
+    finite = np.isfinite(depth_m)
+    low, high = np.percentile(depth_m[finite], (1, 99)).tolist() if finite.any() else (0.0, 1.0)
     scale = Scale(low, _above(high, low, 1e-6), VIRIDIS)
     colours = np.full((*depth_m.shape, 3), NO_DEPTH, np.uint8)
-    if nothing is not None:
-        colours[nothing >= 0.5] = NOTHING
-    colours[known] = scale.paint(depth_m[known])
+    if no_return is not None:
+        colours[no_return >= 0.5] = NO_RETURN
+    colours[finite] = scale.paint(depth_m[finite])
     enlarged = _enlarged(colours)
     if ranges is not None:
         _mark_spots(enlarged, setup, ranges)
     return png(_framed(enlarged, title, scale, "depth along the optical axis / m"), mark("depth"))
 
 
-def deviation_picture(deviation: NDArray[np.float32], title: str) -> bytes:
+def sigma_picture(sigma: NDArray[np.float32], title: str) -> bytes:
     """Standard deviations of ln depth with their scale."""
-    known = np.isfinite(deviation)
-    high = float(np.percentile(deviation[known], 99)) if known.any() else 1.0
+    finite = np.isfinite(sigma)
+    high = float(np.percentile(sigma[finite], 99)) if finite.any() else 1.0
     scale = Scale(0.0, _above(high, 0.0, 1e-6), VIRIDIS)
-    colours = np.full((*deviation.shape, 3), NO_DEPTH, np.uint8)
-    colours[known] = scale.paint(deviation[known])
+    colours = np.full((*sigma.shape, 3), NO_DEPTH, np.uint8)
+    colours[finite] = scale.paint(sigma[finite])
     label = "standard deviation of ln depth"
     return png(_framed(_enlarged(colours), title, scale, label), mark("depth deviation"))
 
 
-def nothing_picture(nothing: NDArray[np.float32], title: str) -> bytes:
+def no_return_picture(no_return: NDArray[np.float32], title: str) -> bytes:
     """Probabilities of nothing within reach, from black to white."""
     scale = Scale(0.0, 1.0, GREY)
-    enlarged = _enlarged(scale.paint(nothing))
+    enlarged = _enlarged(scale.paint(no_return))
     return png(_framed(enlarged, title, scale, "probability of nothing"), mark("nothing"))
 
 
-def _above(high: float, low: float, least: float) -> float:
+def _above(high: float, low: float, minimum: float) -> float:
     """The upper end of a scale, so that it has some length."""
-    return max(high, low + max(least, 1e-6 * abs(low)))
+    return max(high, low + max(minimum, 1e-6 * abs(low)))
 
 
 def _enlarged(colours: Canvas) -> Canvas:
@@ -114,8 +114,8 @@ def _framed(picture: Canvas, title: str, scale: Scale, label: str) -> Canvas:
     canvas[top - 1 : top + inner + 1, right - 1 : right + BAR + 1] = 0
     canvas[top : top + inner, right : right + BAR] = bar[:, None]
     for value, text in zip(values, texts, strict=True):
-        share = (scale.high - value) / (scale.high - scale.low)
-        row = top + round(share * (inner - 1))
+        fraction = (scale.high - value) / (scale.high - scale.low)
+        row = top + round(fraction * (inner - 1))
         canvas[row, right + BAR : right + BAR + GAP // 2] = 0
         _ink(canvas, text, row - HEIGHT // 2, right + BAR + GAP)
     _ink(canvas, name, top + max(0, (inner - name.shape[0]) // 2), column)
@@ -132,8 +132,8 @@ def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
     anchors = (pixel_of(setup.spots.directions, setup.optics, shape) + 0.5) * factor
     depths = ranges.range_m * setup.spots.directions[:, 2]
     edge = np.array(picture.shape[:2]) - 1
-    for place, depth_m, status in zip(anchors, depths, ranges.status, strict=True):
-        row, column = np.clip(place, 0, edge).astype(int)
+    for position, depth_m, status in zip(anchors, depths, ranges.status, strict=True):
+        row, column = np.clip(position, 0, edge).astype(int)
         draw_spot(picture, row, column, f"{depth_m:.2f} m" if status in RANGED else status)
 
 
@@ -156,5 +156,5 @@ def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
 def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) -> None:
     """Draw what covers the canvas in a grey, in place; what lies beyond its edges is cut off."""
     part = canvas[top : top + cover.shape[0], left : left + cover.shape[1]]
-    share = cover[: part.shape[0], : part.shape[1], None]
-    part[:] = np.round((1 - share) * part + share * colour).astype(np.uint8)
+    fraction = cover[: part.shape[0], : part.shape[1], None]
+    part[:] = np.round((1 - fraction) * part + fraction * colour).astype(np.uint8)

@@ -53,7 +53,7 @@ def read_result(path: str | Path) -> Result:
         timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
-            deviations=_maps(file, "deviations", names["images"], unit, shape),
+            sigmas=_maps(file, "deviations", names["images"], unit, shape),
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
             range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
@@ -62,8 +62,8 @@ def read_result(path: str | Path) -> Result:
             recording=file.text("recording"),
             frame=file.integer("frame"),
             patterns=file.integer("patterns"),
-            depth_deviations=_maps(file, "depth_deviations", names["depths"], "1", shape),
-            nothings=_maps(file, "nothings", names["depths"], "1", shape),
+            log_depth_sigmas=_maps(file, "depth_deviations", names["depths"], "1", shape),
+            no_returns=_maps(file, "nothings", names["depths"], "1", shape),
             **_corridor(file, names["depths"]),
             notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
@@ -92,9 +92,9 @@ def _maps(
 
 
 def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    found = file.shape(name, units)
-    if len(found) != 2 or found != shape:
-        raise InputError(f"dataset {name} has shape {found}, the image {shape}")
+    result = file.shape(name, units)
+    if len(result) != 2 or result != shape:
+        raise InputError(f"dataset {name} has shape {result}, the image {shape}")
     return file.numbers(name, units)
 
 
@@ -151,10 +151,15 @@ def _write(file: h5py.File, result: Result) -> None:
         hdf5.put(file, name, getattr(result, name), "1")
     for group in GROUPS:
         hdf5.put_attribute(file, group, "\n".join(getattr(result, group)))
-    maps = {"images": result.unit, "deviations": result.unit, "depths": "m"}
-    maps |= {"depth_deviations": "1", "nothings": "1"}
-    for group, units in maps.items():
-        for name, values in getattr(result, group).items():
+    maps = {
+        "images": (result.images, result.unit),
+        "deviations": (result.sigmas, result.unit),
+        "depths": (result.depths, "m"),
+        "depth_deviations": (result.log_depth_sigmas, "1"),
+        "nothings": (result.no_returns, "1"),
+    }
+    for group, (by_method, units) in maps.items():
+        for name, values in by_method.items():
             hdf5.put(file, f"{group}/{name}", values, units)
     for name, ranges in result.rangings.items():
         _write_ranges(file, f"rangings/{name}", ranges)
@@ -188,7 +193,7 @@ def _write_alternatives(file: h5py.File, group: str, ranges: Ranges) -> None:
     longest = max(map(len, ranges.alternatives))
     table = np.full((len(ranges.status), longest, len(ALTERNATIVES)), np.nan)
     for spot, alternatives in enumerate(ranges.alternatives):
-        for place, each in enumerate(alternatives):
-            table[spot, place] = each
+        for position, each in enumerate(alternatives):
+            table[spot, position] = each
     for column, (name, units) in enumerate(ALTERNATIVES.items()):
         hdf5.put(file, f"{group}/{name}", table[..., column], units)

@@ -28,16 +28,16 @@ class Scale:
     def paint(self, values: NDArray[np.floating]) -> NDArray[np.uint8]:
         """Colours (..., 3) of finite values (...), those beyond the ends as the ends."""
         table = np.array([list(bytes.fromhex(colour)) for colour in self.colours], np.float64)
-        share = (np.asarray(values, np.float64) - self.low) / (self.high - self.low)
-        at = np.clip(share, 0, 1) * (len(table) - 1)
+        fraction = (np.asarray(values, np.float64) - self.low) / (self.high - self.low)
+        at = np.clip(fraction, 0, 1) * (len(table) - 1)
         painted = [np.interp(at, np.arange(len(table)), channel) for channel in table.T]
         return np.stack(painted, axis=-1).round().astype(np.uint8)
 
-    def numbers(self, most: int) -> tuple[list[float], list[str], str]:
+    def numbers(self, maximum: int) -> tuple[list[float], list[str], str]:
         """At most so many round numbers: their values, how they read, and the factor they lack."""
         exponent = self._exponent
         low, high = self.low / 10.0**exponent, self.high / 10.0**exponent
-        step = _step(low, high, most)
+        step = _step(low, high, maximum)
         digits = next(n for n in range(20) if abs(round(step, n) - step) < 1e-9 * step)
         ticks = step * np.arange(*_multiples(low, high, step))
         factor = f"×10{str(exponent).translate(EXPONENTS)}" if exponent else ""
@@ -51,13 +51,13 @@ class Scale:
         return 0 if -3 <= power < 5 else power
 
 
-def _step(low: float, high: float, most: int) -> float:
+def _step(low: float, high: float, maximum: int) -> float:
     """The least round step with at most so many multiples between two numbers."""
-    power = 10.0 ** np.floor(np.log10((high - low) / most))
+    power = 10.0 ** np.floor(np.log10((high - low) / maximum))
     return next(
         step
-        for step in (share * power for share in STEPS)
-        if np.diff(_multiples(low, high, step)) <= most
+        for step in (fraction * power for fraction in STEPS)
+        if np.diff(_multiples(low, high, step)) <= maximum
     )
 
 

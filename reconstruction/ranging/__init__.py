@@ -1,7 +1,7 @@
 """From time-of-flight readings to ranges of the four spots: methods, and what they share."""
 
 from .brightness import Brightness, brightness_at
-from .doubts import range_doubts
+from .consistency import range_consistency
 from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads, usual_rangings
@@ -34,7 +34,7 @@ __all__ = [
     "brightness_at",
     "measure_ranges",
     "path_from_phases",
-    "range_doubts",
+    "range_consistency",
     "range_from_path",
     "ranges_from_paths",
     "ranging_method",

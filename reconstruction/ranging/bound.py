@@ -23,8 +23,8 @@ from ..capture.readings.dtof import HistogramSpots
 from ..capture.readings.pulsed import PulsedSpots
 from ..capture.spots import SpotOptics
 from .fog.algebra import inverse
-from .fog.modes import LOG_DEVIATION
-from .fog.overlap import check_known, overlap
+from .fog.modes import LOG_SIGMA
+from .fog.overlap import overlap, require_optics
 from .fog.templates import EXTINCTIONS_PER_M
 from .histogram import coates
 
@@ -34,7 +34,7 @@ NEAR, OVERLAPS = 400, 300
 """Steps below 1 m; ranges at which the overlap is computed, for between them it is smooth."""
 DIFFERENCE_M = 2e-4
 """Of the ranges whose readings give the slope."""
-BEFOREHAND = float(np.log(EXTINCTIONS_PER_M).std()), LOG_DEVIATION
+PRIOR = float(np.log(EXTINCTIONS_PER_M).std()), LOG_SIGMA
 """Standard deviations of ln extinction and of ln (backscattering / extinction)."""
 
 Bound = Callable[["Targets", Floats], Floats]
@@ -55,15 +55,13 @@ class Targets:
     backscatter: float = 0.0
 
 
-def make_bound(
-    spots: Spots, longest_m: float, beforehand: tuple[float, float] = BEFOREHAND
-) -> Bound:
+def make_bound(spots: Spots, longest_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
     """Bound for targets up to a range, with readings of which ``spots`` may hold none.
 
-    ``beforehand`` as BEFOREHAND; infinite for what is not known at all. Raises InputError where
+    ``prior`` as BEFOREHAND; infinite for what is not known at all. Raises InputError where
     the recording does not tell what `fog.overlap` needs, or the laser's light in each reading.
     """
-    check_known(spots)
+    require_optics(spots)
     lights = _lights(spots, longest_m)
     if any(np.isnan(light.table[:, -1]).any() for light in lights):
         raise InputError(
@@ -75,14 +73,14 @@ def make_bound(
 
     def bound(targets: Targets, readings: Floats) -> Floats:
         information = np.zeros((fog + 2, fog + 2))
-        information[-2:, -2:] = _known_beforehand(*beforehand)
+        information[-2:, -2:] = _given_prior(*prior)
         weights = precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
             jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)
             at = [*range(spot * size, (spot + 1) * size), fog, fog + 1]
             information[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
-        return _deviations(information)[:fog:size]
+        return _sigmas(information)[:fog:size]
 
     return bound
 
@@ -128,30 +126,30 @@ def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]
     """Change of readings with range and ln reflectance, and with ln of the fog's two, (n, 2)."""
     z, radiance = float(targets.range_m[spot]), float(targets.reflectance[spot]) / np.pi
     extinction, beta = targets.extinction_per_m, targets.backscatter
-    share, path_m = light.collected(z + DIFFERENCE_M * np.array([-1.0, 0.0, 1.0]), extinction)
-    before, here, after = (share * light.kernel(path_m)).T
+    fraction, path_m = light.collected(z + DIFFERENCE_M * np.array([-1.0, 0.0, 1.0]), extinction)
+    before, here, after = (fraction * light.kernel(path_m)).T
     along = radiance * (after - before) / (2 * DIFFERENCE_M) + beta * here
 
     inner = int(np.searchsorted(light.range_m, z))
     range_m = np.append(light.range_m[:inner], z)
-    shares, paths_m = light.collected(range_m, extinction)
+    fractions, paths_m = light.collected(range_m, extinction)
     steps = np.diff(range_m, prepend=range_m[0], append=range_m[-1])
-    fog = beta * shares * (steps[:-1] + steps[1:]) / 2  # trapezoids
+    fog = beta * fractions * (steps[:-1] + steps[1:]) / 2  # trapezoids
     table = np.concatenate([light.table[:, :inner], light.kernel(path_m[1:2])], axis=1)
     echo, delayed = (table @ np.stack([fog, fog * paths_m], axis=1)).T
     taken = radiance * here * path_m[1] + delayed
     return np.stack([along, radiance * here], axis=1), np.stack([-extinction * taken, echo], axis=1)
 
 
-def _deviations(information: Floats) -> Floats:
+def _sigmas(information: Floats) -> Floats:
     """Standard deviations of all parameters; infinite of those that nothing tells of."""
-    told = np.flatnonzero(np.diagonal(information) > 0)
-    found = np.full(len(information), np.inf)
-    found[told] = np.sqrt(np.diagonal(inverse(information[None, told][:, :, told])[0]))
-    return found
+    reported = np.flatnonzero(np.diagonal(information) > 0)
+    result = np.full(len(information), np.inf)
+    result[reported] = np.sqrt(np.diagonal(inverse(information[None, reported][:, :, reported])[0]))
+    return result
 
 
-def _known_beforehand(log_extinction: float, log_ratio: float) -> Floats:
+def _given_prior(log_extinction: float, log_ratio: float) -> Floats:
     """Information (2, 2) about ln extinction and ln backscattering."""
     together = np.array([[1.0, -1.0], [-1.0, 1.0]])
     return np.diag([log_extinction**-2, 0.0]) + together * log_ratio**-2

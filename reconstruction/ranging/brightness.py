@@ -22,21 +22,21 @@ class Brightness(NamedTuple):
     sigma: Floats
 
 
-def brightness_at(positions: Floats, image: Floats, deviation: Floats) -> Brightness:
+def brightness_at(positions: Floats, image: Floats, sigma: Floats) -> Brightness:
     """Means of an image (H, W) and its standard deviation around positions (4, 2), row and column.
 
     Errors of neighbouring pixels are alike, so that the mean is no surer than one of them.
     """
-    electrons, sigma = np.full(4, np.nan), np.full(4, np.nan)
+    electrons, electrons_sigma = np.full(4, np.nan), np.full(4, np.nan)
     for spot, (row, column) in enumerate(np.rint(positions).astype(int)):
         if 0 <= row < image.shape[0] and 0 <= column < image.shape[1]:
             around = tuple(
                 slice(max(at - NEIGHBOURS, 0), at + NEIGHBOURS + 1) for at in (row, column)
             )
-            of_image, of_deviation = image[around], deviation[around]
+            of_image, of_sigma = image[around], sigma[around]
             electrons[spot] = of_image.sum() / of_image.size
-            sigma[spot] = of_deviation.sum() / of_deviation.size
-    return Brightness(electrons, sigma)
+            electrons_sigma[spot] = of_sigma.sum() / of_sigma.size
+    return Brightness(electrons, electrons_sigma)
 
 
 def bucket_optics(optics: Optics | None, spots: Spots) -> tuple[SpotOptics, ...]:

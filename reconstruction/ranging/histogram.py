@@ -64,9 +64,9 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
     edges = np.concatenate([nearest, nearest[:, -1:] + 1], axis=-1).astype(np.float64)
 
     fitted = slice(3 if width is not None else 4)
-    least = 1e-3 / cycles
+    minimum = 1e-3 / cycles
     narrowest, widest = (0.1, float(bins)) if width is None else (width, width)
-    lowest = np.array([-1.0, least, least / bins, narrowest])
+    lowest = np.array([-1.0, minimum, minimum / bins, narrowest])
     highest = np.array([bins + 1.0, 50.0, 50.0, widest])
     theta = np.clip(np.stack(start, axis=-1), lowest, highest)
     for _ in range(STEPS):
@@ -98,7 +98,7 @@ def _matched(rate: Floats, width: float | None) -> list[Floats]:
     blocks = np.array_split(rate, min(BLOCKS, bins), axis=-1)
     background = np.median([block.mean(axis=-1) for block in blocks], axis=0)
     widths = [width] if width is not None else np.geomspace(0.5, max(bins / 6, 1), 12)
-    found: list[Floats] = []
+    result: list[Floats] = []
     best = np.full(len(rate), -np.inf)
     for tried in widths:
         half = min(int(np.ceil(3 * tried)), (bins - 1) // 2)
@@ -111,11 +111,11 @@ def _matched(rate: Floats, width: float | None) -> list[Floats]:
         candidate = [peak + 0.5, height / norm, background, np.full(len(rate), tried)]
         better = height > best
         best = np.where(better, height, best)
-        found = [
+        result = [
             np.where(better, new, old)
-            for new, old in zip(candidate, found or candidate, strict=True)
+            for new, old in zip(candidate, result or candidate, strict=True)
         ]
-    return found
+    return result
 
 
 def _score(theta: Floats, edges: Floats, seen: Floats, watched: Floats) -> tuple[Floats, Floats]:

@@ -97,9 +97,9 @@ class Ranges:
         known.
         """
         mean, sigma = self.range_m.copy(), self.sigma_m.copy()
-        for spot, known in enumerate(self.alternatives):
-            if known and not np.isfinite(mean[spot]):
-                ranges_m, sigmas_m, weights = np.array(known).T
+        for spot, given in enumerate(self.alternatives):
+            if given and not np.isfinite(mean[spot]):
+                ranges_m, sigmas_m, weights = np.array(given).T
                 weights = weights / weights.sum()
                 mean[spot] = weights @ ranges_m
                 sigma[spot] = np.sqrt(weights @ (sigmas_m**2 + (ranges_m - mean[spot]) ** 2))

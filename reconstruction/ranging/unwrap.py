@@ -21,7 +21,7 @@ PHASE_ERROR_RAD = 0.05
 LONGEST_PATH_M = 20_000.0
 """Paths beyond this are not considered where several frequencies could tell them: no laser of a
 drone shows anything there."""
-TOLD_APART = 1e-9, 1e9
+RESOLVED = 1e-9, 1e9
 """Standard deviations of phases: without signal they are infinite."""
 TRIED_AT_A_TIME = 2**20
 """Phases times wraps, which bounds the memory."""
@@ -65,7 +65,7 @@ def _of_one(
     """`path_from_phases` of a single frequency, which nothing contradicts."""
     metres_per_radian = limit_m / (2 * np.pi)
     path = np.mod(phases, 2 * np.pi) * metres_per_radian
-    sigma = np.clip(sigmas, *TOLD_APART) * metres_per_radian
+    sigma = np.clip(sigmas, *RESOLVED) * metres_per_radian
     return path, sigma, _repeated(path, sigma, limit_m)
 
 
@@ -85,7 +85,7 @@ def _of_some(
 
     off = phases[:, None] - candidates / metres_per_radian[:, None]
     off = (np.mod(off + np.pi, 2 * np.pi) - np.pi) * metres_per_radian[:, None]  # (J, wraps, ...)
-    sigmas = np.clip(sigmas, *TOLD_APART)
+    sigmas = np.clip(sigmas, *RESOLVED)
     trusted = 1 / ((sigmas**2 + PHASE_ERROR_RAD**2) * metres_per_radian**2)
     precise = 1 / (sigmas * metres_per_radian) ** 2
     mean = (trusted[:, None] * off).sum(axis=0) / trusted.sum(axis=0)
@@ -93,9 +93,9 @@ def _of_some(
     misfit = np.where(candidates <= limit_m * (1 + 1e-9), misfit, np.inf)
 
     best = misfit.argmin(axis=0)[None]
-    least, *others = np.sort(misfit, axis=0)[:2]
-    contradicted = least > MIN_SIGNAL**2 * max(frequencies_hz.size - 1, 1)
-    rivalled = np.any([other - least < MIN_SIGNAL**2 for other in others], axis=0)
+    minimum, *others = np.sort(misfit, axis=0)[:2]
+    contradicted = minimum > MIN_SIGNAL**2 * max(frequencies_hz.size - 1, 1)
+    rivalled = np.any([other - minimum < MIN_SIGNAL**2 for other in others], axis=0)
     path = np.take_along_axis(candidates, best, axis=0)[0]
     correction = np.take_along_axis(off, best[None], axis=1)[:, 0]
     total = precise.sum(axis=0)
@@ -116,8 +116,8 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
 @lru_cache(maxsize=16)  # the same for all frames of a recording
 def _repeated_after_m(frequencies_hz: tuple[float, ...]) -> float:
     shortest = c / max(frequencies_hz)
-    unlike = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
+    out_of_distribution = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
     paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
     cycles = np.multiply.outer(paths, np.array(frequencies_hz) / c)
-    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < unlike
+    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < out_of_distribution
     return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M

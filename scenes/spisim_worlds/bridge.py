@@ -62,8 +62,8 @@ def build(parameters: BridgeParameters, rng: np.random.Generator) -> SceneBuilde
     for number in range(parameters.boats):
         x, y, _ = in_view(rng, land, 1, 12, 120)[0]
         if land.height(x, y) < 0.05 - parameters.clearance_m:
-            place = (x, y, -parameters.clearance_m)
-            add_boat(builder, rng, f"boat {number + 1}", place, rng.uniform(0, 360))
+            position = (x, y, -parameters.clearance_m)
+            add_boat(builder, rng, f"boat {number + 1}", position, rng.uniform(0, 360))
     return builder
 
 
@@ -389,22 +389,22 @@ def _on_deck(
     tall = rng.uniform(4, 9)
     lamp = union([rod((0, 0, 0), (0, 0, tall), 0.06, 10), block((0.15, 0.9, 0.1), (0, -0.4, tall))])
     x = np.arange(rng.uniform(-20, 0), AHEAD_M, rng.uniform(14, 35))
-    places = np.column_stack([x, np.full(len(x), half - 0.3), 0 * x])
+    positions = np.column_stack([x, np.full(len(x), half - 0.3), 0 * x])
     if rng.random() < 0.7:
-        builder.mesh("lamp posts", "steel-galvanised", spread(lamp, places, 0, 1), at, turn)
+        builder.mesh("lamp posts", "steel-galvanised", spread(lamp, positions, 0, 1), at, turn)
     crossing = parameters.aside_m / np.tan(np.radians(parameters.bridge_deg))
     along = crossing + rng.uniform(-2, 8)
     ((x_world, y_world),) = _world(at, turn, np.array([[along, rng.uniform(-0.4, 0.4) * half]]))
-    place, way = (x_world, y_world, 0.02), (0, 0, turn[2] + float(rng.choice([0, 180])))
+    position, way = (x_world, y_world, 0.02), (0, 0, turn[2] + float(rng.choice([0, 180])))
     if parameters.traffic == "person":
-        add_worker(builder, place, way)
+        add_worker(builder, position, way)
     elif parameters.traffic != "none" and parameters.width_m > 4:
-        (add_car if parameters.traffic == "car" else add_van)(builder, place, way)
+        (add_car if parameters.traffic == "car" else add_van)(builder, position, way)
 
 
 FAMILY = Family(
     "A bridge of girders, truss, arch or cables over water, its piers and railings",
     BridgeParameters,
     build,
-    least_spots=1,
+    min_spots=1,
 )

@@ -59,7 +59,7 @@ class FacadeParameters(Parameters):
 def build(parameters: FacadeParameters, rng: np.random.Generator) -> SceneBuilder:
     """The drone is over the origin; the front is `distance_m` along y and seen from below it."""
     eaves = parameters.storeys * STOREY_M
-    sight = 90.0 - parameters.heading_deg
+    view = 90.0 - parameters.heading_deg
     rolling, far = waves(rng, (20, 80)), hills(rng, rng.uniform(250, 800), parameters.hills_m)
 
     def relief(x: Floats, y: Floats) -> Floats:
@@ -68,7 +68,7 @@ def build(parameters: FacadeParameters, rng: np.random.Generator) -> SceneBuilde
 
     land = terrain(relief, ((-30, 30), (-5, 35)), 1.5)
     eye = np.array([0.0, 0.0, max(1.2, parameters.height * eaves)])
-    forward = np.radians(sight)
+    forward = np.radians(view)
     down = np.tan(np.radians(parameters.pitch_deg))
     aim = eye + 10 * np.array([np.cos(forward), np.sin(forward), -down])
     builder = SceneBuilder(tuple(eye), tuple(aim), **outdoors(rng))
@@ -78,11 +78,11 @@ def build(parameters: FacadeParameters, rng: np.random.Generator) -> SceneBuilde
     add_front(builder, front, y, parameters.wall, parameters.frame, rng)
     _body(builder, parameters, rng, front)
     _on_the_front(builder, parameters, rng, front)
-    _before(builder, parameters, rng, front, land, sight)
-    houses = in_view(rng, land, int(rng.integers(0, 5)), 60, 250, 14, sight)
+    _before(builder, parameters, rng, front, land, view)
+    houses = in_view(rng, land, int(rng.integers(0, 5)), 60, 250, 14, view)
     behind = houses[:, 1] > y + DEEP_M + 20
-    add_houses(builder, rng, [tuple(place) for place in houses[behind]])
-    add_far_woods(builder, rng, land, int(rng.integers(2, 8)), 120.0, sight)
+    add_houses(builder, rng, [tuple(position) for position in houses[behind]])
+    add_far_woods(builder, rng, land, int(rng.integers(2, 8)), 120.0, view)
     return builder
 
 
@@ -143,9 +143,11 @@ def _body(
     n = int(rng.integers(0, 4))
     if n:
         x = front.start_m + length * rng.uniform(0.02, 0.98, n)
-        places = np.column_stack([x, ridge_y + rng.uniform(-0.4, 0.1, n) * whole, np.full(n, top)])
+        positions = np.column_stack(
+            [x, ridge_y + rng.uniform(-0.4, 0.1, n) * whole, np.full(n, top)]
+        )
         stack = union([block((0.6, 0.9, 2.4), (0, 0, 1.0)), block((0.75, 1.05, 0.15), (0, 0, 2.2))])
-        builder.mesh("chimneys", "brick", spread(stack, places, 0, 1))
+        builder.mesh("chimneys", "brick", spread(stack, positions, 0, 1))
     if rng.random() < 0.4:
         mast = [[(0, 0, 0), (0, 0, 3.5)], *([(-0.5, 0, z), (0.5, 0, z)] for z in (2.6, 3.0, 3.4))]
         at = (front.start_m + length * rng.random(), ridge_y - 0.3 * whole, top - 0.5)
@@ -160,8 +162,8 @@ def _on_the_front(
     y = parameters.distance_m
     windows = np.array(front.windows())
     width, height = front.window_m
-    places = np.column_stack([windows[:, 0], np.full(len(windows), y), windows[:, 1]])
-    upper = places[windows[:, 1] > STOREY_M]
+    positions = np.column_stack([windows[:, 0], np.full(len(windows), y), windows[:, 1]])
+    upper = positions[windows[:, 1] > STOREY_M]
     if parameters.balconies != "none" and len(upper):
         chosen = upper[rng.random(len(upper)) < parameters.balcony_share]
         wide = min(front.bay_m - 0.3, width + 1.0)
@@ -171,14 +173,14 @@ def _on_the_front(
     if parameters.shutters == "open" and 1.9 * width < front.bay_m:
         leaf = block((0.4 * width, 0.04, height), (0, -0.04, 0))
         pair = union([leaf.copy().apply_translation((s * 0.72 * width, 0, 0)) for s in (-1, 1)])
-        builder.mesh("shutters", "wood-dry", spread(pair, places, 0, 1))
-    picked = places[rng.random(len(places)) < 0.12]
+        builder.mesh("shutters", "wood-dry", spread(pair, positions, 0, 1))
+    picked = positions[rng.random(len(positions)) < 0.12]
     if len(picked):
         low = -height / 2 - 0.45
         fan = rod((0, -0.46, low), (0, -0.42, low), 0.24, 14)
         unit = union([block((0.8, 0.35, 0.6), (0, -0.25, low)), fan])
         builder.mesh("air conditioners", "steel-painted", spread(unit, picked, 0, 1))
-    picked = places[rng.random(len(places)) < 0.1]
+    picked = positions[rng.random(len(positions)) < 0.1]
     if len(picked):
         dish = lathe([(0, 0), (0.2, 0.02), (0.36, 0.09), (0.4, 0.13), (0.36, 0.11), (0, 0.03)], 18)
         dish.apply_transform(_TILT)
@@ -249,13 +251,13 @@ def _balconies(
 
 def _before(
     builder: SceneBuilder, parameters: FacadeParameters, rng: np.random.Generator, front: Front,
-    land: Terrain, sight_deg: float,
+    land: Terrain, view_deg: float,
 ) -> None:  # fmt: skip
     """Trees, a parked car, and a cable or laundry between the drone and the front."""
     y = parameters.distance_m
     spots = []
     for _ in range(parameters.trees):
-        distance, angle = rng.uniform(0.35, 0.9), np.radians(sight_deg + rng.uniform(-16, 16))
+        distance, angle = rng.uniform(0.35, 0.9), np.radians(view_deg + rng.uniform(-16, 16))
         reach = distance * y / max(0.15, np.sin(angle))
         x, ahead = reach * np.cos(angle), reach * np.sin(angle)
         if 3.0 < reach < 40 and ahead < y - 0.5:
@@ -331,5 +333,5 @@ FAMILY = Family(
     "The front of a house with balconies, windows and trees, the sky above or beside it",
     FacadeParameters,
     build,
-    least_spots=0,
+    min_spots=0,
 )

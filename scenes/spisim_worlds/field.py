@@ -76,7 +76,7 @@ def build(parameters: FieldParameters, rng: np.random.Generator) -> SceneBuilder
     _machine(builder, parameters, rng, land)
     _plants(builder, parameters, rng, land)
     houses = in_view(rng, land, int(rng.integers(0, 3)), 60, 300)
-    add_houses(builder, rng, [tuple(place) for place in houses])
+    add_houses(builder, rng, [tuple(position) for position in houses])
     add_far_woods(builder, rng, land, int(rng.integers(2, 10)), 90.0)
     return builder
 
@@ -112,16 +112,16 @@ def _crop(
         x, y, _ = in_view(rng, land, 900, start, 6 * start).T
         across = np.round((-s * x + c * y) / gap) * gap + rng.normal(0, 0.04, len(x))
         along = c * x + s * y
-        flat = land.places(c * along - s * across, s * along + c * across)
+        flat = land.positions(c * along - s * across, s * along + c * across)
         size = min(gap * rng.uniform(0.4, 0.9), 0.5 * parameters.drone_height_m)
         leaf = rng.normal((0, 0, 0.3 * size), 0.2 * size, (30, 3))
         plant = blades(rng, leaf, leaf - np.array([0, 0, 0.1 * size]), 0.35 * size)
         turns, scales = rng.uniform(0, 360, len(flat)), rng.uniform(0.6, 1.3, len(flat))
         builder.mesh("plants", "leaves-green", spread(plant, flat, turns, scales))
-    places = in_view(rng, land, 60, start, 6 * start)
+    positions = in_view(rng, land, 60, start, 6 * start)
     sizes = rng.lognormal(-2.0, 0.7, 60)
     builder.mesh("stones", str(rng.choice(["rock-granite", "soil-dry", "rock-limestone"])),
-               scattered_rocks(rng, places, sizes))  # fmt: skip
+               scattered_rocks(rng, positions, sizes))  # fmt: skip
 
 
 def _poles(
@@ -136,24 +136,24 @@ def _poles(
     span, tall = rng.uniform(15, 45), max(3.5, parameters.drone_height_m * rng.uniform(0.8, 1.5))
     feet = first + np.arange(-1, parameters.poles)[:, None] * span * step
     feet = feet[(np.hypot(*feet.T) > 2.0)]
-    places = land.places(*feet.T)
+    positions = land.positions(*feet.T)
     arm = rng.uniform(0.6, 1.4)
     pole = lathe([(0, -0.3), (0.13, -0.3), (0.09, tall), (0, tall)], 12)
     cross = block((0.1, 2 * arm, 0.1), (0, 0, tall - 0.3))
     caps = [moved(lathe([(0, 0), (0.05, 0), (0.06, 0.1), (0, 0.16)], 10), (0, y, tall - 0.25))
             for y in (-arm * 0.9, 0, arm * 0.9)]  # fmt: skip
     builder.mesh("poles", "wood-weathered",
-               spread(union([pole, cross]), places, parameters.pole_line_deg, 1))  # fmt: skip
+               spread(union([pole, cross]), positions, parameters.pole_line_deg, 1))  # fmt: skip
     builder.mesh("insulators", "glass-painted-back",
-               spread(union(caps), places, parameters.pole_line_deg, 1))  # fmt: skip
-    if len(places) < 2:
+               spread(union(caps), positions, parameters.pole_line_deg, 1))  # fmt: skip
+    if len(positions) < 2:
         return
     across = np.array([-step[1], step[0], 0])
     sag = -4 * 0.02 * span * np.array([0, 0, 1])
     t = np.linspace(0, 1, 15)[:, None]
     runs = []
     for y in (-arm * 0.9, 0, arm * 0.9):
-        for a, b in pairwise(places + y * across + np.array([0, 0, tall - 0.12])):
+        for a, b in pairwise(positions + y * across + np.array([0, 0, tall - 0.12])):
             path = a + t * (b - a) + t * (1 - t) * sag
             runs.append(np.stack([path[:-1], path[1:]], axis=1))
     wires = bars(np.concatenate(runs), rng.uniform(0.004, 0.012), 6)
@@ -173,7 +173,7 @@ def _course(
     at = _spots(parameters, rng, land, 1, 2.0)[0, :2]
     turn = np.radians(90 + rng.uniform(-65, 65))
     flat = at + np.arange(-16, 17)[:, None] * step * np.array([np.cos(turn), np.sin(turn)])
-    return land.places(*flat[np.hypot(*flat.T) > 1.5].T)
+    return land.positions(*flat[np.hypot(*flat.T) > 1.5].T)
 
 
 def _wire_fence(
@@ -229,8 +229,8 @@ def _bales(
     """Round bales 1.4 m across, some wrapped in film, or stacks of square ones."""
     if not parameters.bales:
         return
-    places = _spots(parameters, rng, land, parameters.bales, 5.0)
-    turns = rng.uniform(0, 360, len(places))
+    positions = _spots(parameters, rng, land, parameters.bales, 5.0)
+    turns = rng.uniform(0, 360, len(positions))
     if rng.random() < 0.6:
         bale = rod((0, -0.6, 0.66), (0, 0.6, 0.66), 0.7, 28)
         material = str(rng.choice(["leaves-dry", "leaves-dry", "polyethylene-film"]))
@@ -243,7 +243,7 @@ def _bales(
             if s + k < 3
         ]
         bale, material = union(stack), "leaves-dry"
-    builder.mesh("bales", material, spread(bale, places, turns, 1))
+    builder.mesh("bales", material, spread(bale, positions, turns, 1))
 
 
 def _herd(
@@ -251,9 +251,9 @@ def _herd(
 ) -> None:
     if parameters.animals == "none":
         return
-    places = _spots(parameters, rng, land, parameters.herd, 4.0)
-    for number in range(min(3, len(places))):
-        own = places[number::3]
+    positions = _spots(parameters, rng, land, parameters.herd, 4.0)
+    for number in range(min(3, len(positions))):
+        own = positions[number::3]
         turns, scales = rng.uniform(0, 360, len(own)), rng.uniform(0.8, 1.1, len(own))
         mesh = spread(animal(rng, parameters.animals), own, turns, scales)
         builder.mesh(f"{parameters.animals} {number + 1}", COATS[parameters.animals], mesh)
@@ -285,7 +285,7 @@ def _irrigation(
     step = 12.0 * np.array([np.cos(turn), np.sin(turn)])
     towers = spot[:2] + np.arange(-2, 4)[:, None] * step
     high = rng.uniform(3.0, 4.2)
-    feet = land.places(*towers.T)
+    feet = land.positions(*towers.T)
     along = np.array([step[0], step[1], 0]) / 12
     side = np.array([-along[1], along[0], 0])
     up = np.array([0, 0, high])
@@ -315,23 +315,23 @@ def _plants(
 ) -> None:
     """Bushes, trees, mole hills and a heap of stones."""
     if parameters.bushes:
-        places = _spots(parameters, rng, land, parameters.bushes, 6.0) - (0, 0, 0.2)
+        positions = _spots(parameters, rng, land, parameters.bushes, 6.0) - (0, 0, 0.2)
         body, foliage = clipped_bush(rng, rng.uniform(0.8, 1.8, 3), 0.09, 900)
         bush = union([body.apply_scale(0.8), foliage])
-        turns, scales = rng.uniform(0, 360, len(places)), rng.uniform(0.4, 1.5, len(places))
-        builder.mesh("bushes", "leaves-green", spread(bush, places, turns, scales))
+        turns, scales = rng.uniform(0, 360, len(positions)), rng.uniform(0.4, 1.5, len(positions))
+        builder.mesh("bushes", "leaves-green", spread(bush, positions, turns, scales))
     spots = in_view(rng, land, parameters.trees, max(9.0, parameters.nearest_m + 4), 120)
     kinds = [str(kind) for kind in rng.permutation(sorted(TREES))[:2]]
     add_wood(builder, "tree", kinds, "leaves-green", rng, spots, rng.uniform(3, 14))
     mounds = icosphere(2, 0.4).apply_scale((1, 1, 0.5))
-    places = _spots(parameters, rng, land, int(rng.integers(1, 12)), 4.0)
-    sizes = rng.uniform(0.3, 1.2, len(places))
-    builder.mesh("mole hills", "soil-dry", spread(mounds, places, 0, sizes))
+    positions = _spots(parameters, rng, land, int(rng.integers(1, 12)), 4.0)
+    sizes = rng.uniform(0.3, 1.2, len(positions))
+    builder.mesh("mole hills", "soil-dry", spread(mounds, positions, 0, sizes))
 
 
 FAMILY = Family(
     "An open field: poles, fences, bales, bushes, animals and machines, far hills",
     FieldParameters,
     build,
-    least_spots=0,
+    min_spots=0,
 )

@@ -74,8 +74,8 @@ def _field(
         builder.mesh("grass", parameters.season, tufts)
     elif parameters.crop == "stubble":
         builder.mesh("stubble", "leaves-dry", _stubble(rng, land, start))
-    places = in_view(rng, land, 40, start, 6 * start)
-    stones = scattered_rocks(rng, places, rng.lognormal(-1.8, 0.6, 40))
+    positions = in_view(rng, land, 40, start, 6 * start)
+    stones = scattered_rocks(rng, positions, rng.lognormal(-1.8, 0.6, 40))
     builder.mesh("stones", "rock-granite", stones)
 
 
@@ -86,7 +86,7 @@ def _stubble(rng: np.random.Generator, land: Terrain, start: float) -> Mesh:
     x, y, _ = in_view(rng, land, 5000, start, 5 * start).T
     rows = np.round((np.stack([x, y], 1) @ across) / 0.5) * 0.5 + rng.normal(0, 0.03, len(x))
     flat = (np.stack([x, y], 1) @ along)[:, None] * along + rows[:, None] * across
-    feet = land.places(flat[:, 0], flat[:, 1], 0.02)
+    feet = land.positions(flat[:, 0], flat[:, 1], 0.02)
     tips = feet + np.column_stack([rng.normal(0, 0.05, (len(x), 2)), rng.uniform(0.1, 0.3, len(x))])
     return bars(np.stack([feet, tips], axis=1), 0.008, 3)
 
@@ -116,7 +116,7 @@ def _wood(
     kinds = ("broad-leaved", "conifer", "poplar") if parameters.trees == "mixed" else None
     add_wood(
         builder, "tree", kinds or (parameters.trees,), parameters.season, rng,
-        land.places(feet[:, 0], feet[:, 1]), parameters.tree_m,
+        land.positions(feet[:, 0], feet[:, 1]), parameters.tree_m,
     )  # fmt: skip
     # What is deep in the wood nobody tells apart; it starts behind the rows.
     start = np.array([parameters.edge_m, 0]) + 3 * spacing * inward
@@ -144,9 +144,11 @@ def _undergrowth(
     flat = s[:, None] * along + (parameters.edge_m, 0) + rng.normal(0, 0.8, (count, 2))
     flat = flat[np.hypot(*flat.T) > 3.0]
     body, foliage = clipped_bush(rng, (1.3, 1.1, 1.2), 0.1, 500)
-    places = land.places(flat[:, 0], flat[:, 1], -0.25)
-    turns, scales = rng.uniform(0, 360, len(places)), rng.uniform(0.5, 1.6, len(places))
-    builder.mesh("bushes", parameters.season, spread(union([body, foliage]), places, turns, scales))
+    positions = land.positions(flat[:, 0], flat[:, 1], -0.25)
+    turns, scales = rng.uniform(0, 360, len(positions)), rng.uniform(0.5, 1.6, len(positions))
+    builder.mesh(
+        "bushes", parameters.season, spread(union([body, foliage]), positions, turns, scales)
+    )
 
 
 def _nothing(
@@ -185,7 +187,7 @@ def _fence(
     turn = np.radians(90 + rng.uniform(-60, 60))
     s = np.arange(-14, 15) * 2.0
     x, y = distance + s * np.cos(turn), s * np.sin(turn)
-    feet = land.places(x, y)
+    feet = land.positions(x, y)
     feet = feet[np.hypot(x, y) > 1.5]
     wooden = rng.random() < 0.5
     post = rod((0, 0, -0.3), (0, 0, 1.3), 0.06 if wooden else 0.035, sections=7)
@@ -251,5 +253,5 @@ FAMILY = Family(
     "A field before the edge of a wood that recedes, the sky above",
     ForestEdgeParameters,
     build,
-    least_spots=0,
+    min_spots=0,
 )

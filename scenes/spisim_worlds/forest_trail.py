@@ -80,12 +80,12 @@ def _trees(
     side = rng.permutation(np.resize([-1, 1], parameters.trunks))
     off = parameters.trail_width_m / 2 + 0.25 + rng.exponential(0.5, parameters.trunks)
     beside = _bend(parameters, ahead) + side * off
-    places = list(zip(rng.uniform(0, 360, parameters.trunks), ahead, beside, strict=True))
+    positions = list(zip(rng.uniform(0, 360, parameters.trunks), ahead, beside, strict=True))
     for kind in range(TREES):
         radius = parameters.trunk_mm / 2000 * rng.uniform(0.6, 1.4)
         placed: list[Placed] = [
             ((0, 0, turn), ground.below(x, y, 0.1, FLARE * radius))
-            for turn, x, y in places[kind::TREES]
+            for turn, x, y in positions[kind::TREES]
         ]
         lowest = parameters.drone_height_m + rng.uniform(-0.6, 0.6)
         grown = tree(rng, TREE_HEIGHT_M, radius, 6, lowest, rng.uniform(1.0, 1.8))
@@ -105,9 +105,10 @@ def _bank(
         radius = parameters.trunk_mm / 2000 * rng.uniform(0.5, 1.2)
         trunks += grow(rng, foot, UP + rng.normal(0, 0.05, 3), TREE_HEIGHT_M + 2, radius, 0)
     builder.mesh("trunks on the bank", "bark", wood(trunks))
-    places = zip(rng.uniform(0.2, 3.0, 14), rng.permutation(np.linspace(-3, 3, 14)), strict=True)
+    positions = zip(rng.uniform(0.2, 3.0, 14), rng.permutation(np.linspace(-3, 3, 14)), strict=True)
     copies: list[Placed] = [
-        ((0, 0, rng.uniform(0, 360)), ground.on(parameters.bank_m + x, y, 0.05)) for x, y in places
+        ((0, 0, rng.uniform(0, 360)), ground.on(parameters.bank_m + x, y, 0.05))
+        for x, y in positions
     ]
     grown = bush(rng, rng.uniform(0.7, 1.2), 4, 3)
     builder.mesh("bush on the bank", "bark", wood(grown), copies=copies)

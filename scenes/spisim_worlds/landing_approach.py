@@ -64,7 +64,7 @@ def build(parameters: LandingApproachParameters, rng: np.random.Generator) -> Sc
     builder = SceneBuilder(eye, aim, **outdoors(rng))
     grounds = [str(kind) for kind in rng.permutation(GROUNDS)[:3]]
     land.add(builder, grounds, patchwork(rng, land, 3, 5.0))
-    _PLACES[parameters.place](builder, parameters, rng, land)
+    _POSITIONS[parameters.place](builder, parameters, rng, land)
     _around(builder, parameters, rng, land)
     _ACROSS[parameters.wires](builder, parameters, rng, land)
     return builder
@@ -116,8 +116,8 @@ def _pad(
     builder.mesh("marking", marking, union(marks), lifted, turn)
     lamp = lathe([(0, 0), (0.07, 0), (0.07, 0.08), (0.05, 0.2), (0, 0.22)], sections=10)
     around = np.linspace(0, 2 * np.pi, 9)[:-1]
-    places = 0.78 * size * np.column_stack([np.cos(around), np.sin(around), 0 * around])
-    builder.mesh("lamps", "aluminium-rough", spread(lamp, places, 0, 1), (*at[:2], -0.02), turn)
+    positions = 0.78 * size * np.column_stack([np.cos(around), np.sin(around), 0 * around])
+    builder.mesh("lamps", "aluminium-rough", spread(lamp, positions, 0, 1), (*at[:2], -0.02), turn)
 
 
 def _road(
@@ -145,7 +145,7 @@ def _road(
         near = path[np.hypot(*path.T) < 130]
         spots = np.array([near + _beside(near, way * (half + 0.5)) for way in (-1, 1)])[:, ::4]
         builder.mesh("reflector posts", "paint-white",
-                   spread(post, land.places(*spots.reshape(-1, 2).T), 0, 1))  # fmt: skip
+                   spread(post, land.positions(*spots.reshape(-1, 2).T), 0, 1))  # fmt: skip
 
 
 def _beside(path: np.ndarray, off: float) -> np.ndarray:
@@ -226,10 +226,10 @@ def _roof(
                        rng.uniform(0, 360, n), rng.uniform(0.7, 1.3, n)), at, turn)  # fmt: skip
 
 
-_PLACES: dict[
+_POSITIONS: dict[
     str, Callable[[SceneBuilder, LandingApproachParameters, np.random.Generator, Terrain], None]
 ]
-_PLACES = {"pad": _pad, "road": _road, "roof": _roof, "runway": _runway}
+_POSITIONS = {"pad": _pad, "road": _road, "roof": _roof, "runway": _runway}
 
 
 def _around(
@@ -249,17 +249,17 @@ def _around(
         n = len(range(number, parameters.clutter, len(things)))
         if not n:
             continue
-        places = []
+        positions = []
         for _ in range(n):
             x, y = _turned(parameters, *rng.uniform(-0.9, 0.9, 2) * (size + 1))
-            places.append((x, y, 0.02) if parameters.place == "roof" else land.on(x, y, -0.03))
-        builder.mesh(name, material, spread(mesh, places, rng.uniform(0, 360, n), 1))
+            positions.append((x, y, 0.02) if parameters.place == "roof" else land.on(x, y, -0.03))
+        builder.mesh(name, material, spread(mesh, positions, rng.uniform(0, 360, n), 1))
     if parameters.place == "roof":
-        spots = land.places(*_ring(rng, parameters, parameters.trees, 2.4 * size + 8, 60).T)
+        spots = land.positions(*_ring(rng, parameters, parameters.trees, 2.4 * size + 8, 60).T)
         tall = parameters.building_m * rng.uniform(0.7, 1.1)
     else:
         builder.mesh("grass", "grass", scattered_tufts(rng, land, 700, 2 * size + 4, 60, 0.3))
-        spots = land.places(*_ring(rng, parameters, parameters.trees, 1.3 * size + 5, 50).T)
+        spots = land.positions(*_ring(rng, parameters, parameters.trees, 1.3 * size + 5, 50).T)
         tall = rng.uniform(2.5, 12)
         at = (*_turned(parameters, *rng.uniform(-1, 1, 2) * size), 0.03)
         if rng.random() < 0.3:
@@ -285,14 +285,14 @@ def _ring(
     rng: np.random.Generator, parameters: LandingApproachParameters, n: int, low: float, high: float
 ) -> np.ndarray:
     """Places (n, 2) ahead, so far from the middle of the place and not near the drone."""
-    found = np.empty((0, 2))
-    while len(found) < n:
+    result = np.empty((0, 2))
+    while len(result) < n:
         angle = rng.uniform(-np.pi, np.pi, 64)
         flat = rng.uniform(low, high, 64)[:, None] * np.stack([np.cos(angle), np.sin(angle)], 1)
         flat += _middle(parameters)
         seen = np.abs(np.degrees(np.arctan2(flat[:, 1], flat[:, 0]))) < 16
-        found = np.concatenate([found, flat[seen & (np.hypot(*flat.T) > 9)]])
-    return found[:n]
+        result = np.concatenate([result, flat[seen & (np.hypot(*flat.T) > 9)]])
+    return result[:n]
 
 
 def _nothing(
@@ -337,9 +337,9 @@ def _lamp_posts(
     head = block((0.25, 1.0, 0.1), (0, 0.4, tall))
     spots = [_turned(parameters, x, way * off) for x in (-6, 2, 10, 18) for way in (-1, 1)]
     spots = [spot for spot in spots if np.hypot(*spot) > 2.5]
-    places = np.array([land.on(*spot) for spot in spots])
+    positions = np.array([land.on(*spot) for spot in spots])
     builder.mesh("lamp posts", "steel-galvanised",
-               spread(union([pole, head]), places, parameters.turn_deg, 1))  # fmt: skip
+               spread(union([pole, head]), positions, parameters.turn_deg, 1))  # fmt: skip
 
 
 def _fence(
@@ -383,5 +383,5 @@ FAMILY = Family(
     "The approach to a pad, a road, a runway or a flat roof, the horizon behind",
     LandingApproachParameters,
     build,
-    least_spots=0,
+    min_spots=0,
 )

@@ -103,10 +103,10 @@ def _add_standing(
     for number, (name, material, mesh) in enumerate(kinds):
         n = len(range(number, parameters.standing, len(kinds)))
         radius, angle = reach + rng.exponential(1.0, n), rng.uniform(-2.2, 2.2, n)
-        places = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
+        positions = np.stack([radius * np.cos(angle), radius * np.sin(angle), 0 * angle], axis=1)
         if n:
             turns = rng.uniform(0, 360, n)
-            builder.mesh(name, material, spread(mesh, places, turns, rng.uniform(0.7, 1.2, n)))
+            builder.mesh(name, material, spread(mesh, positions, turns, rng.uniform(0.7, 1.2, n)))
 
 
 def _crates(rng: np.random.Generator) -> Mesh:
@@ -286,8 +286,8 @@ def _add_tools(
         : parameters.tools
     ]:
         material, make = _TOOLS[name]
-        place = ((reach + 0.15) * np.cos(angle), (reach + 0.15) * np.sin(angle), 0.0)
-        builder.mesh(str(name), material, make(), place, (0, 0, rng.uniform(0, 360)))
+        position = ((reach + 0.15) * np.cos(angle), (reach + 0.15) * np.sin(angle), 0.0)
+        builder.mesh(str(name), material, make(), position, (0, 0, rng.uniform(0, 360)))
 
 
 def _toolbox() -> Mesh:
@@ -321,19 +321,19 @@ def _gravel(
     builder: SceneBuilder, parameters: LandingPadParameters, rng: np.random.Generator
 ) -> None:
     builder.rectangle("ground", "soil-field", GROUND_M)
-    places = _around(rng, parameters, parameters.clutter)
-    sizes = rng.lognormal(np.log(0.05), 0.4, len(places))
-    builder.mesh("stones", "gravel", scattered_rocks(rng, places, sizes))
+    positions = _around(rng, parameters, parameters.clutter)
+    sizes = rng.lognormal(np.log(0.05), 0.4, len(positions))
+    builder.mesh("stones", "gravel", scattered_rocks(rng, positions, sizes))
 
 
 def _snow(
     builder: SceneBuilder, parameters: LandingPadParameters, rng: np.random.Generator
 ) -> None:
     builder.rectangle("ground", "snow", GROUND_M)
-    places = _around(rng, parameters, parameters.clutter // 8)
+    positions = _around(rng, parameters, parameters.clutter // 8)
     lumps = [
-        moved(blob(rng, rng.uniform((0.1, 0.1, 0.06), (0.4, 0.35, 0.2)), 0.1, 2), place)
-        for place in places
+        moved(blob(rng, rng.uniform((0.1, 0.1, 0.06), (0.4, 0.35, 0.2)), 0.1, 2), position)
+        for position in positions
     ]
     builder.mesh("lumps of snow", "snow", union(lumps))
 
@@ -343,8 +343,8 @@ def _grass(
 ) -> None:
     builder.rectangle("ground", "soil-field", GROUND_M)
     one = tuft(rng, 0.12, 16)
-    places = _around(rng, parameters, parameters.clutter)
-    builder.mesh("grass", "grass", alike(one.vertices + places[:, None], one.faces))
+    positions = _around(rng, parameters, parameters.clutter)
+    builder.mesh("grass", "grass", alike(one.vertices + positions[:, None], one.faces))
 
 
 def _concrete(
@@ -356,9 +356,9 @@ def _concrete(
     steps = np.arange(-4.0, 4.1, slab) + start
     copies = [((0, 0, 0), (x, y, -0.02)) for x in steps for y in steps]
     builder.box("slab", "concrete-weathered", (0.97 * slab, 0.97 * slab, 0.05), copies=copies)
-    places = _around(rng, parameters, parameters.clutter // 5)
+    positions = _around(rng, parameters, parameters.clutter // 5)
     builder.mesh(
-        "stones", "gravel", scattered_rocks(rng, places, rng.uniform(0.02, 0.05, len(places)))
+        "stones", "gravel", scattered_rocks(rng, positions, rng.uniform(0.02, 0.05, len(positions)))
     )
 
 
@@ -376,5 +376,5 @@ FAMILY = Family(
     "A landing pad with H and fiducial marker, looked down on at an angle",
     LandingPadParameters,
     build,
-    least_spots=2,
+    min_spots=2,
 )

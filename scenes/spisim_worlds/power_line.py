@@ -104,9 +104,9 @@ def _in_the_open(
     builder = SceneBuilder((0.0, 0.0, eye_z), (x, 0.0, ARM_M - tilt), **outdoors(rng))
     land.add(builder, ["grass", "soil-field", "leaves-dry"], patchwork(rng, land, 3, 6.0))
     _overhead(builder, parameters, rng, land.on(x, aside(x, parameters.support_angle_deg), 0.3))
-    places = in_view(rng, land, 2 * parameters.trees, 12, 120)
+    positions = in_view(rng, land, 2 * parameters.trees, 12, 120)
     kinds = [str(kind) for kind in rng.permutation(sorted(TREES))[:2]]
-    add_wood(builder, "tree", kinds, "leaves-green", rng, places, rng.uniform(4, 14))
+    add_wood(builder, "tree", kinds, "leaves-green", rng, positions, rng.uniform(4, 14))
     add_far_woods(builder, rng, land, int(rng.integers(2, 9)), 100.0)
     return builder
 
@@ -215,8 +215,8 @@ def _line(builder: SceneBuilder, parameters: PowerLineParameters, foot: Point) -
         discs.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))
     builder.mesh("insulator", "glass-painted-back", discs, copies=copies)
     wires, dampers = [], []
-    for place in feet:
-        clamp = place + np.array([0.0, 0.0, 0.7 * drop if stands else drop])
+    for position in feet:
+        clamp = position + np.array([0.0, 0.0, 0.7 * drop if stands else drop])
         wires.append(_both_ways(parameters, clamp, along, parameters.sag_m))
         for way in (-1, 1):
             hung = clamp + way * 0.6 * along - (0, 0, 0.07)
@@ -256,17 +256,17 @@ def _trees(
     builder: SceneBuilder, parameters: PowerLineParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Two kinds of tree on the slope, their crowns about as high as the drone."""
-    places: list[tuple[float, float, float]] = []
+    positions: list[tuple[float, float, float]] = []
     sideways = rng.permutation(np.linspace(-3.0, 3.0, parameters.trees))
     for y in sideways + rng.uniform(-0.3, 0.3, parameters.trees):
         x = parameters.backdrop_m + rng.uniform(-1.6, 0.8)
-        places.append((x, float(y), rng.uniform(0, 360)))
+        positions.append((x, float(y), rng.uniform(0, 360)))
     for kind in range(2):
         height, radius = rng.uniform(2.5, 5.0), rng.uniform(0.05, 0.1)
         grown = tree(rng, height, radius, 10, 0.6, 1.4)
         placed: list[Placed] = [
             ((0, 0, turn), ground.below(x, y, 0.4, FLARE * radius))
-            for x, y, turn in places[kind::2]
+            for x, y, turn in positions[kind::2]
         ]
         builder.mesh(f"tree {kind + 1}", "bark", wood(grown), copies=placed)
         foliage = leaves(rng, grown, 0.16, 8)
@@ -279,5 +279,5 @@ FAMILY = Family(
     "An overhead line: pole or pylon, insulators, conductors of 8 to 30 mm, a slope or open land",
     PowerLineParameters,
     build,
-    least_spots=1,
+    min_spots=1,
 )

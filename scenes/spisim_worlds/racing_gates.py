@@ -95,13 +95,13 @@ def _gates(builder: SceneBuilder, parameters: GatesParameters, rng: np.random.Ge
         kind = KINDS[(first + i) % len(KINDS)]
         to_frame = (parameters.opening_m + parameters.border_m) / 2
         off = to_frame - aside(x, rng.uniform(1.0, 7.0))
-        place = (x, side * max(0.0, off), parameters.drone_height_m + rng.uniform(-0.15, 0.15))
+        position = (x, side * max(0.0, off), parameters.drone_height_m + rng.uniform(-0.15, 0.15))
         side = -side
         turn = (0, 0, rng.uniform(-1, 1) * parameters.turn_deg)
         gate = _GATES[kind](parameters.opening_m, parameters.border_m)
-        builder.mesh(f"{kind} gate {i + 1}", parameters.cloth, gate, place, turn)
-        stand = _stand(kind, parameters.opening_m, parameters.border_m, place[2])
-        builder.mesh(f"stand of gate {i + 1}", "aluminium-anodised", stand, place, turn)
+        builder.mesh(f"{kind} gate {i + 1}", parameters.cloth, gate, position, turn)
+        stand = _stand(kind, parameters.opening_m, parameters.border_m, position[2])
+        builder.mesh(f"stand of gate {i + 1}", "aluminium-anodised", stand, position, turn)
 
 
 def _square(opening: float, border: float) -> Mesh:

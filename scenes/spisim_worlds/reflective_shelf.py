@@ -95,9 +95,9 @@ def _add_shelf(builder: SceneBuilder, parameters: ShelfParameters) -> list[float
         for py in np.linspace(-wide / 2, wide / 2, 3)
     ]
     rails = [block((0.012, wide, 0.035), (-0.006, 0, z - 0.018)) for z in tops]
-    place, turn = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
-    builder.mesh("shelf", parameters.boards, union(boards + uprights), place, turn)
-    builder.mesh("price rails", "pvc", union(rails), place, turn)
+    position, turn = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
+    builder.mesh("shelf", parameters.boards, union(boards + uprights), position, turn)
+    builder.mesh("price rails", "pvc", union(rails), position, turn)
     return tops
 
 
@@ -113,14 +113,14 @@ def _add_goods(
             name = _pick(parameters, rng)
             kind = KINDS[name]
             wide = kind.wide + rng.uniform(0.004, 0.02)
-            place = (SETBACK_M + kind.wide / 2 + rng.uniform(0, 0.04), y + wide / 2, top)
+            position = (SETBACK_M + kind.wide / 2 + rng.uniform(0, 0.04), y + wide / 2, top)
             y += wide
             if rng.random() > parameters.filled:
                 continue
             stacked = 1 + int(rng.random() < 0.5 and 2 * kind.high < parameters.spacing_m - 0.04)
             turn = np.radians(rng.uniform(-8, 8))
             for level in range(stacked):
-                at = np.add(place, (0, 0, level * kind.high))
+                at = np.add(position, (0, 0, level * kind.high))
                 poses.setdefault(name, []).append(_pose(turn, at))
     shelf, turned = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
     # Mirrors are a hard case only where they are looked at: nearest to the line of sight.

@@ -130,13 +130,13 @@ def _add_loose(
 ) -> None:
     """Bricks and lumps on the heap and at its foot."""
     brick = box((1, 1, 1))
-    places = _strewn(parameters.bricks, heap, rng)
-    angles = rng.uniform((-0.6, -0.6, 0), (0.6, 0.6, 2 * np.pi), places.shape)
+    positions = _strewn(parameters.bricks, heap, rng)
+    angles = rng.uniform((-0.6, -0.6, 0), (0.6, 0.6, 2 * np.pi), positions.shape)
     turns = np.array([euler_matrix(*row)[:3, :3] for row in angles])
-    sizes = np.full(places.shape, BRICK_M)
-    sizes[rng.random(len(places)) < 0.3, 0] /= 2
+    sizes = np.full(positions.shape, BRICK_M)
+    sizes[rng.random(len(positions)) < 0.3, 0] /= 2
     corners = brick.vertices * sizes[:, None]
-    corners = np.einsum("nij,nvj->nvi", turns, corners) + places[:, None] + (0, 0, 0.03)
+    corners = np.einsum("nij,nvj->nvi", turns, corners) + positions[:, None] + (0, 0, 0.03)
     builder.mesh("bricks", "brick", alike(corners, brick.faces))
     thick = rng.lognormal(np.log(0.1), 0.45, parameters.stones)
     lumps = scattered_rocks(rng, _strewn(parameters.stones, heap, rng), thick)

@@ -88,16 +88,16 @@ def build(parameters: ScaffoldParameters, rng: np.random.Generator) -> SceneBuil
         parts["safety net", "polyester-fabric"] = _net(frame, parameters, aim_z)
     elif parameters.cover == "tarpaulin":
         parts["tarpaulin", "polyethylene-film"] = _tarpaulin(frame, aim_z, rng)
-    place: Placed = ((0, 0, parameters.oblique_deg), (x, 0, 0))
+    position: Placed = ((0, 0, parameters.oblique_deg), (x, 0, 0))
     for (name, material), mesh in parts.items():
-        builder.mesh(name, material, mesh, copies=[place])
+        builder.mesh(name, material, mesh, copies=[position])
     wall_x = frame.depth + parameters.gap_m
     wall = block((0.3, 24, top + 3), (wall_x + 0.15, 0, (top + 3) / 2))
-    builder.mesh("wall", parameters.wall, wall, copies=[place])
+    builder.mesh("wall", parameters.wall, wall, copies=[position])
     ladder_at = (0.75 * frame.depth, offset + 0.7 * parameters.bay_m, _deck_below(frame, aim_z))
     ladder = props.ladder()
     ladder.apply_translation(ladder_at)
-    builder.mesh("ladder", "aluminium-anodised", ladder, copies=[place])
+    builder.mesh("ladder", "aluminium-anodised", ladder, copies=[position])
     return builder
 
 

@@ -58,13 +58,13 @@ class ShipyardParameters(Parameters):
 def build(parameters: ShipyardParameters, rng: np.random.Generator) -> SceneBuilder:
     """The quay is z = 0 and runs along x; the ship lies along it, its near side towards -y."""
     builder = SceneBuilder((0, 0, 0), (1, 0, 0), **outdoors(rng))
-    places = {
+    positions = {
         **_ship(builder, parameters, rng),
         **CRANES[parameters.crane](builder, rng, parameters.crane_m, YARD_M),
         "containers": _containers(builder, parameters, rng),
         "quay": np.array([rng.uniform(-8, 8), rng.uniform(-6, 0), rng.uniform(0, 1.2)]),
     }
-    _look(builder, parameters, places.get(parameters.subject, places["mast"]))
+    _look(builder, parameters, positions.get(parameters.subject, positions["mast"]))
     _quay(builder, parameters, rng)
     heading = np.subtract(builder.look_at_m, builder.position_m)
     land = _water(builder, parameters, rng)
@@ -79,16 +79,16 @@ def build(parameters: ShipyardParameters, rng: np.random.Generator) -> SceneBuil
     return builder
 
 
-def _look(builder: SceneBuilder, parameters: ShipyardParameters, place: Floats) -> None:
+def _look(builder: SceneBuilder, parameters: ShipyardParameters, position: Floats) -> None:
     """Put the drone before a place, not into the quay."""
     angle = np.radians(parameters.azimuth_deg - 90)
     level = np.sqrt(max(1.0, parameters.distance_m**2 - parameters.above_m**2))
     away = np.array([level * np.cos(angle), level * np.sin(angle), parameters.above_m])
-    eye = place + away
+    eye = position + away
     eye[2] = max(eye[2], 1.2)
-    sight = place - eye
-    turn = np.arctan2(sight[1], sight[0]) + np.radians(parameters.aside_deg)
-    pitch = np.arctan2(-sight[2], np.hypot(*sight[:2])) + np.radians(parameters.pitch_deg)
+    view = position - eye
+    turn = np.arctan2(view[1], view[0]) + np.radians(parameters.aside_deg)
+    pitch = np.arctan2(-view[2], np.hypot(*view[:2])) + np.radians(parameters.pitch_deg)
     pitch = np.clip(pitch, -0.45, 0.5)
     ahead = np.array([np.cos(turn) * np.cos(pitch), np.sin(turn) * np.cos(pitch), -np.sin(pitch)])
     builder.position_m, builder.look_at_m = tuple(eye), tuple(eye + 10 * ahead)
@@ -143,8 +143,8 @@ def _ship(
     mast = _mast(builder, parameters, rng, x0 + rng.uniform(-0.1, 0.2) * length, y, deck, beam)
     if parameters.scaffold == "tubes":
         _scaffold(builder, rng, xs[0], near - (1.4 if docked else 0.0), deck, docked)
-    hull_place = np.array([rng.uniform(xs[0], xs[-1]), near, rng.uniform(0.35, 1.0) * deck])
-    return {"hull": hull_place, "superstructure": house, "mast": mast}
+    hull_position = np.array([rng.uniform(xs[0], xs[-1]), near, rng.uniform(0.35, 1.0) * deck])
+    return {"hull": hull_position, "superstructure": house, "mast": mast}
 
 
 def _superstructure(
@@ -295,9 +295,9 @@ def _containers(
     angle = np.radians(turn)
     local = np.array([rng.uniform(-3, 18), rng.choice([-1.2, 6.2]), 0])
     c, s = np.cos(angle), np.sin(angle)
-    place = corner + np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], 0])
-    place[2] = rng.uniform(0.3, 1.1) * parameters.storeys * height
-    return place
+    position = corner + np.array([c * local[0] - s * local[1], s * local[0] + c * local[1], 0])
+    position[2] = rng.uniform(0.3, 1.1) * parameters.storeys * height
+    return position
 
 
 def _quay(builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.Generator) -> None:
@@ -312,8 +312,8 @@ def _quay(builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.
         "bollards", "steel-rusty", spread(bollard, np.column_stack([x, 0 * x - 0.9, 0 * x]), 0, 1)
     )
     eye, aim = np.asarray(builder.position_m), np.asarray(builder.look_at_m)
-    sight = (aim - eye)[:2] / np.linalg.norm((aim - eye)[:2])
-    across = np.array([-sight[1], sight[0]])
+    view = (aim - eye)[:2] / np.linalg.norm((aim - eye)[:2])
+    across = np.array([-view[1], view[0]])
     things: list[tuple[str, str, Mesh]] = [
         ("drums", "steel-rusty", drum()),
         ("pallets", "wood-weathered", pallet()),
@@ -325,14 +325,14 @@ def _quay(builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.
         n = len(range(number, parameters.clutter, len(things)))
         ahead = rng.uniform(3, 25, n)
         flat = (
-            eye[:2] + ahead[:, None] * sight + (ahead * rng.uniform(-0.2, 0.2, n))[:, None] * across
+            eye[:2] + ahead[:, None] * view + (ahead * rng.uniform(-0.2, 0.2, n))[:, None] * across
         )
         flat = flat[(flat[:, 1] < -1.2) & (flat[:, 1] > 1 - YARD_M)]
         if len(flat):
             feet = np.column_stack([flat, np.zeros(len(flat))])
             builder.mesh(name, material, spread(mesh, feet, rng.uniform(0, 360, len(flat)), 1))
     if rng.random() < 0.4:
-        at = eye[:2] + rng.uniform(4, 10) * sight
+        at = eye[:2] + rng.uniform(4, 10) * view
         if -YARD_M < at[1] < -1:
             add_worker(builder, (*at, 0.0), (0, 0, rng.uniform(0, 360)))
 
@@ -360,5 +360,5 @@ FAMILY = Family(
     "A shipyard: a hull, masts and stays, cranes, containers, water and sky",
     ShipyardParameters,
     build,
-    least_spots=1,
+    min_spots=1,
 )

@@ -94,8 +94,8 @@ def _other_stairs(parameters: StairwellParameters, rng: np.random.Generator) -> 
         )  # fmt: skip
     builder.position_m = tuple(eye)
     builder.look_at_m = _turned(tuple(eye), tuple(aim), parameters.gaze_deg, parameters.tilt_deg)
-    sight = (aim - eye) * (1, 1, 0) / np.hypot(*(aim - eye)[:2])
-    cable = eye + rng.uniform(1.2, 2.5) * sight + (*rng.uniform(-0.25, 0.25, 2), 0)
+    view = (aim - eye) * (1, 1, 0) / np.hypot(*(aim - eye)[:2])
+    cable = eye + rng.uniform(1.2, 2.5) * view + (*rng.uniform(-0.25, 0.25, 2), 0)
     swing = rng.normal(0, 0.05, (5, 3)) * (1, 1, 0)
     path = cable + swing + np.linspace(2.0, rng.uniform(-1.0, 0.3), 5)[:, None] * (0, 0, 1)
     builder.mesh("hanging cable", "rubber-black", tube(path, rng.uniform(0.002, 0.01), 6))
@@ -152,14 +152,14 @@ def _flights(builder: SceneBuilder, parameters: StairwellParameters, top: float)
     flight = _flight(parameters)
     y = (parameters.width_m + WELL_M) / 2
     far = LOBBY_M + parameters.steps * parameters.tread_m
-    places: list[Placed] = [((0, 0, 0), (LOBBY_M, -y, 0)), ((0, 0, 180), (far, y, top))]
-    builder.mesh("flight", parameters.stairs, flight, copies=places)
+    positions: list[Placed] = [((0, 0, 0), (LOBBY_M, -y, 0)), ((0, 0, 180), (far, y, top))]
+    builder.mesh("flight", parameters.stairs, flight, copies=positions)
     wide = 2 * parameters.width_m + WELL_M
     middle = far + LANDING_M / 2
     builder.box("landing", parameters.stairs, (LANDING_M, wide, SLAB_M),
               (middle, 0, top - SLAB_M / 2))  # fmt: skip
     edges = _nosing(parameters)
-    builder.mesh("step edges", "aluminium-anodised", edges, copies=places)
+    builder.mesh("step edges", "aluminium-anodised", edges, copies=positions)
 
 
 def _flight(parameters: StairwellParameters) -> Mesh:
@@ -204,15 +204,15 @@ def _railings(builder: SceneBuilder, parameters: StairwellParameters) -> None:
     knob.apply_translation((0, 0, first[2] + 0.11))
     inner = WELL_M / 2 + 0.05
     far = LOBBY_M + parameters.steps * parameters.tread_m
-    places: list[Placed] = [
+    positions: list[Placed] = [
         ((0, 0, 0), (LOBBY_M, -inner, 0)),
         ((0, 0, 180), (far, inner, _landing_m(parameters))),
     ]
-    builder.mesh("balusters", "steel-painted", union(bars), copies=places)
+    builder.mesh("balusters", "steel-painted", union(bars), copies=positions)
     bent = np.array([0.1, 0, 0.03])
     rail = tube([first - bent, first, last, last + bent], 0.024, 10)
-    builder.mesh("handrail", "wood-dry", rail, copies=places)
-    builder.mesh("newel post", "wood-dry", union([post, knob]), copies=places)
+    builder.mesh("handrail", "wood-dry", rail, copies=positions)
+    builder.mesh("newel post", "wood-dry", union([post, knob]), copies=positions)
     wall_rail = tube([first, last], 0.02, 8)
     outer = WELL_M / 2 + parameters.width_m - 0.08
     on_walls: list[Placed] = [
@@ -229,9 +229,9 @@ def _clutter(
     y = -(parameters.width_m + WELL_M) / 2
     taken = int(rng.integers(1, parameters.steps // 2))
     free = [step for step in range(parameters.steps - 1) if abs(step - taken) > 1]
-    places = rng.permutation(free)[: parameters.clutter]
-    things = rng.permutation(sorted(_THINGS))[: len(places)]
-    for name, step in zip(things, places, strict=True):
+    positions = rng.permutation(free)[: parameters.clutter]
+    things = rng.permutation(sorted(_THINGS))[: len(positions)]
+    for name, step in zip(things, positions, strict=True):
         material, make = _THINGS[name]
         x = LOBBY_M + (step + 0.55) * parameters.tread_m
         at = (
@@ -313,5 +313,5 @@ FAMILY = Family(
     "Stairs: two flights and a landing, winding in a shaft, or straight; railings of thin bars",
     StairwellParameters,
     build,
-    least_spots=3,
+    min_spots=3,
 )

@@ -98,9 +98,11 @@ def _open_end(
     pitch = np.tan(np.radians(rng.uniform(20, 45)))
     slope = prism([(0, 0), (4.5, 4.5 * pitch), (4.5, 4.5 * pitch + 0.2), (0, 0.2)], 30.0)
     builder.mesh("roof", "roof-tile-concrete", slope, (5.0, y - 0.4, top + 0.1), (0, 0, 90))
-    places = in_view(rng, land, int(rng.integers(0, 5)), 35, 120, 8, 0.0)
+    positions = in_view(rng, land, int(rng.integers(0, 5)), 35, 120, 8, 0.0)
     add_houses(
-        builder, rng, [tuple(place) for place in places if abs(place[1]) > 14 or place[0] > 45]
+        builder,
+        rng,
+        [tuple(position) for position in positions if abs(position[1]) > 14 or position[0] > 45],
     )
     spots = in_view(rng, land, 6, 24, 90, 16, 0.0)
     kinds = [str(kind) for kind in rng.permutation(sorted(TREES))[:2]]
@@ -141,16 +143,16 @@ def _street(builder: SceneBuilder, parameters: StreetParameters) -> None:
 
 def _vehicle(builder: SceneBuilder, parameters: StreetParameters, rng: np.random.Generator) -> None:
     before = PAVEMENT_M + 1.1
-    place = (
+    position = (
         _in_view(parameters, before, rng.uniform(-14, -4)) + 1.2,
         parameters.front_m - before,
         0.0,
     )
     turn = (0, 0, rng.choice([0.0, 180.0]))
     if parameters.vehicle == "car":
-        add_car(builder, place, turn)
+        add_car(builder, position, turn)
     elif parameters.vehicle == "van":
-        add_van(builder, place, turn)
+        add_van(builder, position, turn)
 
 
 def _pavement(
@@ -293,5 +295,5 @@ FAMILY = Family(
     "A street between houses with windows of glass, a parked car and a cable across",
     StreetParameters,
     build,
-    least_spots=1,
+    min_spots=1,
 )

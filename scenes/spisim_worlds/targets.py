@@ -78,13 +78,13 @@ def _turned(builder: SceneBuilder, parameters: TargetParameters, rng: np.random.
     """A wall behind, and nothing else."""
     behind = rng.uniform(0.3, 3.0)
     eye, target = np.asarray(builder.position_m), np.asarray(builder.look_at_m)
-    sight = (target - eye) / np.linalg.norm(target - eye)
-    at = eye + (parameters.distance_m + behind) * sight
+    view = (target - eye) / np.linalg.norm(target - eye)
+    at = eye + (parameters.distance_m + behind) * view
     # Square to nothing: the wall is as it happens to be.
     turn = (
         0.0,
         rng.uniform(-20, 20),
-        np.degrees(np.arctan2(sight[1], sight[0])) + rng.uniform(-30, 30),
+        np.degrees(np.arctan2(view[1], view[0])) + rng.uniform(-30, 30),
     )
     wall = str(rng.choice(["plasterboard", "brick", "concrete", "plywood"]))
     builder.box("background", wall, (0.1, 40.0, 40.0), tuple(at), turn)
@@ -128,18 +128,18 @@ def _boards(
 ) -> None:
     """Charts on stands in view, before and behind the target, each turned its own way."""
     eye = np.asarray(builder.position_m)
-    sight = np.subtract(builder.look_at_m, eye)
-    sight = sight / np.linalg.norm(sight)
-    left = np.array([-sight[1], sight[0], 0.0]) / np.hypot(*sight[:2])
-    up = np.cross(sight, left)
+    view = np.subtract(builder.look_at_m, eye)
+    view = view / np.linalg.norm(view)
+    left = np.array([-view[1], view[0], 0.0]) / np.hypot(*view[:2])
+    up = np.cross(view, left)
     for number in range(1, parameters.others + 1):
         away = parameters.distance_m * rng.uniform(0.55, 2.2)
         y, z = rng.uniform(-0.2, 0.2, 2) * away
-        at = eye + away * sight + y * left + z * up
+        at = eye + away * view + y * left + z * up
         if at[2] - low < 0.2 or away < 1.1:
             continue
         width, height = rng.uniform(0.08, 0.3, 2) * away
-        heading = float(np.degrees(np.arctan2(sight[1], sight[0])))
+        heading = float(np.degrees(np.arctan2(view[1], view[0])))
         turn = (0.0, rng.uniform(-25, 25), heading + rng.uniform(-50, 50))
         board, pattern = chart(rng, str(rng.choice(CHARTS)), width, height)
         bright, dark = str(rng.choice(BRIGHT)), str(rng.choice(DARK))
@@ -177,8 +177,10 @@ def _step_wedge(
         behind = (i - (parameters.steps - 1) / 2) * parameters.step_m
         # Overlapping strips leave no gap to look through between two steps.
         middle_x = at[0] + behind + parameters.step_m
-        place = (middle_x, at[1] + size / 2 - (i + 0.5) * width, at[2])
-        builder.box(f"step {i + 1}", parameters.bright, (2 * parameters.step_m, width, size), place)
+        position = (middle_x, at[1] + size / 2 - (i + 0.5) * width, at[2])
+        builder.box(
+            f"step {i + 1}", parameters.bright, (2 * parameters.step_m, width, size), position
+        )
     wall = (at[0] + parameters.steps * parameters.step_m + 1.0, *at[1:])
     builder.box("wall behind", parameters.dark, (0.02, 3 * size + 2, 3 * size + 2), wall)
 
@@ -262,5 +264,5 @@ FAMILY = Family(
     "Calibration targets: one dead ahead, or several on stands, indoors or in the open",
     TargetParameters,
     build,
-    least_spots=2,
+    min_spots=2,
 )

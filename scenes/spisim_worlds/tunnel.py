@@ -60,8 +60,8 @@ def build(parameters: TunnelParameters, rng: np.random.Generator) -> SceneBuilde
     ahead = 0.7 * parameters.length_m
     builder = SceneBuilder(position, (ahead, rng.uniform(0.3, 0.6) * radius, rng.uniform(0.8, 1.3)))
     outline = _outline(parameters)
-    places = _niches(parameters, rng)
-    builder.mesh("lining", parameters.lining, _lining(parameters, outline, places))
+    positions = _niches(parameters, rng)
+    builder.mesh("lining", parameters.lining, _lining(parameters, outline, positions))
     builder.mesh("ribs", "concrete", _ribs(parameters, outline))
     length = parameters.length_m - START_M
     floor = (length, 2 * radius, 0.02)
@@ -105,8 +105,8 @@ def _stores(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
         y = rng.uniform(-0.8, 0.8, n) * parameters.radius_m * 0.75
         if n:
             turns, sizes = rng.uniform(0, 360, n), rng.uniform(0.7, 1.3, n)
-            places = np.stack([x, y, 0 * x + 0.01], axis=1)
-            builder.mesh(name, material, spread(mesh, places, turns, sizes))
+            positions = np.stack([x, y, 0 * x + 0.01], axis=1)
+            builder.mesh(name, material, spread(mesh, positions, turns, sizes))
 
 
 def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator) -> None:
@@ -122,8 +122,8 @@ def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
     x = x[x < parameters.length_m - 0.5]
     material = str(rng.choice(["wood-weathered", "steel-rusty"]))
     if len(x):
-        places = np.stack([x, 0 * x, 0 * x], axis=1)
-        builder.mesh("frames", material, spread(union(frame), places, 0, 1))
+        positions = np.stack([x, 0 * x, 0 * x], axis=1)
+        builder.mesh("frames", material, spread(union(frame), positions, 0, 1))
 
 
 def _vault(parameters: TunnelParameters) -> tuple[Floats, Floats]:
@@ -215,8 +215,8 @@ def _ribs(parameters: TunnelParameters, outline: Floats) -> Mesh:
     parts = []
     for x in np.arange(START_M + 0.3, parameters.length_m - 0.2, parameters.rib_spacing_m):
         lines = [
-            np.column_stack([np.full(len(line), place), line])
-            for place, line in ((x, outline), (x, inner), (x + 0.15, inner), (x + 0.15, outline))
+            np.column_stack([np.full(len(line), position), line])
+            for position, line in ((x, outline), (x, inner), (x + 0.15, inner), (x + 0.15, outline))
         ]
         parts.append(grid_mesh(np.stack(lines)))
     return union(parts)
@@ -402,5 +402,5 @@ FAMILY = Family(
     "A service tunnel with pipes, a valve, cable trays and cables hanging into the way",
     TunnelParameters,
     build,
-    least_spots=3,
+    min_spots=3,
 )

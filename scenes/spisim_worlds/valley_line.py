@@ -145,8 +145,8 @@ def _line(
     for offset in _offsets(parameters):
         for side, lift in bundle if parameters.line == "bundles" else [(0.0, 0.0)]:
             at, far, back = (
-                np.array([*(place + (offset + side) * across), z - drop + lift])
-                for place, z in ((foot, top), (far_foot, far_top), (back_foot, back_top))
+                np.array([*(position + (offset + side) * across), z - drop + lift])
+                for position, z in ((foot, top), (far_foot, far_top), (back_foot, back_top))
             )
             paths += [_dense(at, far, sag, foot), _dense(at, back, 0.3 * sag, foot)]
         hangers.append(np.array([*(foot + offset * across), top + 0.5]))
@@ -155,14 +155,14 @@ def _line(
     builder.mesh(
         "wires", "steel-galvanised" if cables else "aluminium-rough", _open(segments, radius)
     )
-    places = np.array(hangers)
+    positions = np.array(hangers)
     if cables:
         wheel = rod((0, -0.06, 0), (0, 0.06, 0), 0.25, 16)
         sheaves = union([moved(wheel.copy(), (x, 0, -0.2)) for x in (-0.6, 0, 0.6)])
         builder.mesh(
             "sheaves",
             "steel-painted",
-            spread(sheaves, places - (0, 0, 0.55), parameters.line_deg, 1),
+            spread(sheaves, positions - (0, 0, 0.55), parameters.line_deg, 1),
         )
         _CABINS[parameters.line](
             builder, rng, [paths[2 * k] for k in range(parameters.wires)], foot
@@ -181,7 +181,7 @@ def _line(
             ],
             12,
         )
-        builder.mesh("insulators", "glass-painted-back", spread(discs, places, 0, 1))
+        builder.mesh("insulators", "glass-painted-back", spread(discs, positions, 0, 1))
         if parameters.line == "bundles":
             _spacers(builder, paths)
         _fittings(builder, parameters, rng, paths, foot)
@@ -210,12 +210,12 @@ def _open(segments: Floats, radius: float) -> Mesh:
 
 def _spots_on(paths: list[Floats], spacing: float, low: float, high: float) -> Floats:
     """Places (n, 3) on wires, evenly along each between two distances from its start."""
-    found = []
+    result = []
     for path in paths:
         length = np.concatenate([[0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
         at = np.arange(low, min(high, length[-1]), spacing)
-        found.append(np.stack([np.interp(at, length, path[:, k]) for k in range(3)], axis=1))
-    return np.concatenate(found)
+        result.append(np.stack([np.interp(at, length, path[:, k]) for k in range(3)], axis=1))
+    return np.concatenate(result)
 
 
 def _spacers(builder: SceneBuilder, paths: list[Floats]) -> None:
@@ -307,5 +307,5 @@ FAMILY = Family(
     "A power line, cable car or chairlift across a valley, far slopes behind",
     ValleyLineParameters,
     build,
-    least_spots=1,
+    min_spots=1,
 )

@@ -15,7 +15,7 @@ Add = Callable[[SceneBuilder, Place, np.random.Generator], None]
 DECKS_M, RACK_M, RACK_DEPTH_M = (0.15, 1.0, 1.8), 1.8, 0.6
 SKYLIGHT_M = 1.6
 #: Of somebody around the middle, elbows and hands included.
-WORKER_REACH_M = 0.4
+WORKER_MAX_RANGE_M = 0.4
 
 
 class WarehouseParameters(Parameters):
@@ -75,13 +75,13 @@ def _racks(
     """Racks in line on either side; boxes, drums and wrapped goods on their decks."""
     off = parameters.aisle_m / 2 + RACK_DEPTH_M / 2
     starts = np.arange(parameters.first_rack_m, parameters.length_m - RACK_M, RACK_M + 0.05)
-    places = [(x + RACK_M / 2, side * off) for x in starts for side in (-1, 1)]
-    racks: list[Placed] = [((0, 0, 90), (x, y, 0)) for x, y in places]
+    positions = [(x + RACK_M / 2, side * off) for x in starts for side in (-1, 1)]
+    racks: list[Placed] = [((0, 0, 90), (x, y, 0)) for x, y in positions]
     builder.mesh("rack", "steel-painted", props.rack(), copies=racks)
     sizes = [(0.5, 0.4, 0.4), (0.4, 0.45, 0.55), (0.35, 0.4, 0.28)]
     boxes: list[list[Placed]] = [[] for _ in sizes]
     drums: list[Placed] = []
-    for x, y in places:
+    for x, y in positions:
         for deck in DECKS_M:
             for slot in (-0.58, 0.0, 0.58):
                 if rng.random() > parameters.goods:
@@ -140,10 +140,10 @@ def _worker(
 ) -> None:
     """Somebody in the first free place of many, if any is."""
     turn = (0, 0, rng.uniform(-40, 40))
-    widest = parameters.aisle_m / 2 - WORKER_REACH_M
+    widest = parameters.aisle_m / 2 - WORKER_MAX_RANGE_M
     for x, across in rng.uniform((4.5, -1.0), (7.0, 1.0), (50, 2)).tolist():
         y = across * min(aside(x, 6.0), widest)
-        if _is_free(taken, x, y, WORKER_REACH_M):
+        if _is_free(taken, x, y, WORKER_MAX_RANGE_M):
             props.add_worker(builder, (x, y, 0), turn)
             return
 
@@ -186,8 +186,8 @@ def _cartons_on_a_pallet(builder: SceneBuilder, at: Place, rng: np.random.Genera
     layers = int(rng.integers(1, 4))
     for layer in range(layers):
         for dx, dy in ((-0.2, -0.3), (-0.2, 0.3), (0.2, -0.3), (0.2, 0.3)):
-            place = (at[0] + dx, at[1] + 0.85 * dy, 0.144 + 0.32 * (layer + 0.5))
-            copies.append(((0, 0, rng.uniform(-7, 7)), place))
+            position = (at[0] + dx, at[1] + 0.85 * dy, 0.144 + 0.32 * (layer + 0.5))
+            copies.append(((0, 0, rng.uniform(-7, 7)), position))
     builder.box("stacked carton", "cardboard", (0.36, 0.46, 0.32), copies=copies)
     top = (at[0] - 0.15, at[1], 0.144 + 0.32 * layers)
     builder.mesh("open carton", "cardboard", props.open_carton(), top, (0, 0, rng.uniform(-20, 20)))

@@ -31,7 +31,7 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "spisim"
 
 
-def kept(key: str, make: Callable[[], Arrays]) -> Arrays:
+def retained(key: str, make: Callable[[], Arrays]) -> Arrays:
     """What `make` returns, from the cache where it is there.
 
     A cache that cannot be read or written, or holds something else, only costs time.

@@ -85,23 +85,23 @@ def water_drops(wavelength_nm: float = 1550.0) -> WaterDrops:
 
 @dataclass(frozen=True)
 class Flakes:
-    """Discs that scatter the share `share` of their light with one phase function, at any size.
+    """Discs that scatter the share `fraction` of their light with one phase function, at any size.
 
     No measurement at 1550 nm stands behind it: ice absorbs three times as strongly as water, and
     flakes are rough and full of surfaces.
     """
 
-    share: float
+    fraction: float
     phase: Phase
 
     def albedo(self, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
-        return np.full(np.shape(diameter_mm), self.share)
+        return np.full(np.shape(diameter_mm), self.fraction)
 
     def scattered_per_sr(self, cos: ArrayLike, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
         shape = np.broadcast_shapes(np.shape(cos), np.shape(diameter_mm))
-        return np.broadcast_to(self.share * self.phase.density(cos), shape)
+        return np.broadcast_to(self.fraction * self.phase.density(cos), shape)
 
 
 def flakes(albedo: float, g: float) -> Flakes:

@@ -111,8 +111,8 @@ class LogNormalSizes:
 
     def density(self, radius_um: Floats) -> Floats:
         """Share of particles per µm of radius; its integral is 1."""
-        place = (np.log(radius_um) - self._log_centre) / self._log_width
-        bell = np.exp(-(place**2) / 2) / (self._log_width * math.sqrt(2 * math.pi))
+        position = (np.log(radius_um) - self._log_centre) / self._log_width
+        bell = np.exp(-(position**2) / 2) / (self._log_width * math.sqrt(2 * math.pi))
         return np.asarray(bell / radius_um)
 
     def moment(self, power: float) -> float:

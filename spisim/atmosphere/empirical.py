@@ -92,8 +92,8 @@ def all_extinctions(
 ) -> dict[str, float]:
     """Extinction, 1/m, by every model of fog or smoke that holds at visibility and wavelength."""
     equal_m = visibility(extinction_at_550nm(visibility_m, definition))
-    found = {}
+    result = {}
     for name in (each for each, model in MODELS.items() if model.medium == medium):
         with suppress(InputError):
-            found[name] = empirical_extinction(name, equal_m, wavelength_nm)
-    return found
+            result[name] = empirical_extinction(name, equal_m, wavelength_nm)
+    return result

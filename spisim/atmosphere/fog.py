@@ -58,7 +58,7 @@ def fog(
         visibility_m,
         definition,
         water,
-        _doubts(name, visibility_m, extinction_550, water, 1e-6 * number_per_m3),
+        _warnings(name, visibility_m, extinction_550, water, 1e-6 * number_per_m3),
     )
 
 
@@ -123,7 +123,7 @@ def _water_g_per_m3(particles: Particles, extinction_550_per_m: float) -> float:
     return 1e6 * WATER_G_PER_CM3 * number_per_m3 * particles.volume_m3
 
 
-def _doubts(
+def _warnings(
     name: str,
     visibility_m: float,
     extinction_550_per_m: float,

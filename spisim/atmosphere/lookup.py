@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.atmosphere.cache import kept
+from spisim.atmosphere.cache import retained
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
 from spisim.atmosphere.mie import Optics, particle_optics
@@ -36,7 +36,7 @@ def look_up(particles: Particles, wavelength_nm: float) -> Optics:
         optics = particle_optics(particles, wavelength_nm)
         return {field.name: np.asarray(getattr(optics, field.name)) for field in fields(optics)}
 
-    return _optics(kept(key, make))
+    return _optics(retained(key, make))
 
 
 @cache

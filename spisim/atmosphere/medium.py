@@ -18,8 +18,8 @@ DB_PER_NEPER = 10 / math.log(10)
 class Atmosphere:
     """A medium at the instrument's wavelength.
 
-    `visibility_m` and `water_g_per_m3` are None where they are not known. `doubts` says what about
-    it is not found in nature or lies outside the range of its model.
+    `visibility_m` and `water_g_per_m3` are None where they are not known. `warnings` says what
+    about it is not found in nature or lies outside the range of its model.
     """
 
     extinction_per_m: float  # 0: clear air
@@ -29,7 +29,7 @@ class Atmosphere:
     visibility_m: float | None = None
     definition: str = "koschmieder"  # of the visibility
     water_g_per_m3: float | None = None
-    doubts: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
     parts: tuple[Atmosphere, ...] = ()  # of a mixture
 
     @property
@@ -102,7 +102,7 @@ def combine(media: Sequence[Atmosphere]) -> Atmosphere:
         return parts[0]
     extinction = math.fsum(part.extinction_per_m for part in parts)
     scattering = math.fsum(part.scattering_per_m for part in parts)
-    shares = tuple(
+    fractions = tuple(
         (part.scattering_per_m / scattering, part.phase)
         for part in parts
         if part.scattering_per_m > 0
@@ -110,11 +110,11 @@ def combine(media: Sequence[Atmosphere]) -> Atmosphere:
     return Atmosphere(
         extinction,
         scattering / extinction,
-        Blend(shares) if shares else Isotropic(),
+        Blend(fractions) if fractions else Isotropic(),
         " + ".join(part.kind for part in parts),
         _visibility(parts),
         water_g_per_m3=_water(parts),
-        doubts=tuple(doubt for part in parts for doubt in part.doubts),
+        warnings=tuple(doubt for part in parts for doubt in part.warnings),
         parts=parts,
     )
 
@@ -129,5 +129,5 @@ def _visibility(parts: Sequence[Atmosphere]) -> float | None:
 
 
 def _water(parts: Sequence[Atmosphere]) -> float | None:
-    known = [part.water_g_per_m3 for part in parts if part.water_g_per_m3 is not None]
-    return math.fsum(known) if len(known) == len(parts) else None
+    available = [part.water_g_per_m3 for part in parts if part.water_g_per_m3 is not None]
+    return math.fsum(available) if len(available) == len(parts) else None

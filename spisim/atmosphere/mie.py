@@ -73,8 +73,8 @@ def particle_optics(particles: Particles, wavelength_nm: float, radii_count: int
     low, high = particles.sizes.radius_range_um()
     edges = np.geomspace(low, high, radii_count + 1)
     radii = np.sqrt(edges[:-1] * edges[1:])
-    shares = particles.sizes.density(radii) * np.diff(edges)
-    sums = scatter(radii, shares, particles.index_at(wavelength_nm), wavelength_nm, ANGLES_DEG)
+    fractions = particles.sizes.density(radii) * np.diff(edges)
+    sums = scatter(radii, fractions, particles.index_at(wavelength_nm), wavelength_nm, ANGLES_DEG)
     return Optics(
         sums.extinction_m2,
         sums.scattering_m2 / sums.extinction_m2,
@@ -99,17 +99,17 @@ def scatter(
         batch = slice(start, start + BATCH)
         pairs = [coefficients(index, x) for x in wavenumber * radii_um[batch]]
         a, b = _stacked([pair[0] for pair in pairs]), _stacked([pair[1] for pair in pairs])
-        share = weights[batch]
+        fraction = weights[batch]
         n = np.arange(1, a.shape[1] + 1)
         scale = (2 * n + 1) / (n * (n + 1))
         totals += [
-            share @ ((a + b).real @ (2 * n + 1)),
-            share @ ((np.abs(a) ** 2 + np.abs(b) ** 2) @ (2 * n + 1)),
-            share @ (2 * _forward(a, b, n)),
+            fraction @ ((a + b).real @ (2 * n + 1)),
+            fraction @ ((np.abs(a) ** 2 + np.abs(b) ** 2) @ (2 * n + 1)),
+            fraction @ (2 * _forward(a, b, n)),
         ]
         # |S1|² + |S2|² = (|S1 + S2|² + |S1 - S2|²) / 2
-        per_steradian += share @ _squared(scale * (a + b) / 2, plus)
-        per_steradian += share @ _squared(scale * (a - b) / 2, minus)
+        per_steradian += fraction @ _squared(scale * (a + b) / 2, plus)
+        per_steradian += fraction @ _squared(scale * (a - b) / 2, minus)
     area_m2 = 1e-12 / wavenumber**2
     extinction, scattering, forward = (2 * np.pi * area_m2 * totals).tolist()
     return Sums(extinction, scattering, forward, area_m2 * per_steradian)

@@ -51,8 +51,8 @@ def double_henyey_greenstein(optics: Optics, name: str) -> Blend:
 
     def lobes(backward: float) -> Blend:
         forward = g + spread / (g - backward)
-        share = (g - backward) / (forward - backward)
-        parts = (share, HenyeyGreenstein(forward)), (1 - share, HenyeyGreenstein(backward))
+        fraction = (g - backward) / (forward - backward)
+        parts = (fraction, HenyeyGreenstein(forward)), (1 - fraction, HenyeyGreenstein(backward))
         return Blend(parts)
 
     def excess(backward: float) -> float:

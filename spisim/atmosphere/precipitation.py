@@ -134,12 +134,12 @@ class Precipitation:
         low, high = np.exp(-self.slope_per_mm * np.array([self.smallest_mm, self.largest_mm]))
         return np.asarray(-np.log(low - rng.random(count) * (low - high)) / self.slope_per_mm)
 
-    def _total(self, share: Callable[..., Floats]) -> float:
+    def _total(self, fraction: Callable[..., Floats]) -> float:
         """∫ N(D) π D²/4 share(D) dD, 1/m."""
         diameter = np.linspace(self.smallest_mm, self.largest_mm, SIZES)
         number = self.intercept_per_m3_mm * np.exp(-self.slope_per_mm * diameter)
         area_m2 = np.pi / 4 * (diameter * 1e-3) ** 2
-        return float(np.trapezoid(number * area_m2 * share(diameter), diameter))
+        return float(np.trapezoid(number * area_m2 * fraction(diameter), diameter))
 
 
 def terminal_speed_m_s(diameter_mm: Floats) -> Floats:

@@ -113,8 +113,8 @@ def rain(
 
 
 def _without_peak(table: RainTable, scattered: Floats) -> Tabulated:
-    shares = scattered * (1 - table.diffracted)
-    phase = shares @ table.phase / shares.sum()
+    fractions = scattered * (1 - table.diffracted)
+    phase = fractions @ table.phase / fractions.sum()
     return tabulate(np.column_stack([table.angles_deg, phase]), name="rain")
 
 

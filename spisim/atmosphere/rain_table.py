@@ -58,12 +58,12 @@ class RainTable:
 
 def rain_table(wavelength_nm: float) -> RainTable:
     """Of the nearest of `WAVELENGTHS_NM`; InputError where none is within 50 nm."""
-    nearest_nm = min(WAVELENGTHS_NM, key=lambda known: abs(known - wavelength_nm))
+    nearest_nm = min(WAVELENGTHS_NM, key=lambda available: abs(available - wavelength_nm))
     if not abs(nearest_nm - wavelength_nm) <= NEAR_NM:
-        known = ", ".join(map(str, WAVELENGTHS_NM))
+        available = ", ".join(map(str, WAVELENGTHS_NM))
         raise InputError(
-            f"rain is tabulated at {known} nm, each for up to {NEAR_NM:g} nm more or less; found "
-            f"wavelength_nm {wavelength_nm:g}"
+            f"rain is tabulated at {available} nm, each for up to {NEAR_NM:g} nm more or "
+            f"less; found wavelength_nm {wavelength_nm:g}"
         )
     return _read()[nearest_nm]
 
@@ -101,13 +101,13 @@ def _drops(
     phase[0] = phase[1 : near + 1].mean()  # the plateau under the peak
     weights, back = solid_angle_weights(ANGLES_DEG), ANGLES_DEG >= 180 - GLORY_DEG
     phase[back] = np.average(phase[back], weights=weights[back])
-    kept = weights @ phase
+    retained = weights @ phase
     return (
         sums.extinction_m2 / area_m2,
         sums.scattering_m2 / sums.extinction_m2,
         sums.forward_m2 / sums.scattering_m2,
-        1 - float(kept),
-        phase / kept,
+        1 - float(retained),
+        phase / retained,
     )
 
 

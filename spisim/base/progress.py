@@ -25,11 +25,11 @@ def progress_bar(title: str) -> AbstractContextManager[Advance]:
     from rich.console import Console
 
     console = Console(stderr=True)
-    return terminal_bar(title, console, shown=console.is_terminal)
+    return terminal_bar(title, console, displayed=console.is_terminal)
 
 
 @contextmanager
-def terminal_bar(title: str, console: Console, *, shown: bool) -> Iterator[Advance]:
+def terminal_bar(title: str, console: Console, *, displayed: bool) -> Iterator[Advance]:
     """A bar on a console."""
     from rich.progress import (
         BarColumn,
@@ -41,7 +41,7 @@ def terminal_bar(title: str, console: Console, *, shown: bool) -> Iterator[Advan
 
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
     with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not shown
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not displayed
     ) as progress:
         task = progress.add_task(title, total=1.0)
         yield lambda fraction: progress.update(task, completed=fraction)
@@ -58,8 +58,8 @@ def _below_the_cell(title: str) -> Advance:
     from IPython.display import HTML, display
 
     def drawn(fraction: float) -> HTML:
-        told = f"{escape(title)} {fraction:.0%}"
-        return HTML(f'<progress value="{fraction:.3f}"></progress> {told}')
+        text = f"{escape(title)} {fraction:.0%}"
+        return HTML(f'<progress value="{fraction:.3f}"></progress> {text}')
 
-    shown = display(drawn(0.0), display_id=True)
-    return lambda fraction: shown.update(drawn(fraction))
+    displayed = display(drawn(0.0), display_id=True)
+    return lambda fraction: displayed.update(drawn(fraction))

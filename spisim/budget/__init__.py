@@ -11,7 +11,7 @@ from spisim.budget.image import ImageBudget, image_budget
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import (
     bucket_noise,
-    collected_share,
+    collected_fraction,
     exposure_noise,
     ranging_noise,
     spot_noise,
@@ -28,7 +28,7 @@ __all__ = [
     "bucket_noise",
     "budget_warnings",
     "class_1_power_w",
-    "collected_share",
+    "collected_fraction",
     "exposure_noise",
     "fog_budget",
     "image_budget",

@@ -83,6 +83,10 @@ def _range_warnings(instrument: Instrument, target: Target) -> list[str]:
 def _bucket_warnings(instrument: Instrument, background: float, whole: float) -> list[str]:
     """By the electrons of one exposure."""
     detector, modulation = instrument.imaging.detector, instrument.imaging.projector.modulation
-    share = 1.0 if modulation is None else modulation.taps.share  # each tap has its own converter
+    fraction = (
+        1.0 if modulation is None else modulation.taps.fraction
+    )  # each tap has its own converter
     time_s = instrument.imaging.exposure_time_s
-    return detector.sensor.warnings("detector", detector, time_s, share * background, share * whole)
+    return detector.sensor.warnings(
+        "detector", detector, time_s, fraction * background, fraction * whole
+    )

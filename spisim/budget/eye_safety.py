@@ -105,9 +105,9 @@ def array_risk_group(instrument: Instrument) -> RiskGroup:
     """
     projector = instrument.imaging.projector
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * ARRAY_AT_M**2
-    shares = projector.pixel_shares
+    fractions = projector.pixel_fractions
     return risk_group(
-        projector.power_w * float(shares.max()) * shares.size / lit_m2,
+        projector.power_w * float(fractions.max()) * fractions.size / lit_m2,
         projector.spectrum.peak_nm if projector.spectrum else instrument.wavelength_nm,
         2 * projector.lens_radius_m,
     )
@@ -121,12 +121,12 @@ def risk_group(
     The retina has no limit beyond 1400 nm. Up to there, a source that is too bright for it is in
     the highest group, since infrared light does not make anyone look away.
     """
-    place = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
+    index = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
     angle = min(max(source_m / ARRAY_AT_M, MIN_ANGLE_RAD), MAX_ANGLE_RAD)
     radiance = irradiance_w_per_m2 / (math.pi / 4 * angle**2)
     retinal = retinal_weight(wavelength_nm) * radiance * angle / RETINA_W_PER_M2_SR
     return RiskGroup(
-        RISK_GROUPS[-1 if retinal > 1 else place],
+        RISK_GROUPS[-1 if retinal > 1 else index],
         irradiance_w_per_m2,
         irradiance_w_per_m2 / GROUP_LIMITS_W_PER_M2[0],
         retinal,
@@ -198,8 +198,8 @@ def _beams_together(instrument: Instrument) -> int:
     """The most beams that one limiting aperture may take in."""
     lasers = instrument.ranging.lasers
     directions = lasers.directions
-    places: Floats = MEASURED_AT_M * directions / directions[:, 2:]
-    apart = np.linalg.norm(places[:, None] - places, axis=-1)
+    positions: Floats = MEASURED_AT_M * directions / directions[:, 2:]
+    apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
     aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
     return int(np.max(np.sum(apart < aperture_m + width, axis=1)))

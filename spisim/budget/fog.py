@@ -36,12 +36,12 @@ NEAREST_M, FARTHEST_M, DISTANCES = 0.3, 40.0, 60
 class FogBudget:
     """Ranging of a wall in fog; None where a method tells nothing.
 
-    `echo_share` is the fog's part of a laser's light on its detector, `plain_bias_m` the error of
-    the instrument's own method without noise, both means over the spots that have one; `sigma_m`
+    `echo_fraction` is the fog's part of a laser's light on its detector, `plain_bias_m` the error
+    of the instrument's own method without noise, both means over the spots that have one; `sigma_m`
     and `longest_m` are those of the bound, for the worst of the spots.
     """
 
-    echo_share: float
+    echo_fraction: float
     plain_bias_m: float | None
     sigma_m: float | None
     longest_m: float | None
@@ -52,17 +52,17 @@ def fog_budget(
 ) -> FogBudget:
     """Of one target: echo, bias and bound; and up to where the bound is below a limit."""
     here = np.array([float(target.distance_m)])
-    light, share = _light(instrument, target, air, here)
+    light, fraction = _light(instrument, target, air, here)
     spots = instrument.ranging.tof.record(light, instrument.spot_optics, None)
     error_m = measure_ranges(spots).range_m - here / instrument.ranging.lasers.directions[:, 2]
     farthest_m = min(instrument.ranging.tof.unambiguous_range_m, FARTHEST_M)
     distances_m = np.geomspace(NEAREST_M, farthest_m, DISTANCES)
     sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
-    known = sigma_m is not None and np.isfinite(sigma_m[-1])
+    finite = sigma_m is not None and np.isfinite(sigma_m[-1])
     return FogBudget(
-        echo_share=share,
+        echo_fraction=fraction,
         plain_bias_m=float(np.nanmean(error_m)) if np.isfinite(error_m).any() else None,
-        sigma_m=float(sigma_m[-1]) if sigma_m is not None and known else None,
+        sigma_m=float(sigma_m[-1]) if sigma_m is not None and finite else None,
         longest_m=(
             None if sigma_m is None else float(last_below(distances_m, sigma_m[:-1], limit_m))
         ),
@@ -82,25 +82,25 @@ def _light(
     fog = scattered * weight * np.exp(-air.extinction_per_m * path_m)
     ranges_m = distance_m[:, None] / instrument.ranging.lasers.directions[:, 2]
     bins = int(np.ceil(link.path_m.max() / PATH_STEP_M)) + 2
-    echo, share = np.zeros((len(distance_m), instrument.ranging.spots, bins)), []
+    echo, fraction = np.zeros((len(distance_m), instrument.ranging.spots, bins)), []
     for frame, spot in np.ndindex(len(distance_m), instrument.ranging.spots):
         before = range_m < ranges_m[frame, spot]
         echo[frame, spot] = _sorted(path_m[spot, before], fog[spot, before], bins)
         wall = link.echo_per_s[frame, spot]
-        share.append(echo[frame, spot].sum() / max(echo[frame, spot].sum() + wall, 1e-300))
+        fraction.append(echo[frame, spot].sum() / max(echo[frame, spot].sum() + wall, 1e-300))
         echo[frame, spot] += _sorted(link.path_m[frame, spot, None], wall[None], bins)
     lengths: Floats = PATH_STEP_M * np.arange(bins, dtype=np.float64)
     light = SpotLight(lengths, echo, link.steady_per_s, instrument.ranging.lasers.power_w)
-    return light, float(np.mean(share))
+    return light, float(np.mean(fraction))
 
 
 def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
     """Rates (bins,) of light of these paths, each shared between neighbours by its place."""
-    place = path_m / PATH_STEP_M
-    low = place.astype(int)
-    above = rate * (place - low)
-    found = np.bincount(low, rate - above, bins) + np.bincount(low + 1, above, bins)
-    return np.asarray(found)
+    position = path_m / PATH_STEP_M
+    low = position.astype(int)
+    above = rate * (position - low)
+    result = np.bincount(low, rate - above, bins) + np.bincount(low + 1, above, bins)
+    return np.asarray(result)
 
 
 def _bound_m(
@@ -109,12 +109,14 @@ def _bound_m(
     """Bounds (D,) of the worst spot; None for readings that the fit in fog does not understand."""
     light, _ = _light(instrument, target, air, distance_m)
     optics, tof = instrument.spot_optics, instrument.ranging.tof
-    told = _as_a_capture_tells(instrument, light)
-    if not reads("fog", told) or (isinstance(told, HistogramSpots) and not told.piles_up):
+    reported = _as_recorded(instrument, light)
+    if not reads("fog", reported) or (
+        isinstance(reported, HistogramSpots) and not reported.piles_up
+    ):
         return None
     mean: NDArray[Any] = tof.record(light, optics, None).readings
     cosine = instrument.ranging.lasers.directions[:, 2]
-    bound = make_bound(told, float(distance_m.max() / cosine.min()))
+    bound = make_bound(reported, float(distance_m.max() / cosine.min()))
     reflectance = float(target.reflectance) * cosine
     coefficients = air.extinction_per_m, _backscatter(air)
     return np.array(
@@ -125,7 +127,7 @@ def _bound_m(
     )
 
 
-def _as_a_capture_tells(instrument: Instrument, light: SpotLight) -> Spots:
+def _as_recorded(instrument: Instrument, light: SpotLight) -> Spots:
     """Readings of no frame, with the response and the noise that a capture has."""
     one = replace(light, echo_per_s=light.echo_per_s[:1], steady_per_s=light.steady_per_s[:1])
     spots = instrument.ranging.tof.record(one, instrument.spot_optics, np.random.default_rng(0))

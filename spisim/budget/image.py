@@ -108,8 +108,8 @@ class ImageBudget:
         wanted = NEARLY_ALL * self.best_correlation if correlation is None else correlation
         if wanted >= self.best_correlation or self.coefficient_snr < FAINTEST:
             return None
-        share = wanted / self.best_correlation
-        return max(ceil(share**2 / (1 - share**2) / self.coefficient_snr**2), 1)
+        fraction = wanted / self.best_correlation
+        return max(ceil(fraction**2 / (1 - fraction**2) / self.coefficient_snr**2), 1)
 
     def averaged_correlation(self, frames: int) -> float:
         """Of the zero-filled image of so many frames' mean."""
@@ -132,7 +132,7 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
     variance = _coefficient_variance(instrument, decoder, bucket_noise(instrument, link))
     noise = float(np.sqrt(variance.mean())) / operator.row_length
     prior = Prior(operator)
-    seen = float(prior.expected.sum() / np.sum(prior.deviation**2))
+    seen = float(prior.expected.sum() / np.sum(prior.sigma**2))
     power = plan.pixels * (CONTRAST * pixel) ** 2
     across, down = _resolutions(operator, noise / pixel if pixel else np.inf)
     return ImageBudget(
@@ -169,7 +169,7 @@ def image_warnings(instrument: Instrument, target: Target) -> list[str]:
 def _collected(instrument: Instrument) -> float:
     """Share of an exposure's electrons that are counted: of a modulated one what its taps take."""
     modulation = instrument.imaging.projector.modulation
-    return 1.0 if modulation is None else TAPS * modulation.taps.share
+    return 1.0 if modulation is None else TAPS * modulation.taps.fraction
 
 
 def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: NoiseBudget) -> Floats:

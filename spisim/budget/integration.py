@@ -20,7 +20,7 @@ RELATIVE_TOLERANCE = 1e-6
 TIMES = 4001
 
 
-def reach_m(
+def max_range_m(
     flood: Flood, time_s: ArrayLike, reflectance: ArrayLike, criterion: Criterion
 ) -> Floats:
     """Step 4: the distance at which the count falls to the noise floor of Eq. (2).
@@ -45,7 +45,7 @@ def integration_time_s(
     """
 
     def enough(time_s: float) -> bool:
-        return bool(reach_m(flood, time_s, reflectance, criterion) >= goal_m)
+        return bool(max_range_m(flood, time_s, reflectance, criterion) >= goal_m)
 
     low = high = FIRST_TIME_S
     while not enough(high):
@@ -71,6 +71,6 @@ def common_integration_time_s(
     alone = [integration_time_s(flood, rho, goal, criterion) for rho, goal in goals_m.items()]
     times = np.geomspace(min(alone), max(alone), TIMES)
     goals = np.array(list(goals_m.values()))
-    reach = reach_m(flood, times[:, None], np.array(list(goals_m)), criterion)
-    deviation = np.sum(np.log(reach / goals) ** 2, axis=-1)
-    return float(times[np.argmin(deviation)])
+    reach = max_range_m(flood, times[:, None], np.array(list(goals_m)), criterion)
+    sigma = np.sum(np.log(reach / goals) ** 2, axis=-1)
+    return float(times[np.argmin(sigma)])

@@ -99,8 +99,8 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     axis = np.array([0.0, 0.0, 1.0])
     per_white_w = np.zeros(np.broadcast_shapes(way_out.shape[:-1], extinction.shape[:-1]))
     for position in np.asarray(detector.positions_m):
-        share, way_back = _seen(detector, position, axis, points)
-        per_white_w = per_white_w + (share * np.exp(-extinction * (way_out + way_back))) @ powers
+        fraction, way_back = _seen(detector, position, axis, points)
+        per_white_w = per_white_w + (fraction * np.exp(-extinction * (way_out + way_back))) @ powers
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * distance[..., 0] ** 2
     signal = target.reflectance * per_white_w
     daylight = len(detector.positions_m) * _daylight_w(instrument, detector, target)
@@ -127,10 +127,10 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
     )
     points = distance[..., None] / directions[:, 2:] * directions  # (..., spots, 3)
     way_out = np.linalg.norm(points, axis=-1)
-    share, way_back = _seen(detector, positions, axes, points)
+    fraction, way_back = _seen(detector, positions, axes, points)
     along_ray = np.sum(directions * (points - positions), axis=-1)
     path = way_out + way_back
-    echo = lasers.power_w * reflectance * share * np.exp(-extinction * path)
+    echo = lasers.power_w * reflectance * fraction * np.exp(-extinction * path)
     daylight = _daylight_w(instrument, detector, target)[..., None] * np.ones(len(directions))
     patterns = np.zeros(np.shape(echo))
     if instrument.images:

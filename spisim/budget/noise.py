@@ -67,16 +67,16 @@ def exposure_noise(instrument: Instrument, electrons: Mapping[str, Floats]) -> N
     modulation = instrument.imaging.projector.modulation
     taps = None if modulation is None else modulation.taps
     conversions, noise_share = (1, 1.0) if taps is None else (TAPS, TAPS * taps.noise_share)
-    collected = collected_share(instrument)
+    collected = collected_fraction(instrument)
     light = {name: collected * mean for name, mean in electrons.items()}
     time_s = noise_share * instrument.imaging.exposure_time_s
     return _noise(instrument.imaging.detector, light, time_s, conversions=conversions)
 
 
-def collected_share(instrument: Instrument) -> float:
+def collected_fraction(instrument: Instrument) -> float:
     """Share of an exposure's light that all taps together collect; all without modulation."""
     modulation = instrument.imaging.projector.modulation
-    return 1.0 if modulation is None else TAPS * modulation.taps.share
+    return 1.0 if modulation is None else TAPS * modulation.taps.fraction
 
 
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:

@@ -56,7 +56,7 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
         budget = bucket_noise(instrument, bucket_link(instrument, _at(target, distance)))
         _noise_panel(noise, distance, budget, "image: noise of one exposure")
         title = f"image: distance with SNR {IMAGE_SNR:g} per exposure"
-        _map_panel(reach, _image_reach(instrument, target), title)
+        _map_panel(reach, _image_max_range(instrument, target), title)
         _grating_panels(mtf, panels[-1, -1], image_budget(instrument, target))
         marked += [snr, noise]
     if instrument.ranges:
@@ -66,7 +66,7 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
         reading = instrument.ranging.tof.reading.name
         _noise_panel(noise, distance, budget, f"spots: noise of one {reading}")
         title = f"spots: distance with σ of range {100 * limit_m:g} cm"
-        _map_panel(reach, _range_reach(instrument, target, limit_m), title)
+        _map_panel(reach, _ranging_max_range(instrument, target, limit_m), title)
         marked += [sigma, noise]
     for axes in marked:
         axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
@@ -137,9 +137,9 @@ def _noise_panel(axes: Axes, distance: Floats, budget: NoiseBudget, title: str) 
     """Shares of the variance, stacked; the sum of all is the whole."""
     worst = {k: v if v.ndim == 1 else v.mean(axis=-1) for k, v in budget.variances.items()}
     total = sum(worst.values())
-    shares = [100 * variance / total for variance in worst.values()]
+    fractions = [100 * variance / total for variance in worst.values()]
     axes.stackplot(
-        distance, shares, labels=list(worst), colors=[COLOURS[source] for source in worst]
+        distance, fractions, labels=list(worst), colors=[COLOURS[source] for source in worst]
     )
     axes.set(title=title, ylabel="share of the variance, %", ylim=(0, 100))
     distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
@@ -147,7 +147,7 @@ def _noise_panel(axes: Axes, distance: Floats, budget: NoiseBudget, title: str) 
     axes.legend(handles[::-1], labels[::-1], loc="lower right", fontsize=8, framealpha=0.9)
 
 
-def _image_reach(instrument: Instrument, target: Target) -> Floats:
+def _image_max_range(instrument: Instrument, target: Target) -> Floats:
     distance = np.geomspace(MIN_DISTANCE_M, 10 * MAX_DISTANCE_M, 80)
     grid = Target(
         distance,
@@ -159,7 +159,7 @@ def _image_reach(instrument: Instrument, target: Target) -> Floats:
     return last_below(distance, 1 / np.maximum(noise.snr, 1e-300), 1 / IMAGE_SNR)
 
 
-def _range_reach(instrument: Instrument, target: Target, limit_m: float) -> Floats:
+def _ranging_max_range(instrument: Instrument, target: Target, limit_m: float) -> Floats:
     return np.array(
         [
             longest_range_m(
@@ -177,13 +177,13 @@ def _range_reach(instrument: Instrument, target: Target, limit_m: float) -> Floa
 def _map_panel(axes: Axes, reach: Floats, title: str) -> None:
     axes.set(title=title, xlabel="daylight, klx", ylabel="reflectance", xscale="log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    shown = np.where(reach > 0, reach, np.nan)
+    displayed = np.where(reach > 0, reach, np.nan)
     picture = axes.pcolormesh(
-        MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, shown, cmap="viridis", shading="gouraud"
+        MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, displayed, cmap="viridis", shading="gouraud"
     )
-    if np.isfinite(shown).any() and np.nanmax(shown) > 1.05 * np.nanmin(shown):
+    if np.isfinite(displayed).any() and np.nanmax(displayed) > 1.05 * np.nanmin(displayed):
         lines: Any = axes.contour(
-            MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, shown, colors="white", linewidths=0.8
+            MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, displayed, colors="white", linewidths=0.8
         )
         axes.clabel(lines, fmt="%g m", fontsize=8)
     axes.figure.colorbar(picture, ax=axes, label="m")

@@ -18,8 +18,8 @@ def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
     Raises InputError for another wavelength.
     """
     if wavelength_nm not in WAVELENGTHS_NM:
-        known = nearest(str(wavelength_nm), map(str, WAVELENGTHS_NM))
-        raise InputError(f"wavelength_nm {wavelength_nm}: {known}")
+        candidate = nearest(str(wavelength_nm), map(str, WAVELENGTHS_NM))
+        raise InputError(f"wavelength_nm {wavelength_nm}: {candidate}")
     mean_w, pulse_j = class_1_limits(wavelength_nm)
     return {
         "sun_w_per_m2_nm_100klx": sun_w_per_m2_nm_100klx(wavelength_nm),

@@ -46,17 +46,17 @@ class Commands(TyperGroup):
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
         """Read the arguments up to the subcommand."""
         self.as_json = "--json" in args
-        with _told(self.as_json):
+        with _reported(self.as_json):
             return super().make_context(info_name, args, *more, **options)
 
     def invoke(self, ctx: Any) -> Any:
         """Run a subcommand: exit 2 for input or files that cannot be used, 130 for Ctrl-C."""
-        with _told(self.as_json):
+        with _reported(self.as_json):
             return super().invoke(ctx)
 
 
 @contextmanager
-def _told(as_json: bool) -> Iterator[None]:
+def _reported(as_json: bool) -> Iterator[None]:
     """What a user can cause is told in one line, and ends the program."""
     try:
         yield

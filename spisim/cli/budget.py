@@ -39,11 +39,11 @@ def command(
     ] = "paper",
     wavelength: Wavelength = None,
     distance: Annotated[
-        float, real_option("Of the target.", "--range", least=0.01, most=1e4, metavar="M")
+        float, real_option("Of the target.", "--range", minimum=0.01, maximum=1e4, metavar="M")
     ] = 5.0,
-    reflectance: Annotated[float, real_option("Of the target.", least=0.001, most=1)] = 0.5,
+    reflectance: Annotated[float, real_option("Of the target.", minimum=0.001, maximum=1)] = 0.5,
     illuminance: Annotated[
-        float, real_option("Daylight on the target.", least=0, most=200, metavar="KLX")
+        float, real_option("Daylight on the target.", minimum=0, maximum=200, metavar="KLX")
     ] = 100.0,
     visibility: Annotated[
         float | None, real_option("Fog of this visibility; clear without.", metavar="M")
@@ -52,8 +52,8 @@ def command(
         float | None,
         real_option(
             "Of the image, for which to average frames; 0.9 of the best without.",
-            least=0.01,
-            most=0.99,
+            minimum=0.01,
+            maximum=0.99,
         ),
     ] = None,
     output: Annotated[
@@ -163,7 +163,7 @@ def _range(instrument: Instrument, target: Target) -> dict[str, Any]:
 
 
 def _noise(budget: Any) -> dict[str, Any]:
-    source, share = budget.dominating
+    source, fraction = budget.dominating
     return {
         "signal_electrons": float(budget.signal_electrons.mean()),
         "noise_electrons": {
@@ -171,7 +171,7 @@ def _noise(budget: Any) -> dict[str, Any]:
         },
         "total_noise_electrons": float((budget.total_electrons**2).mean() ** 0.5),
         "snr": float(budget.snr.mean()),
-        "dominating": {"source": source, "share_of_variance": share},
+        "dominating": {"source": source, "share_of_variance": fraction},
     }
 
 
@@ -273,9 +273,9 @@ def _print_noise(sides: dict[str, dict[str, Any]]) -> None:
     print_table(table)
     names = {"image": "Image", "each spot": "Spots"}
     for title, side in sides.items():
-        most = side["dominating"]
-        share = 100 * most["share_of_variance"]
-        words = f"the noise of the {most['source']} dominates, {share:.0f} % of the variance."
+        maximum = side["dominating"]
+        fraction = 100 * maximum["share_of_variance"]
+        words = f"the noise of the {maximum['source']} dominates, {fraction:.0f} % of the variance."
         results.print(f"{names[title]}: {words}")
     results.print()
 

@@ -33,10 +33,10 @@ def _of(folder: Path, incomplete: str) -> list[str]:
     """Names of the YAML files in a folder, and YAML files and folders of the user."""
     names = sorted(path.stem for path in folder.glob("*.yaml") if path.stem.startswith(incomplete))
     head, slash, tail = incomplete.rpartition("/")
-    place = Path(head + slash or ".")
+    position = Path(head + slash or ".")
     mine = sorted(
         f"{head}{slash}{path.name}{'/' if path.is_dir() else ''}"
-        for path in (place.iterdir() if place.is_dir() else ())
+        for path in (position.iterdir() if position.is_dir() else ())
         if path.name.startswith(tail) and (path.is_dir() or path.suffix in (".yaml", ".yml"))
     )
     return names + [name for name in mine if not name.rpartition("/")[2].startswith(".")]

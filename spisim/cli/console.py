@@ -54,9 +54,11 @@ def warn(warnings: Iterable[str]) -> None:
         say(f"warning: {warning}", "yellow")
 
 
-def progress_bar(title: str, shown: bool | None) -> AbstractContextManager[Advance]:
+def progress_bar(title: str, displayed: bool | None) -> AbstractContextManager[Advance]:
     """Show a bar that the function in hand moves to a fraction; None shows it on terminals."""
-    return terminal_bar(title, messages, shown=messages.is_terminal if shown is None else shown)
+    return terminal_bar(
+        title, messages, displayed=messages.is_terminal if displayed is None else displayed
+    )
 
 
 def _plain(value: Any) -> Any:

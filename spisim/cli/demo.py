@@ -13,7 +13,7 @@ from .tables import print_errors, print_spots
 
 EXAMPLE = "spisim demo -o out/demo"
 #: Of the light, for the instrument that the page is about.
-SHARE = 0.8
+FRACTION = 0.8
 
 #: Beside those of a reconstruction: what their marks tell.
 FILES = {
@@ -61,14 +61,18 @@ def command(
             instrument, paper = load_instrument("fog"), load_instrument("paper")
         with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
             simulation = simulate(
-                scene, instrument, spp=spp, seed=seed, progress=lambda done: advance(SHARE * done)
+                scene,
+                instrument,
+                spp=spp,
+                seed=seed,
+                progress=lambda done: advance(FRACTION * done),
             )
             other = simulate(
                 scene,
                 paper,
-                spp=max(1, round(spp * (1 - SHARE) / SHARE)),
+                spp=max(1, round(spp * (1 - FRACTION) / FRACTION)),
                 seed=seed,
-                progress=lambda done: advance(SHARE + (1 - SHARE) * done),
+                progress=lambda done: advance(FRACTION + (1 - FRACTION) * done),
             ).capture
         with timed(seconds, "scene view"):
             view = fine_view(scene, instrument)

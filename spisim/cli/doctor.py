@@ -71,8 +71,8 @@ def _llvm() -> tuple[dict[str, Any], str | None]:
     except LLVMNotFound as error:
         return {"path": None, "version": None}, str(error)
     problem = probe(path)
-    found = {"path": str(path), "version": version_of(path)}
-    return found, problem and f"LLVM {path}: {problem}\n{advice()}"
+    result = {"path": str(path), "version": version_of(path)}
+    return result, problem and f"LLVM {path}: {problem}\n{advice()}"
 
 
 def _gpu() -> bool:
@@ -98,11 +98,11 @@ def _plug_ins() -> list[str]:
     methods: tuple[Registry[Any], ...] = (IMAGE_METHODS, RANGING_METHODS, DEPTH_METHODS)
     parts: tuple[Registry[Any], ...] = (DICTIONARIES, READINGS, BASES, ORDERS)
     simulated: tuple[Registry[Any], ...] = (SENSORS, TOFS, WEATHER, FAMILIES, EXPORTS)
-    with warnings.catch_warnings(record=True) as told:
+    with warnings.catch_warnings(record=True) as reported:
         warnings.simplefilter("always")
         for registry in (*methods, *parts, *simulated):
             list(registry.loadable())
-    return [str(each.message) for each in told]
+    return [str(each.message) for each in reported]
 
 
 def _kernel_cache() -> dict[str, Any]:

@@ -51,13 +51,13 @@ def command(
     recording = read_capture(capture)
     if recording.truth is None and folder is None:
         with naming(capture):
-            told = evaluate_recording(recording, names(ranging), weather=weather)
+            reported = evaluate_recording(recording, names(ranging), weather=weather)
         warnings = capture_warnings(recording, frame)
         warn(warnings)
         if json:
-            print_json(told | {"warnings": warnings})
+            print_json(reported | {"warnings": warnings})
         else:
-            print_recording(told)
+            print_recording(reported)
         return
     file = None
     if folder is None:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from spisim.base.config import LightSource
     from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
-    from spisim.report.flight import Sighting
+    from spisim.report.flight import EvaluatedFrame
 
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
 
@@ -39,10 +39,10 @@ def command(
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
     rate: Annotated[
-        float, opt.real_option("Captures a second.", least=0.01, most=1e4, metavar="HZ")
+        float, opt.real_option("Captures a second.", minimum=0.01, maximum=1e4, metavar="HZ")
     ] = 2.0,
     speed: Annotated[
-        float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
+        float, opt.real_option("Fly the path X times as fast.", minimum=0.01, maximum=100)
     ] = 1.0,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     stated: opt.StatedWeather = None,
@@ -63,7 +63,7 @@ def command(
     """
     from reconstruction.base.files import remove_unfinished
     from reconstruction.base.folders import output_folder
-    from spisim.dataset.flight import instants, kept_captures
+    from spisim.dataset.flight import instants, retained_captures
     from spisim.report.flight import flight_outputs, write_animation, write_table
     from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path, load_trajectory
@@ -74,38 +74,40 @@ def command(
     with output_folder(output, files, read, overwrite=overwrite), resumed():
         trajectory = load_trajectory(path, frame).faster(speed)
         carried = instrument_with(instrument, stated=stated or trajectory.weather)
-        place, oddities = scene_with(scene, carried.wavelength_nm, weather)
-        check_clear_path(place, trajectory)
-        flight = instants(place, trajectory, carried, rate, seed)
-        kept = kept_captures(output, flight, carried, light, spp)
+        position, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        check_clear_path(position, trajectory)
+        flight = instants(position, trajectory, carried, rate, seed)
+        retained = retained_captures(output, flight, carried, light, spp)
         remove_unfinished(output / instant.file for instant in flight)
         record = partial(_record, output, instrument=carried, light=light, spp=spp)
         with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
             seen = []
             for instant in flight:
-                done, share = instant.number / len(flight), 1 / len(flight)
-                if instant.number not in kept:
-                    record(instant, progress=_part(advance, done, share))
+                done, fraction = instant.number / len(flight), 1 / len(flight)
+                if instant.number not in retained:
+                    record(instant, progress=_part(advance, done, fraction))
                 seen.append(_look(instant, output))
-                advance(done + share)
+                advance(done + fraction)
         write_animation(animation, seen, rate)
-        write_flight(page, place.name, seen, rate)
+        write_flight(page, position.name, seen, rate)
         write_table(table, seen)
     warnings = _warnings(seen)
     warn(warnings)
     written = [*(output / instant.file for instant in flight), animation, page, table]
     if json:
-        report = {"written": written, "captures": len(flight), "kept": len(kept)}
+        report = {"written": written, "captures": len(flight), "kept": len(retained)}
         print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
         return
-    old = f" ({len(kept)} of them kept)" if kept else ""
+    old = f" ({len(retained)} of them kept)" if retained else ""
     names = ", ".join(file.path.name for file in files)
     say(f"Wrote {len(flight)} captures{old}, {names} to {output}.")
     say(f"Look at it: {page.resolve().as_uri()}")
 
 
-def _part(advance: Callable[[float], None], done: float, share: float) -> Callable[[float], None]:
-    return lambda fraction: advance(done + share * fraction)
+def _part(
+    advance: Callable[[float], None], done: float, fraction: float
+) -> Callable[[float], None]:
+    return lambda part: advance(done + fraction * part)
 
 
 def _record(
@@ -130,23 +132,23 @@ def _record(
     write_capture(replace(capture, provenance=provenance), folder / instant.file)
 
 
-def _look(instant: Instant, folder: Path) -> Sighting:
+def _look(instant: Instant, folder: Path) -> EvaluatedFrame:
     """What a capture shows, as it is read: equal whether it was kept or made."""
     from reconstruction import evaluate, read_capture, reconstruct
     from reconstruction.diagnostics import result_warnings
-    from spisim.report.flight import Sighting
+    from spisim.report.flight import EvaluatedFrame
 
     capture = read_capture(folder / instant.file)
     with naming(folder / instant.file):
         result = reconstruct(capture)
     warnings = result_warnings(result, capture)
-    return Sighting(instant, capture, result, evaluate(result, capture), warnings)
+    return EvaluatedFrame(instant, capture, result, evaluate(result, capture), warnings)
 
 
-def _warnings(seen: list[Sighting]) -> list[str]:
+def _warnings(seen: list[EvaluatedFrame]) -> list[str]:
     """Of the captures, each once, with the first one's name."""
-    found: dict[str, str] = {}
+    result: dict[str, str] = {}
     for sighting in seen:
         for warning in sighting.warnings:
-            found.setdefault(warning, sighting.instant.file)
-    return [f"{file}: {warning}" for warning, file in found.items()]
+            result.setdefault(warning, sighting.instant.file)
+    return [f"{file}: {warning}" for warning, file in result.items()]

@@ -44,13 +44,13 @@ def scene_with(
 
 def captures_in(names: Iterable[Path]) -> list[Path]:
     """Captures by their names, those of folders in the order of theirs; InputError for none."""
-    found: list[Path] = []
+    result: list[Path] = []
     for name in names:
         inside = sorted(name.glob("*.h5")) if name.is_dir() else [name]
         if not inside:
             raise InputError(f"{name}: there is no capture (.h5) in this folder")
-        found += inside
-    return found
+        result += inside
+    return result
 
 
 def _weather(stated: str) -> str | float:

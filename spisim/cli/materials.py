@@ -27,7 +27,7 @@ def command(
         ),
     ] = None,
     wavelength: Annotated[
-        float, real_option("Of the instrument.", least=800, most=1600, metavar="NM")
+        float, real_option("Of the instrument.", minimum=800, maximum=1600, metavar="NM")
     ] = 1550.0,
     json: Json = False,
 ) -> None:
@@ -42,10 +42,10 @@ def command(
         rows = [_summary(material) for material in table.values()]
         print_json({"wavelength_nm": wavelength, "materials": rows})
         return
-    shown = word_table("material", f"reflectance at {wavelength:g} nm", "how")
+    displayed = word_table("material", f"reflectance at {wavelength:g} nm", "how")
     for material in table.values():
-        shown.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
-    print_table(shown)
+        displayed.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
+    print_table(displayed)
     results.print(
         "\nReflectance of the diffuse body, or straight back where there is none. Where one comes "
         "from: spisim materials NAME",

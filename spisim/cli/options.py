@@ -12,7 +12,7 @@ from reconstruction.base.errors import InputError
 from . import complete
 
 
-def number_option(least: int, most: int, text: str, usual: int | None = None) -> Any:
+def number_option(minimum: int, maximum: int, text: str, usual: int | None = None) -> Any:
     """An option that takes a whole number; what it refuses, it names.
 
     `usual` is told in place of a default that is None.
@@ -20,22 +20,22 @@ def number_option(least: int, most: int, text: str, usual: int | None = None) ->
 
     def parse(value: str) -> int:
         with suppress(ValueError):
-            if least <= int(value) <= most:
+            if minimum <= int(value) <= maximum:
                 return int(value)
-        raise typer.BadParameter(f"{value} is not a whole number from {least} to {most}")
+        raise typer.BadParameter(f"{value} is not a whole number from {minimum} to {maximum}")
 
     return typer.Option(parser=parse, metavar="N", help=text, show_default=str(usual or "") or True)
 
 
 def real_option(
-    text: str, *names: str, least: float = -inf, most: float = inf, metavar: str = "X"
+    text: str, *names: str, minimum: float = -inf, maximum: float = inf, metavar: str = "X"
 ) -> Any:
     """An option that takes a number; what it refuses, it names."""
-    limits = f" from {least:g} to {most:g}" if isfinite(most) else ""
+    limits = f" from {minimum:g} to {maximum:g}" if isfinite(maximum) else ""
 
     def parse(value: str) -> float:
         with suppress(ValueError):
-            if least <= float(value) <= most:
+            if minimum <= float(value) <= maximum:
                 return float(value)
         raise typer.BadParameter(f"{value} is not a number{limits}")
 
@@ -104,8 +104,8 @@ NoiseShare = Annotated[
         "Instead of --spp: trace until the light's standard error in coefficients and spots is at "
         "most this share of the detectors' noise.",
         "--transport-noise-share",
-        least=1e-3,
-        most=10,
+        minimum=1e-3,
+        maximum=10,
     ),
 ]
 Wavelength = Annotated[

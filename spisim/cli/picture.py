@@ -33,12 +33,16 @@ def command(
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
     weather: Weather = OWN_WEATHER,
-    place: Annotated[Place, typer.Option("--from", help="Where the camera is.")] = Place.PROJECTOR,
+    position: Annotated[
+        Place, typer.Option("--from", help="Where the camera is.")
+    ] = Place.PROJECTOR,
     width: Annotated[int, opt.number_option(1, 8192, "Pixels across.")] = 512,
     height: Annotated[int, opt.number_option(1, 8192, "Pixels down.")] = 512,
     fov: Annotated[
         float | None,
-        opt.real_option("Full angle across; the projector's.", least=0.1, most=170, metavar="DEG"),
+        opt.real_option(
+            "Full angle across; the projector's.", minimum=0.1, maximum=170, metavar="DEG"
+        ),
     ] = None,
     pattern: Annotated[
         int | None, opt.number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
@@ -76,7 +80,9 @@ def command(
         height=height,
         fov_deg=fov,
         pattern=None if pattern is None else illumination(plan, pattern),
-        position_m=above if place is Place.PROJECTOR else carried.imaging.detector.positions_m[0],
+        position_m=above
+        if position is Place.PROJECTOR
+        else carried.imaging.detector.positions_m[0],
         spp=spp,
         seed=seed,
     )

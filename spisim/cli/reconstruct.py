@@ -66,8 +66,8 @@ def command(
         reconstruct_into_folder(options)
         recording = read_capture(capture)
         result = read_result(output / "result.h5")
-        known = recording.truth is not None and recording.truth.knows(frame)
-        metrics = evaluate(result, recording) if known else None
+        valid = recording.truth is not None and recording.truth.knows(frame)
+        metrics = evaluate(result, recording) if valid else None
         if patterns is not None:
             recording = first_patterns(recording, patterns, order)
         write_report(page, recording, result, metrics=metrics, title=capture.stem)

@@ -67,11 +67,11 @@ def command(
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave, stated)
-    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
+    position, oddities = scene_with(scene, carried.wavelength_nm, weather)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(
-            place,
+            position,
             carried,
             light=light,
             **budget,
@@ -95,9 +95,9 @@ def command(
             result,
             metrics=evaluate(result, simulation.capture),
             transport=simulation.transport,
-            view=fine_view(place, carried) if carried.images else None,
+            view=fine_view(position, carried) if carried.images else None,
             timings=seconds,
-            title=place.name,
+            title=position.name,
         )
     written = [file.path for file in files]
     if json:
@@ -108,7 +108,7 @@ def command(
                 "warnings": oddities + warnings,
                 "seconds": seconds,
                 "paths": paths,
-                "media": place.media_summary(),
+                "media": position.media_summary(),
             }
         )
     else:

@@ -10,7 +10,7 @@ import typer
 from . import complete
 from .console import print_json, progress_bar, say
 from .dataset.arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
-from .dataset.progress import shown
+from .dataset.progress import displayed
 from .dataset.running import executors, explained
 from .options import Bar, Json, Overwrite
 from .outputs import files_read
@@ -61,7 +61,7 @@ def command(
     files = [*study_files(folder, planned), *study_outputs(folder, planned)]
     executor = executors(workers, dask, timeout)
     with output_folder(folder, files, files_read(plan), overwrite=overwrite), explained():
-        with shown(progress) as made, progress_bar("Evaluating", progress) as evaluated:
+        with displayed(progress) as made, progress_bar("Evaluating", progress) as evaluated:
             finished = run_study(
                 planned,
                 folder,

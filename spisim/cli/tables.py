@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from spisim.report.comparison import Comparison
 
 #: Characters that a column of words may be squeezed to.
-LEAST_WORDS = 8
+MIN_WORDS = 8
 #: What no table needs.
 WIDEST = 10_000
 
@@ -39,22 +39,22 @@ def print_spots(metrics: Mapping[str, Any], of: str) -> None:
     _print_all(compared_spots(metrics, of))
 
 
-def print_recording(told: Mapping[str, Any]) -> None:
+def print_recording(reported: Mapping[str, Any]) -> None:
     """Print what a recording tells of itself, as `evaluate_recording` returns it."""
     from spisim.report.comparison import written
 
     table = plain_table("", "saturated", "noise", "expected", "noise ratio")
     for name in ("readings", "taps"):
-        if (part := told[name]) is not None:
+        if (part := reported[name]) is not None:
             numbers = (part[key] for key in ("noise", "expected"))
             cells = [written(each, 1, f"{{:.4g}} {part['unit']}s") for each in numbers]
             saturated = written(part["saturated"], 100, "{:.3g} %")
             table.add_row(name, saturated, *cells, written(part["noise_ratio"], 1, "{:.2f}"))
     print_table(table)
-    if (image := told["image"]) is not None:
+    if (image := reported["image"]) is not None:
         ratio = written(image["signal_over_noise"], 1, "{:.3g}")
         results.print(f"\nzero-filled image, signal over noise: {ratio}")
-    for name, spots in told["spots"].items():
+    for name, spots in reported["spots"].items():
         table = plain_table(name, "range", "spread", "sigma", "spread ratio", "ranged")
         for spot, each in enumerate(spots):
             lengths = (
@@ -63,10 +63,12 @@ def print_recording(told: Mapping[str, Any]) -> None:
             ratio = written(each["spread_ratio"], 1, "{:.2f}")
             table.add_row(f"spot {spot}", *lengths, ratio, written(each["ranged"], 100, "{:.0f} %"))
         print_table(table)
-    if told["frames"] < 2:
+    if reported["frames"] < 2:
         results.print("one frame: noise and spread take two or more of a still scene", style="dim")
     else:
-        results.print(f"of {told['frames']} frames, as of a scene that stands still", style="dim")
+        results.print(
+            f"of {reported['frames']} frames, as of a scene that stands still", style="dim"
+        )
 
 
 def _print_all(comparisons: Iterable[Comparison]) -> None:
@@ -77,12 +79,12 @@ def _print_all(comparisons: Iterable[Comparison]) -> None:
         print_table(table)
 
 
-def plain_table(first: str, *columns: str, least: int = 11) -> Table:
-    """A table without lines: a column of words, and others for numbers of `least` characters."""
+def plain_table(first: str, *columns: str, minimum: int = 11) -> Table:
+    """A table without lines: a column of words, and others for numbers of `minimum` characters."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     table.add_column(first, min_width=21, overflow="fold")
     for column in columns:
-        width = max(least, *(len(word) for word in column.split()))
+        width = max(minimum, *(len(word) for word in column.split()))
         table.add_column(column, justify="right", min_width=width, overflow="fold")
     return table
 
@@ -91,19 +93,19 @@ def word_table(*columns: str) -> Table:
     """A table without lines whose columns are words, or without `columns` has no head."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), show_header=bool(columns))
     for column in columns:
-        table.add_column(column, min_width=min(LEAST_WORDS, len(column)), overflow="fold")
+        table.add_column(column, min_width=min(MIN_WORDS, len(column)), overflow="fold")
     return table
 
 
 def print_table(table: Table) -> None:
     """Print a table; on a terminal too narrow for its columns row by row, each value in a line."""
-    least = Measurement.get(results, results.options.update_width(WIDEST), table).minimum
-    if least <= results.width:
+    minimum = Measurement.get(results, results.options.update_width(WIDEST), table).minimum
+    if minimum <= results.width:
         results.print(table)
     elif results.is_terminal or "COLUMNS" in os.environ:
         _print_rows(table)
     else:
-        results.print(table, width=least, crop=False)
+        results.print(table, width=minimum, crop=False)
 
 
 def _print_rows(table: Table) -> None:

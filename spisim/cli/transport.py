@@ -28,7 +28,7 @@ def command(
     frequency: Annotated[
         list[float] | None,
         opt.real_option(
-            "Add the phasor image at this frequency.", least=0, most=1e12, metavar="HZ"
+            "Add the phasor image at this frequency.", minimum=0, maximum=1e12, metavar="HZ"
         ),
     ] = None,
     orders: Annotated[
@@ -42,8 +42,8 @@ def command(
         float | None,
         opt.real_option(
             "Add every pixel's light over path length to the .npz, in bins of M metres.",
-            least=0.01,
-            most=10,
+            minimum=0.01,
+            maximum=10,
             metavar="M",
         ),
     ] = None,
@@ -72,17 +72,17 @@ def command(
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
-    place, oddities = scene_with(scene, carried.wavelength_nm, weather)
+    position, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
         light = solve(
-            place,
+            position,
             carried,
             **budget,
             seed=seed,
             outputs=outputs,
             progress=advance,
         )
-    write_truth(output, ground_truth(place, carried), light_channels(light, frequency or ()))
+    write_truth(output, ground_truth(position, carried), light_channels(light, frequency or ()))
     write_histograms(histograms, light)
     if json:
         print_json(

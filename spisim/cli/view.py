@@ -17,7 +17,7 @@ from .inputs import captures_in
 from .options import Json, Methods, Overwrite, number_option
 
 if TYPE_CHECKING:
-    from spisim.report.viewer import Recording, Sight
+    from spisim.report.viewer import Recording, View
 
 EXAMPLE = "spisim view foggy.h5"
 MANIFEST = "manifest.sqlite"
@@ -58,7 +58,7 @@ def command(
         if streamed:
             _follow(source, recording, frames, methods)
         else:
-            _show(_sights(Path(source), methods), recording, frames)
+            _show(_views(Path(source), methods), recording, frames)
     if json:
         print_json({"written": [] if save is None else [save], "frames": recording.frames})
     elif save is not None:
@@ -115,23 +115,23 @@ def _recording(save: Path | None) -> Iterator[Recording]:
         stage.unlink(missing_ok=True)
 
 
-def _sights(source: Path, methods: dict[str, Any]) -> Iterator[Sight]:
+def _views(source: Path, methods: dict[str, Any]) -> Iterator[View]:
     from spisim.dataset import open as open_data_set
-    from spisim.report.viewer import sights_of_captures, sights_of_samples
+    from spisim.report.viewer import views_of_captures, views_of_samples
 
     if (source / MANIFEST).is_file():
-        return sights_of_samples(open_data_set(source), methods)
-    return sights_of_captures(captures_in([source]), methods)
+        return views_of_samples(open_data_set(source), methods)
+    return views_of_captures(captures_in([source]), methods)
 
 
-def _show(sights: Iterator[Sight], recording: Recording, frames: int | None) -> None:
+def _show(views: Iterator[View], recording: Recording, frames: int | None) -> None:
     from itertools import islice
     from warnings import catch_warnings, simplefilter
 
     with catch_warnings(record=True) as odd:
         simplefilter("always", UserWarning)
-        for sight in islice(sights, frames):
-            recording.add(sight)
+        for view in islice(views, frames):
+            recording.add(view)
     warn(dict.fromkeys(str(warning.message) for warning in odd))
 
 

@@ -68,7 +68,7 @@ def command(
         str, typer.Option(help="biomass, soot, glycol-fine or glycol.")
     ] = "glycol",
     wavelength: Annotated[
-        float, real_option("Of the instrument.", least=700, most=1700, metavar="NM")
+        float, real_option("Of the instrument.", minimum=700, maximum=1700, metavar="NM")
     ] = 1550.0,
     compare: Annotated[
         bool, typer.Option("--compare", help="850, 905, 940, 1460 and 1550 nm side by side.")
@@ -106,7 +106,7 @@ def command(
 
     parts = media(wavelength)
     together = combine(parts)
-    warn(together.doubts)
+    warn(together.warnings)
     report: dict[str, Any] = {
         "wavelength_nm": wavelength,
         **_figures(together),
@@ -114,7 +114,7 @@ def command(
         "empirical": _empirical(fog_visibility, definition, wavelength),
         "empirical_smoke": _empirical(smoke, "koschmieder", wavelength, "smoke"),
         "rain_with_diffraction": _with_diffraction(rain, wavelength),
-        "warnings": together.doubts,
+        "warnings": together.warnings,
     }
     if compare:
         report["compare"] = _compared(lambda nm: combine(media(nm)))
@@ -208,7 +208,7 @@ def _print(report: dict[str, Any]) -> None:
     columns = report["media"] + ([report] if len(report["media"]) > 1 else [])
     titles = [column["kind"] for column in report["media"]] + ["together"]
     first = f"at {report['wavelength_nm']:g} nm"
-    table = plain_table(first, *titles[: len(columns)], least=DIGITS)
+    table = plain_table(first, *titles[: len(columns)], minimum=DIGITS)
     for title, key in ROWS.items():
         table.add_row(title, *(_short(column[key]) for column in columns))
     print_table(table)
@@ -239,16 +239,16 @@ def _print_typical(report: dict[str, Any]) -> None:
     rows = report["compare"]
     ratios = [row | row["over_1550_nm"] for row in rows]
     weathers = {name: name for name in rows[0]["over_1550_nm"]}
-    print_table(_side_by_side(RELATIVE, ratios, weathers, least=6))
+    print_table(_side_by_side(RELATIVE, ratios, weathers, minimum=6))
     results.print()
     print_table(_side_by_side("wavelength", rows, OF_WAVELENGTHS))
 
 
 def _side_by_side(
-    first: str, rows: list[dict[str, Any]], keys: dict[str, str], least: int = DIGITS
+    first: str, rows: list[dict[str, Any]], keys: dict[str, str], minimum: int = DIGITS
 ) -> Table:
     """A column for each wavelength, with the values under `keys` by their titles."""
-    table = plain_table(first, *(f"{row['wavelength_nm']} nm" for row in rows), least=least)
+    table = plain_table(first, *(f"{row['wavelength_nm']} nm" for row in rows), minimum=minimum)
     for title, key in keys.items():
         table.add_row(title, *(_short(row[key]) for row in rows))
     return table

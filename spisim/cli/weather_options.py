@@ -88,16 +88,16 @@ def with_weather(command: Callable[..., None]) -> Callable[..., None]:
     options = _options(kind)
 
     @wraps(command)
-    def told(**given: Any) -> None:
+    def reported(**given: Any) -> None:
         command(weather=kind(**{name: given.pop(name) for name in options}), **given)
 
     parameters: list[Parameter] = []
     for name, parameter in signature(command, eval_str=True).parameters.items():
         parameters += options.values() if name == "weather" else [parameter]
     whole = signature(command).replace(parameters=parameters)
-    told.__signature__ = whole  # type: ignore[attr-defined]
-    told.__annotations__ = {each.name: each.annotation for each in parameters}
-    return told
+    reported.__signature__ = whole  # type: ignore[attr-defined]
+    reported.__annotations__ = {each.name: each.annotation for each in parameters}
+    return reported
 
 
 def _options(kind: type[Weather]) -> dict[str, Parameter]:
@@ -116,12 +116,12 @@ def _options(kind: type[Weather]) -> dict[str, Parameter]:
 
 def _fog(old: dict[str, Any], visibility_m: float | None, kind: str | None) -> dict[str, Any]:
     """The scene's fog with another visibility, other droplets, or both."""
-    kept = {"kind", "droplets", "definition", "phase"}
+    retained = {"kind", "droplets", "definition", "phase"}
     if visibility_m is None:
-        kept |= {"visibility_m", "liquid_water_g_per_m3"}
+        retained |= {"visibility_m", "liquid_water_g_per_m3"}
     if kind is not None:
-        kept -= {"kind", "droplets"}
-    new = {field: value for field, value in old.items() if field in kept}
+        retained -= {"kind", "droplets"}
+    new = {field: value for field, value in old.items() if field in retained}
     if not isinstance(new.get("phase", ""), str):  # of a medium by coefficients
         del new["phase"]
     if visibility_m is not None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, Reconstructor
 from reconstruction.base.errors import naming
-from reconstruction.chosen_methods import lead
+from reconstruction.chosen_methods import warm_up_frames
 from reconstruction.default_ranging import SetupKey, default_ranges
 from reconstruction.depth import DEPTH_METHODS
 from reconstruction.exports.shot import Intrinsics
@@ -75,7 +75,7 @@ def _ranges(name: str) -> Read:
     return read
 
 
-def _is_known(read: Read) -> Read:
+def _is_available(read: Read) -> Read:
     def known(capture: Capture) -> Array | None:
         values = read(capture)
         return None if values is None else np.isfinite(values)
@@ -105,7 +105,9 @@ def _compiled(setup: SetupKey, image: str | None, depth: str | None) -> Reconstr
 
 
 def _frames(capture: Capture, image: str | None, depth: str | None, name: str) -> Array | None:
-    compiled = _compiled.__wrapped__ if lead(1, image) else _compiled  # which must not remember
+    compiled = (
+        _compiled.__wrapped__ if warm_up_frames(1, image) else _compiled
+    )  # which must not remember
     reconstruct = compiled(SetupKey(capture.setup), image, depth)
     maps = [getattr(reconstruct(capture.frame(frame)), name) for frame in range(capture.frames)]
     return None if maps[0] is None else np.stack(maps)
@@ -191,7 +193,7 @@ FIELDS = {
     ),
     "spot_sigma_m": Field(_SPOTS, "float64", "m", "their standard deviation", _ranges("sigma_m")),
     "spot_known": Field(
-        _SPOTS, "bool", "1", "mask of the spots with a range", _is_known(_ranges("range_m"))
+        _SPOTS, "bool", "1", "mask of the spots with a range", _is_available(_ranges("range_m"))
     ),
     "image": _IMAGE,
     "depth_m": _DEPTH,
@@ -228,7 +230,11 @@ FIELDS = {
         _truth("depth_m"),
     ),
     "true_depth_known": Field(
-        _PIXELS, "bool", "1", "mask of the pixels that hit something", _is_known(_truth("depth_m"))
+        _PIXELS,
+        "bool",
+        "1",
+        "mask of the pixels that hit something",
+        _is_available(_truth("depth_m")),
     ),
     "true_reflectance": Field(
         _PIXELS, "float32", "1", "at the laser's wavelength", _truth("reflectance")

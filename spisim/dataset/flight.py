@@ -10,7 +10,7 @@ import numpy as np
 from reconstruction import Capture, InputError, read_capture
 from spisim.base.config import LightSource, load_yaml
 from spisim.instrument import Instrument
-from spisim.scene import Scene, Trajectory, at_moment
+from spisim.scene import Scene, Trajectory, at_drone_state
 
 #: Of a flight; each takes seconds at least.
 MAX_CAPTURES = 100_000
@@ -53,12 +53,12 @@ def instants(
         )
     times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
     return [
-        Instant(number, time_s, at_moment(scene, trajectory.moment(time_s)), seed + number)
+        Instant(number, time_s, at_drone_state(scene, trajectory.moment(time_s)), seed + number)
         for number, time_s in enumerate(times)
     ]
 
 
-def kept_captures(
+def retained_captures(
     folder: Path,
     flight: list[Instant],
     instrument: Instrument,
@@ -77,7 +77,7 @@ def kept_captures(
     settings: dict[str, Any] = {"noise": True, "frames": 1}
     if light == "traced":
         settings["spp"] = spp
-    kept = set()
+    retained = set()
     for file, instant in files.items():
         if not file.exists():
             continue
@@ -85,8 +85,8 @@ def kept_captures(
             raise InputError(
                 f"{file} was made with another {different}; give another folder, or remove it"
             )
-        kept.add(instant.number)
-    return kept
+        retained.add(instant.number)
+    return retained
 
 
 def _difference(
@@ -103,8 +103,8 @@ def _difference(
     if made.is_surrogate == ("spp" in settings):
         return "light"
     stored = load_yaml(made.settings, "settings")
-    told = stored if isinstance(stored, dict) else {}
+    reported = stored if isinstance(stored, dict) else {}
     for field, value in settings.items():
-        if told.get(field) != value:
+        if reported.get(field) != value:
             return field
     return None

@@ -105,8 +105,8 @@ class Layout:
     def first_link(self, path: Path) -> Path | None:
         """The first link on the way from the folder to a path in it, which may be that itself."""
         inside = path.relative_to(self.folder).parts
-        places = (self.folder.joinpath(*inside[:depth]) for depth in range(1, len(inside) + 1))
-        return next((place for place in places if place.is_symlink()), None)
+        positions = (self.folder.joinpath(*inside[:depth]) for depth in range(1, len(inside) + 1))
+        return next((position for position in positions if position.is_symlink()), None)
 
     def refuse_links(self) -> None:
         """InputError where anything that a run reads or writes is a link."""
@@ -137,8 +137,8 @@ class Layout:
 
         The folder has to be a data set's: see `opened`.
         """
-        places = (everything(self.folder / name) for name in _FOLDERS)
-        for path in (*self.folder.iterdir(), *chain.from_iterable(places)):
+        positions = (everything(self.folder / name) for name in _FOLDERS)
+        for path in (*self.folder.iterdir(), *chain.from_iterable(positions)):
             if self.is_unfinished(path) and path.is_file():
                 path.unlink(missing_ok=True)
 
@@ -161,16 +161,16 @@ def fingerprint(path: Path) -> dict[str, Any]:
         }
 
 
-def has_its_size(path: Path, told: Mapping[str, Any]) -> bool:
+def has_its_size(path: Path, reported: Mapping[str, Any]) -> bool:
     """Whether a file is there and has as many bytes as the manifest tells."""
     with suppress(OSError):
-        return bool(path.stat().st_size == told["bytes"])
+        return bool(path.stat().st_size == reported["bytes"])
     return False
 
 
-def has_its_content(path: Path, told: Mapping[str, Any]) -> bool:
+def has_its_content(path: Path, reported: Mapping[str, Any]) -> bool:
     """Whether a file is there and its SHA-256 is the one that the manifest tells."""
-    return has_its_size(path, told) and fingerprint(path)["sha256"] == told["sha256"]
+    return has_its_size(path, reported) and fingerprint(path)["sha256"] == reported["sha256"]
 
 
 def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
@@ -204,7 +204,7 @@ class Origin:
 def origin_of(capture: Capture) -> Origin | None:
     """Where a capture belongs; None for one of no data set."""
     with suppress(InputError, TypeError, KeyError, ValueError, AttributeError):
-        told = load_yaml(capture.provenance.settings, "settings")["data_set"]
-        sidecars = {str(k): str(v) for k, v in told.get("sidecars", {}).items()}
-        return Origin(str(told["plan"]), int(told["index"]), sidecars)
+        reported = load_yaml(capture.provenance.settings, "settings")["data_set"]
+        sidecars = {str(k): str(v) for k, v in reported.get("sidecars", {}).items()}
+        return Origin(str(reported["plan"]), int(reported["index"]), sidecars)
     return None

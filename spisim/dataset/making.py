@@ -61,7 +61,7 @@ def make_dataset(
         LocalExecutor.of(Maker(planned, folder), workers),
         retry_failed=retry_failed,
         say=logger.warning,
-        progress=lambda state: progress(state.share) if progress else None,
+        progress=lambda state: progress(state.fraction) if progress else None,
     )
     data = open_dataset(folder)
     if state.failed:

@@ -116,9 +116,9 @@ def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
 def _set_aside(path: Path) -> Path:
     numbers = iter(range(1, 10**6))
     aside = next(
-        place
+        position
         for number in numbers
-        if not (place := path.with_name(f"{path.stem}.damaged-{number}{path.suffix}")).exists()
+        if not (position := path.with_name(f"{path.stem}.damaged-{number}{path.suffix}")).exists()
     )
     path.rename(aside)
     for ending in COMPANIONS:
@@ -194,7 +194,7 @@ def _forget_lost(manifest: Manifest, layout: Layout, say: Say, is_sound: Sound) 
     lost = [
         index
         for index, files in manifest.files().items()
-        if not all(is_sound(layout.folder / name, told) for name, told in files.items())
+        if not all(is_sound(layout.folder / name, reported) for name, reported in files.items())
     ]
     for index in lost:
         manifest.forget(index)
@@ -210,13 +210,13 @@ def _adopt(
 
     Those of samples that are `lost` are none: they are made again.
     """
-    known = {name for files in manifest.files().values() for name in files}
-    known |= {layout.relative(layout.capture(index)) for index in lost}
+    available = {name for files in manifest.files().values() for name in files}
+    available |= {layout.relative(layout.capture(index)) for index in lost}
     damaged: list[Path] = []
     foreign: list[Path] = []
-    found: dict[int, Origin] = {}
+    result: dict[int, Origin] = {}
     for path in layout.captures():
-        if layout.relative(path) in known:
+        if layout.relative(path) in available:
             continue
         try:
             origin = origin_of(read_capture(path))
@@ -225,23 +225,25 @@ def _adopt(
             (damaged if ours else foreign).append(path)
             continue
         if origin and origin.plan == planned.digest and layout.capture(origin.index) == path:
-            found[origin.index] = origin
+            result[origin.index] = origin
         else:
             foreign.append(path)
     if foreign:
         raise InputError(
             f"{_some(foreign)}: not of this data set, though in its folder; move it elsewhere"
         )
-    _check_size(found, planned, layout)
+    _check_size(result, planned, layout)
     for path in damaged:
         path.unlink()
     if damaged:
         say(f"damaged captures removed, to be made again: {_some(damaged)}")
-    whole = [index for index in sorted(found) if _is_whole(planned.plan.keep, layout, found[index])]
+    whole = [
+        index for index in sorted(result) if _is_whole(planned.plan.keep, layout, result[index])
+    ]
     if whole:
-        manifest.record(*(_found(planned, layout, index) for index in whole))
+        manifest.record(*(_result(planned, layout, index) for index in whole))
         say(f"{len(whole)} samples found that the manifest did not know")
-    if again := sorted(found.keys() - set(whole)):  # as any sample without a row
+    if again := sorted(result.keys() - set(whole)):  # as any sample without a row
         say(f"samples without the files beside their captures, to be made again: {_some(again)}")
 
 
@@ -253,25 +255,25 @@ def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
     return False
 
 
-def _kept(keep: Keep, capture: Path) -> list[Path]:
+def _retained(keep: Keep, capture: Path) -> list[Path]:
     """What a plan keeps beside a capture."""
     wanted = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
-    return [capture.with_suffix(suffix) for suffix, is_kept in wanted if is_kept]
+    return [capture.with_suffix(suffix) for suffix, is_retained in wanted if is_retained]
 
 
 def _is_whole(keep: Keep, layout: Layout, origin: Origin) -> bool:
     """Whether what lies beside a capture, which vouches for itself, is what that tells of."""
     return all(
         path.is_file() and fingerprint(path)["sha256"] == origin.sidecars.get(path.suffix)
-        for path in _kept(keep, layout.capture(origin.index))
+        for path in _retained(keep, layout.capture(origin.index))
     )
 
 
-def _found(planned: PlannedSet, layout: Layout, index: int) -> Outcome:
-    beside = _kept(planned.plan.keep, layout.capture(index))
+def _result(planned: PlannedSet, layout: Layout, index: int) -> Outcome:
+    beside = _retained(planned.plan.keep, layout.capture(index))
     return done(layout, planned.sample(index), beside)
 
 
-def _some(things: list[Any], most: int = 5) -> str:
-    more = f" and {len(things) - most} more" if len(things) > most else ""
-    return ", ".join(map(str, things[:most])) + more
+def _some(things: list[Any], maximum: int = 5) -> str:
+    more = f" and {len(things) - maximum} more" if len(things) > maximum else ""
+    return ", ".join(map(str, things[:maximum])) + more

@@ -85,15 +85,15 @@ class Pack:
     @cached_property
     def columns(self) -> dict[str, NDArray[Any]]:
         """The arrays, mapped; InputError for one that is not as the index tells."""
-        return {name: self._mapped(name, told) for name, told in self.index.arrays.items()}
+        return {name: self._mapped(name, reported) for name, reported in self.index.arrays.items()}
 
-    def _mapped(self, name: str, told: PackedArray) -> NDArray[Any]:
-        path = Layout(self.folder).own(self.folder / told.file)
+    def _mapped(self, name: str, reported: PackedArray) -> NDArray[Any]:
+        path = Layout(self.folder).own(self.folder / reported.file)
         try:
             column = np.load(path, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:
             raise InputError(f"{path}: {name} cannot be read ({error}); pack again") from None
-        if not has_its_size(path, vars(told)) or column.shape[:1] != self.indices.shape:
+        if not has_its_size(path, vars(reported)) or column.shape[:1] != self.indices.shape:
             raise InputError(f"{path}: {name} is not as it was written; pack again")
         return np.asarray(column)  # slices of a memmap cost more than what they copy
 
@@ -128,6 +128,6 @@ class Pack:
 
     def damaged(self) -> Iterator[tuple[str, str]]:
         """Files whose SHA-256 is another than when they were written, and what is wrong."""
-        for told in self.index.arrays.values():
-            if not has_its_content(self.folder / told.file, vars(told)):
-                yield told.file, "another SHA-256 than when it was written"
+        for reported in self.index.arrays.values():
+            if not has_its_content(self.folder / reported.file, vars(reported)):
+                yield reported.file, "another SHA-256 than when it was written"

@@ -104,14 +104,14 @@ def _fill(
         progress((row + 1) / len(samples))
     for column in columns.values():
         column.flush()
-    told = {name: _told(name, path) for name, path in files.items()}
+    reported = {name: _reported(name, path) for name, path in files.items()}
     meta, everything = read_manifest(samples.folder)
     index = Index(
         made=mark(KIND),
         format=FORMAT,
         source=os.path.relpath(samples.folder.resolve(), folder.resolve()),
         source_samples=sum(record.done for record in everything),
-        arrays=told,
+        arrays=reported,
     )
     with Manifest.create(stage / Layout(stage).manifest.name, meta) as manifest:
         manifest.keep(*samples.records)
@@ -130,7 +130,7 @@ def _check_shape(
         )
 
 
-def _told(name: str, path: Path) -> PackedArray:
+def _reported(name: str, path: Path) -> PackedArray:
     field = find_field(name)
     assert field is not None  # names have been checked
     return PackedArray(

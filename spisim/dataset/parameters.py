@@ -27,13 +27,13 @@ class Parameters:
     @cached_property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """Shapes of those that are numbers, by name: in every sample that has them, and equal."""
-        found: dict[str, tuple[int, ...] | None] = {}
+        result: dict[str, tuple[int, ...] | None] = {}
         for record in self.records:
             for name, value in record.parameters.items():
                 if value is not None:
                     shape = _shape(value)
-                    found[name] = shape if found.get(name, shape) == shape else None
-        return {name: shape for name, shape in found.items() if shape is not None}
+                    result[name] = shape if result.get(name, shape) == shape else None
+        return {name: shape for name, shape in result.items() if shape is not None}
 
     def number(self, name: str, values: Mapping[str, Any]) -> NDArray[Any]:
         """A parameter that is a number, of the sample that has these values; nan where it lacks it.

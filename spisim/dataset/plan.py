@@ -56,8 +56,8 @@ def _wavelengths(value: Any) -> Any:
     open_ = openable(value)
     for each in [] if value is None else possible(open_):
         if not is_distribution(each) and (isinstance(each, bool) or not isinstance(each, Real)):
-            found = "" if each is value else f", not {show(each)}"
-            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": found})
+            result = "" if each is value else f", not {show(each)}"
+            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": result})
     return open_
 
 
@@ -90,11 +90,11 @@ class SceneSource(Section):
         return self
 
     def _check_parameters(self, family: str) -> None:
-        known = FAMILIES[family].parameters.model_fields
+        given = FAMILIES[family].parameters.model_fields
         for name in self.parameters:
-            if name not in known:
+            if name not in given:
                 raise InputError(
-                    f"unknown parameter {show(name)} of {family}: {nearest(name, known)}"
+                    f"unknown parameter {show(name)} of {family}: {nearest(name, given)}"
                 )
 
 
@@ -235,8 +235,8 @@ class Plan(Section):
             return {"light": "surrogate"}
         if self.spp is not None:
             return {"spp": self.spp}
-        share = self.transport_noise_share
-        return {"transport_noise_share": NOISE_SHARE if share is None else share}
+        fraction = self.transport_noise_share
+        return {"transport_noise_share": NOISE_SHARE if fraction is None else fraction}
 
 
 def _check_path(path: str, value: Any, before: list[str]) -> None:

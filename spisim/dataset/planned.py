@@ -127,9 +127,9 @@ class PlannedSet:
                 elif file == "materials":
                     section_of(scene, "material_swaps", path)[field] = value
         name = scene.get("name") or _name_drawn(scene) or str(source.scene)
-        told: dict[str, Any] = {"instrument": instrument} if "instrument" in chosen else {}
+        reported: dict[str, Any] = {"instrument": instrument} if "instrument" in chosen else {}
         if plan.poses.count > 1:
-            told["pose"] = number
+            reported["pose"] = number
         return Sample(
             index,
             int(stream(seed, "capture", index).integers(2**62)),
@@ -140,7 +140,7 @@ class PlannedSet:
             self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
             View(number, plan.poses, self._pose_seed(round_)),
-            {"scene": source.family or name, **told, **parameters, **drawn},
+            {"scene": source.family or name, **reported, **parameters, **drawn},
         )
 
     def _pose_seed(self, round_: int) -> int:
@@ -165,10 +165,10 @@ class PlannedSet:
 
     def _place(self, index: int) -> tuple[int, dict[str, Any]]:
         """Round of the grids, and the combination of their values within it."""
-        round_, place = divmod(index, self.plan.combinations)
+        round_, position = divmod(index, self.plan.combinations)
         chosen = {}
         for name, values in reversed(self.plan.axes.items()):  # the last runs fastest
-            place, at = divmod(place, len(values))
+            position, at = divmod(position, len(values))
             chosen[name] = values[at]
         return round_, chosen
 
@@ -188,9 +188,9 @@ class PlannedSet:
             name: drawn_value(value, self.plan.seed, f"parameters.{name}", *key)
             for name, value in source.parameters.items()
         }
-        told = {f"parameters.{name}": value for name, value in parameters.items()}
+        reported = {f"parameters.{name}": value for name, value in parameters.items()}
         fields = {"family": source.family, "seed": seed, "parameters": parameters}
-        return fields, self.path.parent, {"family_seed": seed, **told}
+        return fields, self.path.parent, {"family_seed": seed, **reported}
 
     def _scene_file(self, name: str) -> Path:
         return find_named(self._beside(name), scenes_folder(), "scene")
@@ -230,5 +230,5 @@ def _name_drawn(scene: Mapping[str, Any]) -> str | None:
 
 
 def _dump(fields: Mapping[str, Any]) -> str:
-    kept = {name: value for name, value in fields.items() if value is not None}
-    return dump_yaml(kept)
+    retained = {name: value for name, value in fields.items() if value is not None}
+    return dump_yaml(retained)

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.base.errors import InputError
 from spisim.base.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
-from spisim.scene import Scene, Trajectory, at_moment
+from spisim.scene import Scene, Trajectory, at_drone_state
 from spisim.scene.assemble import OPTICAL_FROM_BODY
 from spisim.scene.layout import OFFERED, Needs, layout_problem
 from spisim.scene.pose import pose_matrix
@@ -88,12 +88,12 @@ class View:
             raise InputError(f"scene {scene.name!r}: a scene at a moment of a flight has one pose")
         if flight_s is not None:
             time_s = flight_s * self.number / (self.around.count - 1)
-            return at_moment(scene, self._flight(scene, flight_s).moment(time_s))
+            return at_drone_state(scene, self._flight(scene, flight_s).moment(time_s))
         needs = _needs(scene)
         for offset_m, turn_deg, seen in self._drawn(scene):
             problem = _behind(scene, seen) or layout_problem(seen, needs)
             if problem is None:
-                drone = _told(fields.get("drone") or {}, offset_m, turn_deg)
+                drone = _reported(fields.get("drone") or {}, offset_m, turn_deg)
                 return replace(seen, text=dump_yaml({**fields, "drone": drone}))
         raise InputError(
             f"scene {scene.name!r}: none of {ATTEMPTS} poses is one to fly in; in the last, "
@@ -119,7 +119,7 @@ class View:
             flight = Trajectory.through(
                 np.array([0.0, flight_s]), both[:, :3, 3], Rotation.from_matrix(both[:, :3, :3])
             )
-            along = (at_moment(scene, flight.moment(float(time_s))) for time_s in times)
+            along = (at_drone_state(scene, flight.moment(float(time_s))) for time_s in times)
             problems = (layout_problem(seen, needs) for seen in along)
             problem = _behind(scene, end) or next(filter(None, problems), None)
             if problem is None:
@@ -133,7 +133,7 @@ class View:
 def _needs(scene: Scene) -> Needs:
     """Of its poses: a spot that returns, unless none does in the scene's own."""
     own = layout_problem(scene, OFFERED) is None
-    return OFFERED if own else replace(OFFERED, least_spots=0)
+    return OFFERED if own else replace(OFFERED, min_spots=0)
 
 
 def _behind(scene: Scene, seen: Scene) -> str | None:
@@ -144,7 +144,9 @@ def _behind(scene: Scene, seen: Scene) -> str | None:
     return "something is between it and the scene's own" if crossed <= 1 else None
 
 
-def _told(drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]) -> dict[str, Any]:
+def _reported(
+    drone: Mapping[str, Any], offset_m: list[float], turn_deg: list[float]
+) -> dict[str, Any]:
     """Fields of the drone that add an offset and a turn to those it has."""
     own_turn, own_offset = drone.get("turn_deg", (0, 0, 0)), drone.get("offset_m", (0, 0, 0))
     if any(own_turn) or any(own_offset):

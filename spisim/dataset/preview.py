@@ -32,7 +32,7 @@ class Preview:
     """Samples that were looked at, and the cost of all by those of a pilot that were made."""
 
     samples: int
-    shown: Sequence[Sample]
+    displayed: Sequence[Sample]
     costs: Sequence[GroupCost]
     cost: Cost
     compiling_s: float  # of the pilot, besides
@@ -54,7 +54,7 @@ class Preview:
         """JSON-ready."""
         return {
             "samples": self.samples,
-            "first": [_row(sample) for sample in self.shown],
+            "first": [_row(sample) for sample in self.displayed],
             "cost": vars(self.cost),
             "compiling_s": self.compiling_s,
             "costs": [cost.summary() for cost in self.costs],
@@ -132,7 +132,7 @@ def preview(
         ) from None
     return Preview(
         samples=size,
-        shown=[planned.sample(index) for index in range(min(rows, size))],
+        displayed=[planned.sample(index) for index in range(min(rows, size))],
         costs=costs,
         cost=cost,
         compiling_s=sum(record.compiling_s for record in records),

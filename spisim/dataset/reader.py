@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
 from reconstruction.base.errors import InputError, naming, nearest
-from reconstruction.base.notebook import picture, shown, told
+from reconstruction.base.notebook import displayed, picture, reported
 from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 
 #: Samples whose pictures a notebook shows.
-SHOWN = 3
+DISPLAYED = 3
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ class DataSet(Sequence[StoredSample]):
         return len(self.records)
 
     def __repr__(self) -> str:
-        return told(self._title, self._facts)
+        return reported(self._title, self._facts)
 
     @property
     def _title(self) -> str:
@@ -115,20 +115,20 @@ class DataSet(Sequence[StoredSample]):
 
     def _repr_html_(self) -> str:
         pictures = []
-        for sample in self[:SHOWN]:
+        for sample in self[:DISPLAYED]:
             truth = sample.capture.truth
             if truth is not None:
                 pictures.append(picture(truth.image[0], f"sample {sample.index}", "electrons"))
-        return shown(self._title, self._facts, pictures)
+        return displayed(self._title, self._facts, pictures)
 
     @overload
-    def __getitem__(self, place: int) -> StoredSample: ...
+    def __getitem__(self, position: int) -> StoredSample: ...
     @overload
-    def __getitem__(self, place: slice) -> DataSet: ...
-    def __getitem__(self, place: int | slice) -> StoredSample | DataSet:
-        if isinstance(place, slice):
-            return replace(self, records=self.records[place])
-        record, layout = self.records[place], Layout(self.folder)
+    def __getitem__(self, position: slice) -> DataSet: ...
+    def __getitem__(self, position: int | slice) -> StoredSample | DataSet:
+        if isinstance(position, slice):
+            return replace(self, records=self.records[position])
+        record, layout = self.records[position], Layout(self.folder)
         return StoredSample(
             record.index,
             str(record.scene),
@@ -140,7 +140,7 @@ class DataSet(Sequence[StoredSample]):
         )
 
     def __iter__(self) -> Iterator[StoredSample]:
-        return (self[place] for place in range(len(self)))
+        return (self[position] for position in range(len(self)))
 
     def select(self, indices: Iterable[int]) -> DataSet:
         """Samples of these indices; InputError for one that this set lacks."""
@@ -157,12 +157,12 @@ class DataSet(Sequence[StoredSample]):
         A sample without a parameter that the condition asks for is left out. InputError if no
         sample of the data set has it.
         """
-        kept: list[Record] = []
+        retained: list[Record] = []
         missing: set[str] = set()
         for record in self.records:
             try:
                 if condition(record.parameters):
-                    kept.append(record)
+                    retained.append(record)
             except KeyError as error:
                 missing.add(str(error.args[0]))
         for name in missing:
@@ -171,7 +171,7 @@ class DataSet(Sequence[StoredSample]):
                     f"{self.folder}: no sample has a parameter {name!r}: "
                     f"{nearest(name, self.parameter_names)}"
                 )
-        return replace(self, records=tuple(kept))
+        return replace(self, records=tuple(retained))
 
     @property
     def parameter_names(self) -> list[str]:
@@ -193,9 +193,9 @@ class DataSet(Sequence[StoredSample]):
         (the family). The part follows from seed and name alone: more samples move none. Raises
         InputError for shares that do not sum to one, and where a part would be empty.
         """
-        shares = Split(train, validation, test)
+        fractions = Split(train, validation, test)
         keys = [self._key(record, by) for record in self.records]
-        names = {key: part_of(key, shares, seed) for key in set(keys)}
+        names = {key: part_of(key, fractions, seed) for key in set(keys)}
         parts = Split(
             *(
                 replace(
@@ -209,8 +209,8 @@ class DataSet(Sequence[StoredSample]):
                 for part in Split._fields
             )
         )
-        for part, share, chosen in zip(Split._fields, shares, parts, strict=True):
-            if share > 0 and not chosen:
+        for part, fraction, chosen in zip(Split._fields, fractions, parts, strict=True):
+            if fraction > 0 and not chosen:
                 raise InputError(
                     f"{self.folder}: nothing falls to {part} when {len(names)} different values "
                     f"of {by} are split; take more of them, another seed or {part}=0"
@@ -268,16 +268,16 @@ class DataSet(Sequence[StoredSample]):
         InputError without pandas.
         """
         pandas = needed("pandas", "data")
-        told = ("file", "bytes", "seconds", "peak_memory_mb", "attempts", "finished")
+        reported = ("file", "bytes", "seconds", "peak_memory_mb", "attempts", "finished")
         rows = [
             {"scene_name": record.scene}
-            | {name: getattr(record, name) for name in told}
+            | {name: getattr(record, name) for name in reported}
             | dict(record.parameters)
             | {"warnings": " | ".join(record.warnings)}
             for record in self.records
         ]
         index = pandas.Index([record.index for record in self.records], name="index", dtype=int)
-        columns = ["scene_name", *told, *self.parameter_names, "warnings"]
+        columns = ["scene_name", *reported, *self.parameter_names, "warnings"]
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def xarray(self, *names: str) -> xarray.Dataset:
@@ -292,8 +292,8 @@ class DataSet(Sequence[StoredSample]):
         for name, values in self.arrays(*names).items():
             field = find_field(name)
             own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
-            dims, told = (own_dims, {}) if field is None else (field.dims, _told(field))
-            variables[name] = (("sample", *dims), values, told)
+            dims, reported = (own_dims, {}) if field is None else (field.dims, _reported(field))
+            variables[name] = (("sample", *dims), values, reported)
         coordinates: dict[str, Any] = {
             name: ("sample", self._column(name))
             for name in self.drawn.names
@@ -390,5 +390,5 @@ def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
             )
 
 
-def _told(field: Any) -> dict[str, str]:
+def _reported(field: Any) -> dict[str, str]:
     return {"units": field.units, "long_name": field.meaning}

@@ -20,7 +20,7 @@ COMPILING = "compile"
 #: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
 NO_SPACE = "no space"
 #: Of a value that tells of the data set as a whole.
-_MOST_CHARACTERS = 2000
+_MAX_CHARACTERS = 2000
 _NO_RUN_BEFORE = datetime(2000, 1, 1, tzinfo=UTC)
 
 #: What is told of the data set as a whole, besides the version.
@@ -137,9 +137,9 @@ class _Row(BaseModel):
     warnings: list[str]
 
     @model_validator(mode="after")
-    def _tells_of_its_file(self) -> Self:
-        told = (self.file, self.bytes, self.sha256)
-        if self.status == "done" and None in told:
+    def _names_its_file(self) -> Self:
+        reported = (self.file, self.bytes, self.sha256)
+        if self.status == "done" and None in reported:
             raise ValueError
         return self
 
@@ -162,7 +162,7 @@ def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
     Raises ValueError for another version, and where something is missing or cannot be.
     """
     meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
-    if any(len(value) > _MOST_CHARACTERS for key, value in meta.items() if key != "files"):
+    if any(len(value) > _MAX_CHARACTERS for key, value in meta.items() if key != "files"):
         raise ValueError("more words than any run writes")
     version = meta.get("schema_version", "unknown")
     if version != str(SCHEMA_VERSION):
@@ -193,8 +193,8 @@ def record_of(row: tuple[Any, ...]) -> Record:
     """Record of a row, as SELECT gives it. Raises ValueError where it holds what no run writes."""
     values = dict(zip(_COLUMNS, row, strict=True))
     try:
-        for name, nothing in _JSON.items():
-            values[name] = _from_json(nothing if values[name] is None else values[name])
+        for name, no_return in _JSON.items():
+            values[name] = _from_json(no_return if values[name] is None else values[name])
         values = _Row.model_validate(values).model_dump()
     except ValidationError as error:
         column = (*error.errors()[0]["loc"], "row")[0]

@@ -27,13 +27,13 @@ class CaptureRows(Sequence[Row]):
         return len(self.samples)
 
     @overload
-    def __getitem__(self, place: int) -> Row: ...
+    def __getitem__(self, position: int) -> Row: ...
     @overload
-    def __getitem__(self, place: slice) -> CaptureRows: ...
-    def __getitem__(self, place: int | slice) -> Row | CaptureRows:
-        if isinstance(place, slice):
-            return CaptureRows(self.samples[place], self.names)
-        sample = self.samples[place]
+    def __getitem__(self, position: slice) -> CaptureRows: ...
+    def __getitem__(self, position: int | slice) -> Row | CaptureRows:
+        if isinstance(position, slice):
+            return CaptureRows(self.samples[position], self.names)
+        sample = self.samples[position]
         index = np.array(sample.index)
         return {name: sample.array(name) for name in self.names} | {"index": index}
 
@@ -51,17 +51,17 @@ class PackedRows(Sequence[Row]):
         return len(self.rows)
 
     @overload
-    def __getitem__(self, place: int) -> Row: ...
+    def __getitem__(self, position: int) -> Row: ...
     @overload
-    def __getitem__(self, place: slice) -> PackedRows: ...
-    def __getitem__(self, place: int | slice) -> Row | PackedRows:
-        if isinstance(place, slice):
-            numbers = {name: values[place] for name, values in self.numbers.items()}
-            return PackedRows(self.pack, self.names, self.rows[place], numbers)
-        row = self.rows[place]
+    def __getitem__(self, position: slice) -> PackedRows: ...
+    def __getitem__(self, position: int | slice) -> Row | PackedRows:
+        if isinstance(position, slice):
+            numbers = {name: values[position] for name, values in self.numbers.items()}
+            return PackedRows(self.pack, self.names, self.rows[position], numbers)
+        row = self.rows[position]
         columns = self.pack.columns
         arrays = {
-            name: np.asarray(self.numbers[name][place])
+            name: np.asarray(self.numbers[name][position])
             if name in self.numbers
             else columns[name][row]
             for name in self.names

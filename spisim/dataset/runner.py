@@ -48,7 +48,7 @@ class State:
         return self.samples - self.done - self.failed
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Of the samples, those that are tried."""
         return 1 - self.missing / self.samples
 

@@ -26,14 +26,14 @@ from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import COMPILING, NO_SPACE, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
-from spisim.scene.stock import Stock
+from spisim.scene.cache import SceneCache
 from spisim.simulation import Simulation, simulate
 from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
 from spisim.transport.exr import write_exr
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
-_stock = Stock()  # of this process
+_cache = SceneCache()  # of this process
 
 
 @dataclass(frozen=True)
@@ -84,11 +84,11 @@ class Maker:
             origin = Origin(self.planned.digest, index, sidecars)
             capture = _of_a_set(simulation.capture, origin, plan.keep)
             write_capture(capture, path)  # last: where it is, all of the sample is
-        told = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
+        reported = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
         return replace(
             done(layout, sample, beside),
             stage_seconds=seconds,
-            warnings=tuple(dict.fromkeys(told)),
+            warnings=tuple(dict.fromkeys(reported)),
         )
 
     def _failed(self, index: int, error: Exception) -> Outcome:
@@ -146,7 +146,7 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
         sample.scene_folder,
         f"scene {sample.scene_name}",
         wavelength_nm=instrument.wavelength_nm,
-        stock=_stock,
+        cache=_cache,
     )
     return sample.view.of(scene), instrument
 

@@ -14,7 +14,7 @@ from reconstruction.capture import CaptureFile
 from reconstruction.exports import Placed, Shot
 from reconstruction.exports.export import check_folder, with_stage
 from spisim.scene import Drone
-from spisim.scene.stock import Stock
+from spisim.scene.cache import SceneCache
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LONGEST = 100
 SECOND_NS = 10**9
 
-_stock = Stock()  # of this process
+_cache = SceneCache()  # of this process
 
 
 def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
@@ -34,7 +34,7 @@ def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
     """
     if capture is None or not capture.provenance.scene:
         return None
-    drone = Drone.of(capture.provenance.scene, "its scene", _stock)
+    drone = Drone.of(capture.provenance.scene, "its scene", _cache)
     buckets = capture.setup.buckets
     middle_s = (frame + 0.5) * buckets.pattern_period_s * capture.setup.plan.exposures
     time_s = None if drone.time_s is None else drone.time_s + middle_s
@@ -52,14 +52,14 @@ def true_shots(sample: StoredSample) -> Iterator[Shot]:
             raise InputError("holds no truth; a plan that says `keep: {truth: true}` keeps it")
         reconstruct = Reconstructor(capture.setup, image="edge-preserving", depth=())
         for number in range(capture.frames):
-            place = placed(capture, number)
+            position = placed(capture, number)
             result = reconstruct(capture.frame(number))
             yield Shot(
-                0 if place is None or place.time_s is None else round(1e9 * place.time_s),
+                0 if position is None or position.time_s is None else round(1e9 * position.time_s),
                 result.image,
                 capture.truth.at(number).depth_m,
                 capture.optics,
-                None if place is None else place.pose,
+                None if position is None else position.pose,
                 result.ranges,
                 capture.spots,
             )
@@ -74,10 +74,10 @@ def write_by_scene(
     """
 
     def fill(stage: Path) -> None:
-        for name, places in _by_scene(samples).items():
+        for name, positions in _by_scene(samples).items():
             inside = stage / name
             inside.mkdir()
-            write(_in_time(samples[place] for place in places), inside)
+            write(_in_time(samples[position] for position in positions), inside)
 
     return write_whole(samples, folder, fill)
 
@@ -99,15 +99,15 @@ def write_whole(samples: DataSet, folder: Path, fill: Callable[[Path], None]) ->
 def _by_scene(samples: DataSet) -> dict[str, list[int]]:
     """Places of the samples by names of folders, one for each scene."""
     names: dict[str, str] = {}
-    found: dict[str, list[int]] = {}
-    for place, record in enumerate(samples.records):
+    result: dict[str, list[int]] = {}
+    for position, record in enumerate(samples.records):
         scene = str(record.scene)
         if scene not in names:
             plain = re.sub(r"[^A-Za-z0-9_-]+", "-", scene).strip("-")[:LONGEST] or "scene"
-            taken = plain in found
+            taken = plain in result
             names[scene] = f"{plain}-{len(names)}" if taken else plain
-        found.setdefault(names[scene], []).append(place)
-    return found
+        result.setdefault(names[scene], []).append(position)
+    return result
 
 
 def _in_time(samples: Iterable[StoredSample]) -> Iterator[Shot]:
@@ -115,6 +115,6 @@ def _in_time(samples: Iterable[StoredSample]) -> Iterator[Shot]:
     last_ns = -SECOND_NS
     for sample in samples:
         for shot in true_shots(sample):
-            later = shot.stamp_ns > last_ns
-            last_ns = shot.stamp_ns if later else last_ns + SECOND_NS
+            following = shot.stamp_ns > last_ns
+            last_ns = shot.stamp_ns if following else last_ns + SECOND_NS
             yield replace(shot, stamp_ns=last_ns)

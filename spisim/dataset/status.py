@@ -73,8 +73,8 @@ def _size(folder: Path) -> int:
     total = 0
     for path in everything(folder):
         with suppress(FileNotFoundError):
-            told = path.lstat()
-            total += told.st_size if stat.S_ISREG(told.st_mode) else 0
+            reported = path.lstat()
+            total += reported.st_size if stat.S_ISREG(reported.st_mode) else 0
     return total
 
 

@@ -18,8 +18,8 @@ class Tensors(Dataset[dict[str, torch.Tensor]]):
     def __len__(self) -> int:
         return len(self.rows)
 
-    def __getitem__(self, place: int) -> dict[str, torch.Tensor]:
-        row = dict(self.rows[place])
+    def __getitem__(self, position: int) -> dict[str, torch.Tensor]:
+        row = dict(self.rows[position])
         index = torch.tensor(int(row.pop("index")))
         return {name: _tensor(values) for name, values in row.items()} | {"index": index}
 

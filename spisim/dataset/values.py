@@ -83,10 +83,10 @@ def set_field(fields: dict[str, Any], path: str, value: Any) -> None:
     through something that has no fields.
     """
     *sections, last = path.split(".")
-    place = fields
+    position = fields
     for section in sections:
-        place = section_of(place, section, path)
-    place[last] = value
+        position = section_of(position, section, path)
+    position[last] = value
 
 
 def section_of(fields: dict[str, Any], name: str, path: str) -> dict[str, Any]:

@@ -44,9 +44,9 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
             Finding(layout.plan.name, "missing", "the plan that the samples were made from")
         )
     done = [record for record in records if record.done]
-    known: set[str] = set()
+    given: set[str] = set()
     for number, record in enumerate(done, start=1):
-        known |= {str(record.file), *record.sidecars}
+        given |= {str(record.file), *record.sidecars}
         findings += _of_record(layout, record)
         if progress:
             progress(number / len(done))
@@ -54,22 +54,22 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
         name = layout.relative(path)
         if path.is_symlink():
             findings.append(Finding(name, "link", f"to {path.readlink()}"))
-        elif layout.samples in path.parents and not path.is_dir() and name not in known:
+        elif layout.samples in path.parents and not path.is_dir() and name not in given:
             findings.append(_unknown(layout, path, name, meta["plan_digest"]))
     return sorted(findings, key=lambda finding: finding.file)
 
 
 def _of_record(layout: Layout, record: Record) -> Iterator[Finding]:
     capture = {str(record.file): {"bytes": record.bytes, "sha256": record.sha256}}
-    for name, told in (capture | dict(record.sidecars)).items():
+    for name, reported in (capture | dict(record.sidecars)).items():
         path = layout.folder / name
         if layout.first_link(path):
             continue  # told of by itself
         if not path.is_file():
             yield Finding(name, "missing", f"of sample {record.index}")
-        elif (size := path.stat().st_size) != told["bytes"]:
-            yield Finding(name, "damaged", f"{size} bytes instead of {told['bytes']}")
-        elif fingerprint(path)["sha256"] != told["sha256"]:
+        elif (size := path.stat().st_size) != reported["bytes"]:
+            yield Finding(name, "damaged", f"{size} bytes instead of {reported['bytes']}")
+        elif fingerprint(path)["sha256"] != reported["sha256"]:
             yield Finding(name, "damaged", "another SHA-256 than when it was written")
 
 

@@ -20,7 +20,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from reconstruction.base.arrays import Complex, Floats
 from reconstruction.base.errors import InputError
-from reconstruction.capture.charge import LEAST_MODULATION_HZ
+from reconstruction.capture.charge import MIN_MODULATION_HZ
 from spisim.base.config import Number, Section
 from spisim.instrument.sensor import PositiveFraction
 
@@ -49,7 +49,7 @@ class Taps(Section):
     """All taps at once, or one after the other on one amplifier."""
 
     @property
-    def share(self) -> float:
+    def fraction(self) -> float:
         """Of all electrons, that one tap collects while it works: x."""
         return self.width if self.shape == "rectangular" else 0.5
 
@@ -71,9 +71,9 @@ class Taps(Section):
 
 
 def _not_in_mhz(frequency_hz: float) -> float:
-    if frequency_hz < LEAST_MODULATION_HZ:
+    if frequency_hz < MIN_MODULATION_HZ:
         raise InputError(
-            f"should be at least {LEAST_MODULATION_HZ:g} Hz; if it is in MHz, write "
+            f"should be at least {MIN_MODULATION_HZ:g} Hz; if it is in MHz, write "
             f"{frequency_hz:g}e+6"
         )
     return frequency_hz
@@ -110,17 +110,17 @@ class Modulation(Section):
         square = 4 / (np.pi * orders) * np.sin(np.pi * orders / 2)
         return np.asarray(self.contrast * square)
 
-    def orders(self, most: int = HARMONICS) -> NDArray[np.int64]:
+    def orders(self, maximum: int = HARMONICS) -> NDArray[np.int64]:
         """Harmonics (n,) that reach the taps with an amplitude, the first included."""
-        orders = np.arange(1, most + 1)
+        orders = np.arange(1, maximum + 1)
         strength = np.abs(self.light_harmonics(orders) * self.taps.harmonics(orders))
         return orders[strength > 1e-6 * self.contrast]
 
     def amplitudes(
-        self, frequency_hz: float, response: Any, most: int = HARMONICS
+        self, frequency_hz: float, response: Any, maximum: int = HARMONICS
     ) -> tuple[NDArray[np.int64], Complex]:
         """Orders n and complex ½ a_n b_n H_n, H the amplifier's `response` to a frequency."""
-        orders = self.orders(most)
+        orders = self.orders(maximum)
         product = 0.5 * self.light_harmonics(orders) * self.taps.harmonics(orders)
         return orders, product * np.conj(response(orders * frequency_hz))
 
@@ -134,7 +134,7 @@ class Modulation(Section):
             ).real
             for order, amplitude in zip(orders, amplitudes, strict=True)
         )
-        return np.asarray(self.taps.share * (1 + waves))
+        return np.asarray(self.taps.fraction * (1 + waves))
 
     def phase_offset_rad(self, frequency_hz: float, response: Any) -> float:
         """Phase of the first harmonic at zero path length, as a calibration finds it."""

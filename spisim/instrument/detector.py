@@ -166,7 +166,7 @@ class Detector(Section):
         return np.hypot(self.amplifier_noise_electrons(time_s), steps)
 
     @model_validator(mode="after")
-    def _lens_is_told_once(self) -> Detector:
+    def _lens_is_stated_once(self) -> Detector:
         if (self.f_number is None) == (self.aperture_diameter_mm is None):
             raise InputError("needs either f_number or aperture_diameter_mm")
         largest_mm = 2e3 * math.sqrt(self._largest_aperture_m2 / math.pi)

@@ -149,7 +149,7 @@ def _check_modulation(instrument: Instrument) -> None:
         raise InputError(
             "projector.modulation.frequencies_hz should be one frequency, that of all patterns"
         )
-    if len(modulation.taps.phases_rad) * modulation.taps.share > 1 + 1e-9:
+    if len(modulation.taps.phases_rad) * modulation.taps.fraction > 1 + 1e-9:
         raise InputError(
             "projector.modulation.taps should share the electrons of an exposure: rectangular, "
             "of width 0.25 at most"

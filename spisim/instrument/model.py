@@ -12,9 +12,9 @@ from pydantic_core import InitErrorDetails
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from reconstruction.base.notebook import drawing, figure, shown, told
+from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.capture.spots import SpotOptics
-from reconstruction.operators import NOTHING_SHOWN, PatternPlan, mean_illumination
+from reconstruction.operators import NO_PATTERN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
 from spisim.base.config import Number, Positive, Section, dump_yaml, parse_model
 from spisim.instrument.demodulation import PICTURE_HARMONICS
@@ -172,10 +172,10 @@ class Instrument(Section):
             for x, y in spots
         ]
         field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
-        return shown("Instrument", self._facts, [field])
+        return displayed("Instrument", self._facts, [field])
 
     def __repr__(self) -> str:
-        return told("Instrument", self._facts)
+        return reported("Instrument", self._facts)
 
     __str__ = __repr__
 
@@ -259,7 +259,7 @@ class Instrument(Section):
         Without an image a dark pixel.
         """
         if not self.images:
-            return (NOTHING_SHOWN,)
+            return (NO_PATTERN,)
         return self.imaging.plan.cycle(self.imaging.projector.shape)
 
     def __copy__(self) -> Self:
@@ -302,13 +302,13 @@ class Instrument(Section):
     def pixel_powers_w(self) -> Floats:
         """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
         projector = self.imaging.projector
-        return projector.power_w * self.in_band_fraction * projector.pixel_shares
+        return projector.power_w * self.in_band_fraction * projector.pixel_fractions
 
     @property
     def mean_powers_w(self) -> Floats:
         """The same (H, W) on average over all that is displayed."""
-        shares = [mean_illumination(plan) for plan in self.pattern_plans]
-        return np.asarray(self.pixel_powers_w * np.mean(shares, axis=0))
+        fractions = [mean_illumination(plan) for plan in self.pattern_plans]
+        return np.asarray(self.pixel_powers_w * np.mean(fractions, axis=0))
 
     @property
     def in_band_fraction(self) -> float:

@@ -19,7 +19,7 @@ def needs(instrument: Instrument) -> Needs:
         ),
         beams=lasers.directions,
         farthest_spot_m=WITHIN_RANGE * tof.unambiguous_range_m,
-        least_spots=1,
+        min_spots=1,
         detectors_m=instrument.ranging.detector_positions_m,
         lens_ring_m=math.sqrt(tof.detector.aperture_area_m2 / (2 * math.pi)),
     )

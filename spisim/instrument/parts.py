@@ -57,8 +57,8 @@ class Spectrum(Section):
     def density(self, wavelength_nm: Floats) -> Floats:
         """Share of the power per nanometre."""
         sigma = self.fwhm_nm / FWHM_PER_SIGMA
-        place = (wavelength_nm - self.peak_nm) / sigma
-        return np.asarray(np.exp(-(place**2) / 2) / (sigma * math.sqrt(2 * math.pi)))
+        position = (wavelength_nm - self.peak_nm) / sigma
+        return np.asarray(np.exp(-(position**2) / 2) / (sigma * math.sqrt(2 * math.pi)))
 
     def fraction_within(self, band_nm: Band) -> float:
         """Share of the power between two wavelengths."""
@@ -118,7 +118,7 @@ class Projector(Section):
     """Modulation of the array itself, whose detector then gives taps for every pattern."""
 
     @property
-    def pixel_shares(self) -> Floats:
+    def pixel_fractions(self) -> Floats:
         """Share (H, W) of the power in each virtual pixel.
 
         The spread of the LEDs is drawn once for each shape and seed: an array is what it is.
@@ -126,11 +126,11 @@ class Projector(Section):
         height, width = self.shape
         x = (2 * (np.arange(width) + 0.5) / width - 1) * self.tan_half_width
         y = (2 * (np.arange(height) + 0.5) / height - 1) * self.tan_half_height
-        share = (1 + x**2 + y[:, None] ** 2) ** (-self.falloff / 2)
+        fraction = (1 + x**2 + y[:, None] ** 2) ** (-self.falloff / 2)
         rng = np.random.default_rng(self.nonuniformity_seed)
         spread = self.nonuniformity * rng.standard_normal(self.shape)
-        share = share * np.maximum(1 + spread, 0)
-        return np.asarray(share / share.sum())
+        fraction = fraction * np.maximum(1 + spread, 0)
+        return np.asarray(fraction / fraction.sum())
 
     @property
     def dark_level(self) -> float:
@@ -149,7 +149,7 @@ class Projector(Section):
         return self.tan_half_width * height / width
 
     @model_validator(mode="after")
-    def _spectrum_is_told_once(self) -> Projector:
+    def _spectrum_is_stated_once(self) -> Projector:
         if (self.in_band_fraction is None) == (self.spectrum is None):
             raise InputError("needs either in_band_fraction or spectrum")
         return self
@@ -252,7 +252,7 @@ class Plan(Section):
         return path and ((info.context or Path()) / path).absolute()
 
     @model_validator(mode="after")
-    def _rows_are_told_once(self) -> Plan:
+    def _rows_are_stated_once(self) -> Plan:
         if self.index is not None and 1 == len(set(self.index)) < len(self.index):
             raise InputError(f"index shows row {self.index[0]} alone, which makes no image")
         if self.index is None:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 #: At which data sheets of avalanche diodes tell a responsivity.
 USUAL_GAIN = 100.0
 #: Of photodiodes at unit gain, near infrared: less is no hint to a gain.
-LEAST_A_PER_W = 0.1
+MIN_A_PER_W = 0.1
 #: Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6.
 LARGE_MEAN = 1e12
 
@@ -60,7 +60,7 @@ class Photodiode(Sensor):
         )
         largest = float(np.max(spectral_value(self.responsivity_a_per_w, shortest_nm)))
         gain = self.gain if self.gain > 1 else USUAL_GAIN
-        if not LEAST_A_PER_W <= largest / gain <= limit:
+        if not MIN_A_PER_W <= largest / gain <= limit:
             return message
         return (
             f"{message}; it belongs at unit gain: if the data sheet tells it at a gain of "

@@ -38,11 +38,11 @@ class Step:
 
 @dataclass(frozen=True)
 class BuildUp:
-    """Steps, as pictures side by side (`strips`, by title) and what is told of each (`told`)."""
+    """Steps, as pictures side by side (`strips`, by title) and the text of each (`reported`)."""
 
     steps: int
     strips: dict[str, str]
-    told: list[dict[str, float | None]]
+    reported: list[dict[str, float | None]]
 
 
 def build_up(
@@ -66,7 +66,7 @@ def build_up(
         for name in steps[0].images
     }
     last = patterns.address(np.hstack([step.last for step in steps]))
-    told = [
+    reported = [
         {
             "patterns": step.patterns,
             "share": step.patterns / capture.plan.pixels,
@@ -75,7 +75,7 @@ def build_up(
         }
         for step in steps
     ]
-    return BuildUp(len(steps), {**strips, "The last pattern": last}, told)
+    return BuildUp(len(steps), {**strips, "The last pattern": last}, reported)
 
 
 def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None) -> Iterator[Step]:
@@ -86,14 +86,14 @@ def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None)
     plan = capture.setup.plan_of(result.frame)
     counts = np.unique(np.geomspace(min(FEWEST, plan.sampled), plan.sampled, STEPS).round())
     for count in counts.astype(int):
-        kept = np.isin(plan.index, plan.distinct[:count])
-        images = _images(capture, result, kept, name)
+        retained = np.isin(plan.index, plan.distinct[:count])
+        images = _images(capture, result, retained, name)
         if not images:
             continue
         row = plan.patterns.row(int(plan.distinct[count - 1]))
         yield Step(
             int(count),
-            np.count_nonzero(kept) * capture.buckets.pattern_period_s,
+            np.count_nonzero(retained) * capture.buckets.pattern_period_s,
             images,
             ((row - row.min()) / (np.ptp(row) or 1.0)).astype(np.float32),
             np.nan if truth is None else _likeness(images[name], truth),
@@ -101,18 +101,20 @@ def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None)
 
 
 def _images(
-    capture: Capture, result: Result, kept: NDArray[np.bool_], name: str
+    capture: Capture, result: Result, retained: NDArray[np.bool_], name: str
 ) -> dict[str, Floats]:
     """By a method and the plain one from some exposures (M,); none where they are all saturated."""
     names = dict.fromkeys((name, BASELINE))
-    if kept.all():
+    if retained.all():
         return {each: np.asarray(result.images[each], np.float64) for each in names}
     frame, buckets = result.frame, capture.buckets
-    plan = capture.setup.plan_of(frame).only(kept)
-    readings = Imaging(plan).of(buckets.usable[frame, kept])
+    plan = capture.setup.plan_of(frame).only(retained)
+    readings = Imaging(plan).of(buckets.usable[frame, retained])
     if not readings.patterns:
         return {}
-    coefficients = readings.decode(buckets.signal[frame, kept], buckets.variance[frame, kept])
+    coefficients = readings.decode(
+        buckets.signal[frame, retained], buckets.variance[frame, retained]
+    )
     images = {
         each: np.asarray(readings.solver(each)(coefficients).image, np.float64) for each in names
     }

@@ -11,7 +11,7 @@ from reconstruction import Capture, Result
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import FrameTruth, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
-from reconstruction.depth import REACH_M, Corridor, pixel_rays
+from reconstruction.depth import MAX_RANGE_M, Corridor, pixel_rays
 from reconstruction.diagnostics import result_warnings
 from reconstruction.evaluation import method_title
 
@@ -23,10 +23,10 @@ from .inline import plot_in_page
 from .page import duration, write_page
 from .pictures import (
     depth_scale,
-    deviation_scale,
     error_scale,
     intensity_scale,
     probability_scale,
+    sigma_scale,
     spot_marks,
     view_scale,
 )
@@ -74,13 +74,13 @@ def write_report(
     Raises OSError where the file cannot be written.
     """
     truths = capture.truth
-    known = truths is not None and truths.knows(result.frame)
-    truth = truths.at(result.frame) if truths is not None and known else None
-    depths, deviations, nothings = (
+    valid = truths is not None and truths.knows(result.frame)
+    truth = truths.at(result.frame) if truths is not None and valid else None
+    depths, sigmas, no_returns = (
         {method_title("depths", name): values for name, values in maps.items()}
-        for maps in (result.depths, result.depth_deviations, result.nothings)
+        for maps in (result.depths, result.log_depth_sigmas, result.no_returns)
     )
-    true_m = None if truth is None else _within_reach(truth.depth_m)
+    true_m = None if truth is None else _within_max_range(truth.depth_m)
     errors = {} if true_m is None else {name: depth - true_m for name, depth in depths.items()}
     spots = capture.spots
     images = result.images.values() if truth is None else [truth.image]
@@ -110,14 +110,14 @@ def write_report(
         ],
         image_scale=image_scale,
         depths=depths,
-        nothings=nothings,
-        deviations=deviations,
+        no_returns=no_returns,
+        sigmas=sigmas,
         true_depth=true_m,
-        true_nothing=None if true_m is None else np.isnan(true_m),
-        reach_m=REACH_M,
+        true_no_return=None if true_m is None else np.isnan(true_m),
+        max_range_m=MAX_RANGE_M,
         depth_scale=depth_scale(*(depths.values() if true_m is None else [true_m])),
-        deviation_scale=deviation_scale(*deviations.values()),
-        nothing_scale=probability_scale(),
+        sigma_scale=sigma_scale(*sigmas.values()),
+        no_return_scale=probability_scale(),
         ahead=_ahead(capture, result, truth),
         errors=errors,
         error_scale=error_scale(*errors.values()),
@@ -139,9 +139,9 @@ def write_report(
     )
 
 
-def _within_reach(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
+def _within_max_range(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
     """Depths, nan beyond REACH_M."""
-    return np.where(depth_m <= REACH_M, depth_m, np.nan)
+    return np.where(depth_m <= MAX_RANGE_M, depth_m, np.nan)
 
 
 def _ahead(capture: Capture, result: Result, truth: FrameTruth | None) -> Markup | None:

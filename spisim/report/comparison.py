@@ -86,9 +86,9 @@ def compared_spots(metrics: Mapping[str, Any], of: str = "") -> list[Comparison]
     ]
 
 
-def _spot(place: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
+def _spot(position: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
     alternatives = (Alternative(**each) for each in spot["alternatives"])
-    known = spot["status"] in RANGED
-    measured = written(spot["range_m"]) if known else no_range(spot["status"], alternatives)
+    valid = spot["status"] in RANGED
+    measured = written(spot["range_m"]) if valid else no_range(spot["status"], alternatives)
     errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
-    return f"spot {place}", written(spot["true_m"]), measured, *errors, spot["status"]
+    return f"spot {position}", written(spot["true_m"]), measured, *errors, spot["status"]

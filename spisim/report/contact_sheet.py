@@ -20,7 +20,7 @@ from .pictures import Scale, depth_scale, intensity_scale
 
 
 @dataclass(frozen=True)
-class _Shown:
+class _DisplayedSample:
     """A sample, and its reconstruction with what is known of it, or why there is none."""
 
     sample: StoredSample
@@ -36,13 +36,13 @@ class _Shown:
         """Estimated and true depth map with their titles; nan for what there is not."""
         if self.result is None:
             return []
-        nothing = np.full(self.result.image.shape, np.nan)
+        no_return = np.full(self.result.image.shape, np.nan)
         depths = {
             "estimated depth": self.result.depth_m,
             "true depth": None if self.truth is None else self.truth.depth_m,
         }
         return [
-            (f"no {title}", nothing) if depth_m is None else (title, depth_m)
+            (f"no {title}", no_return) if depth_m is None else (title, depth_m)
             for title, depth_m in depths.items()
         ]
 
@@ -56,7 +56,7 @@ def write_contact_sheet(
     path: str | Path,
     samples: DataSet,
     limit: int = 100,
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
 ) -> int:
     """Write a self-contained HTML page of at most `limit` samples, and return how many they are.
 
@@ -66,11 +66,11 @@ def write_contact_sheet(
     """
     if not samples:
         raise InputError(f"{samples.folder}: there is no finished sample to show")
-    shown = []
-    places = evenly(len(samples), limit)
-    for done, place in enumerate(places, start=1):
-        shown.append(_show(samples[place]))
-        progress(done / len(places))
+    displayed = []
+    positions = evenly(len(samples), limit)
+    for done, position in enumerate(positions, start=1):
+        displayed.append(_show(samples[position]))
+        progress(done / len(positions))
     write_page(
         path,
         "contact sheet",
@@ -79,30 +79,30 @@ def write_contact_sheet(
         samples=len(samples),
         scenes=len({record.scene for record in samples.records}),
         failed=len(samples.failed),
-        shown=shown,
-        warnings=in_all(each.warnings for each in shown if each.result),
+        displayed=displayed,
+        warnings=in_all(each.warnings for each in displayed if each.result),
         common=common_parameters(samples.records),
         cost=cost_of(samples.records),
         slowest=slowest(samples.records),
         intensity_scale=intensity_scale,
         software=samples.meta.get("software", ""),
     )
-    return len(shown)
+    return len(displayed)
 
 
 def evenly(count: int, limit: int) -> list[int]:
     """At most `limit` of `count` places, evenly from the first to the last."""
-    return sorted({round(place) for place in np.linspace(0, count - 1, min(count, limit))})
+    return sorted({round(position) for position in np.linspace(0, count - 1, min(count, limit))})
 
 
-def _show(sample: StoredSample) -> _Shown:
+def _show(sample: StoredSample) -> _DisplayedSample:
     try:
         capture = sample.capture
         result, media = reconstruct(capture), media_of(capture)
         warnings = result_warnings(result, capture)
         if capture.truth is None:
-            return _Shown(sample, result, media=media, warnings=warnings)
+            return _DisplayedSample(sample, result, media=media, warnings=warnings)
         truth, metrics = capture.truth.at(result.frame), evaluate(result, capture)
     except InputError as error:
-        return _Shown(sample, problem=str(error))
-    return _Shown(sample, result, truth, metrics, media, warnings)
+        return _DisplayedSample(sample, problem=str(error))
+    return _DisplayedSample(sample, result, truth, metrics, media, warnings)

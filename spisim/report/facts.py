@@ -59,9 +59,9 @@ def _quality_cards(metrics: Metrics) -> Cards:
         ("images", "correlation", "image correlation", lambda value: number(value, 3)),
         ("depths", "mae_m", "mean depth error", length),
     ):
-        told = {name: written(figures[key]) for name, figures in metrics[station].items()}
-        others = [f"{method_title(station, name)} {value}" for name, value in told.items()][1:]
-        cards += [(value, label, ", ".join(others)) for value in list(told.values())[:1]]
+        reported = {name: written(figures[key]) for name, figures in metrics[station].items()}
+        others = [f"{method_title(station, name)} {value}" for name, value in reported.items()][1:]
+        cards += [(value, label, ", ".join(others)) for value in list(reported.values())[:1]]
     for spots in list(metrics["spots"].values())[:1]:
         errors = [abs(spot["error_m"]) for spot in spots if spot["error_m"] is not None]
         largest = length(max(errors, default=None))
@@ -116,5 +116,5 @@ def _of_several_frames(setup: Setup) -> dict[str, str]:
     """What frames that show different patterns show together."""
     if not setup.later_plans:
         return {}
-    shown = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
-    return {"of several frames": f"{shown} patterns, which {len(setup.plans)} frames deal out"}
+    displayed = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
+    return {"of several frames": f"{displayed} patterns, which {len(setup.plans)} frames deal out"}

@@ -42,7 +42,7 @@ def flight_outputs(folder: Path) -> list[Output]:
 
 
 @dataclass(frozen=True, eq=False)
-class Sighting:
+class EvaluatedFrame:
     """One capture of a flight, what was made of it, and how far off that is."""
 
     instant: Instant
@@ -79,14 +79,14 @@ class Scales:
     depth: Scale
 
     @classmethod
-    def of(cls, flight: Sequence[Sighting]) -> Scales:
+    def of(cls, flight: Sequence[EvaluatedFrame]) -> Scales:
         """From the truth of all of it."""
         return cls(
             intensity_scale(*(seen.truth.image for seen in flight)),
             depth_scale(*(seen.truth.depth_m for seen in flight)),
         )
 
-    def panels(self, seen: Sighting) -> list[tuple[str, np.ndarray, Scale]]:
+    def panels(self, seen: EvaluatedFrame) -> list[tuple[str, np.ndarray, Scale]]:
         """Image, depth map and true depth, with their titles and scales."""
         depth_m = seen.result.depth_m
         if depth_m is None:
@@ -99,7 +99,7 @@ class Scales:
 
 
 @plot_style()
-def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> None:
+def write_animation(path: Path, flight: Sequence[EvaluatedFrame], rate_hz: float) -> None:
     """Write a GIF: image, depth map, true depth, and the path with its spots from above.
 
     In the time of the flight. Raises OSError where it cannot be written.
@@ -124,7 +124,7 @@ def write_animation(path: Path, flight: Sequence[Sighting], rate_hz: float) -> N
     write_atomically(path, buffer.getvalue())
 
 
-def write_table(path: Path, flight: Sequence[Sighting]) -> None:
+def write_table(path: Path, flight: Sequence[EvaluatedFrame]) -> None:
     """Write a CSV with one row per capture: pose, motion, spots, errors and warnings.
 
     Raises OSError where it cannot be written.
@@ -134,7 +134,7 @@ def write_table(path: Path, flight: Sequence[Sighting]) -> None:
     write_atomically(path, table.encode())
 
 
-def _row(seen: Sighting) -> dict[str, Any]:
+def _row(seen: EvaluatedFrame) -> dict[str, Any]:
     scene = seen.instant.scene
     spots, image, depth = (_default(seen.metrics[each]) for each in ("spots", "images", "depths"))
     row: dict[str, Any] = {"capture": seen.instant.file, "time_s": f"{seen.instant.time_s:.6g}"}
@@ -168,7 +168,7 @@ def _number(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
 
 
-def _frame(flown: Sequence[Sighting], scales: Scales, limits: tuple[float, ...]) -> Figure:
+def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float, ...]) -> Figure:
     """One picture of the animation, after all of `flown`."""
     now = flown[-1]
     picture = Figure(figsize=(9.6, 3.05), dpi=100)
@@ -194,7 +194,7 @@ def _frame(flown: Sequence[Sighting], scales: Scales, limits: tuple[float, ...])
     return picture
 
 
-def map_limits(flight: Sequence[Sighting]) -> tuple[float, ...]:
+def map_limits(flight: Sequence[EvaluatedFrame]) -> tuple[float, ...]:
     """(left, right, bottom, top) around paths and measured spots."""
     points = [np.concatenate([seen.pose[None, :3, 3], seen.measured_m]) for seen in flight]
     flat = np.concatenate(points)[:, :2]

@@ -12,22 +12,22 @@ from spisim import __version__
 
 from .contact_sheet import evenly
 from .facts import in_all
-from .flight import KIND, Scales, Sighting, map_limits
+from .flight import KIND, EvaluatedFrame, Scales, map_limits
 from .inline import WIDE_IN, plot_in_page
 from .page import duration, length, write_page
 from .style import SPOT_COLOURS, plot_style
 from .units import engineering, prefix_axis
 
 #: Captures that are shown; of longer flights so many, evenly.
-MOST = 100
+MAX = 100
 #: Between pictures that are played.
 PAUSE_MS = 100, 1000
 
 
 @plot_style()
-def write_flight(path: Path, title: str, flight: Sequence[Sighting], rate_hz: float) -> None:
+def write_flight(path: Path, title: str, flight: Sequence[EvaluatedFrame], rate_hz: float) -> None:
     """Write a self-contained page of a flight. Raises OSError where it cannot be written."""
-    shown = [flight[k] for k in evenly(len(flight), MOST)]
+    displayed = [flight[k] for k in evenly(len(flight), MAX)]
     scales = Scales.of(flight)
     common = in_all(seen.warnings for seen in flight)
     write_page(
@@ -39,23 +39,23 @@ def write_flight(path: Path, title: str, flight: Sequence[Sighting], rate_hz: fl
         cards=_cards(flight, rate_hz),
         warnings=common,
         pause_ms=int(np.clip(1000 / rate_hz, *PAUSE_MS)),
-        plan=_plan(shown, map_limits(flight)),
+        plan=_plan(displayed, map_limits(flight)),
         depth_scale=scales.depth,
         errors=plot_in_page("errors", lambda width_in: _error_figure(flight, width_in)),
-        shown=[_told(seen, scales, common) for seen in shown],
+        displayed=[_reported(seen, scales, common) for seen in displayed],
         software=f"spisim {__version__}",
     )
 
 
-def _cards(flight: Sequence[Sighting], rate_hz: float) -> list[tuple[str, str, str]]:
+def _cards(flight: Sequence[EvaluatedFrame], rate_hz: float) -> list[tuple[str, str, str]]:
     path = np.array([seen.pose[:3, 3] for seen in flight])
     way_m = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     errors = _spot_errors(flight)
-    known = np.abs(errors[np.isfinite(errors)])
+    finite = np.abs(errors[np.isfinite(errors)])
     depths = np.array([_depth_error(seen) for seen in flight])
     times = [seen.instant.time_s for seen in flight]
-    spots = f"{known.size} of {errors.size} spots measured"
-    typical = length(float(np.median(known))) if known.size else "–"
+    spots = f"{finite.size} of {errors.size} spots measured"
+    typical = length(float(np.median(finite))) if finite.size else "–"
     mean_m = float(np.nanmean(depths)) if np.isfinite(depths).any() else None
     return [
         (str(len(flight)), "captures", f"{rate_hz:.3g} a second"),
@@ -66,7 +66,7 @@ def _cards(flight: Sequence[Sighting], rate_hz: float) -> list[tuple[str, str, s
     ]
 
 
-def _told(seen: Sighting, scales: Scales, common: Sequence[str]) -> dict[str, Any]:
+def _reported(seen: EvaluatedFrame, scales: Scales, common: Sequence[str]) -> dict[str, Any]:
     """Pictures and words of one capture."""
     time = f"{seen.instant.time_s:.2f} s"
     error_m = _depth_error(seen)
@@ -82,7 +82,7 @@ def _told(seen: Sighting, scales: Scales, common: Sequence[str]) -> dict[str, An
     }
 
 
-def _plan(shown: Sequence[Sighting], limits: tuple[float, ...]) -> dict[str, Any]:
+def _plan(displayed: Sequence[EvaluatedFrame], limits: tuple[float, ...]) -> dict[str, Any]:
     """Path and measured spots from above, in a square of 100 by 100; and a bar of round length."""
     left, right, bottom, _ = limits
     scale = 100 / (right - left)
@@ -93,7 +93,7 @@ def _plan(shown: Sequence[Sighting], limits: tuple[float, ...]) -> dict[str, Any
             "y": round(100 - float(point[1] - bottom) * scale, 2),
         }
 
-    places = [
+    positions = [
         placed(seen.pose[:2, 3])
         | {
             "spots": [
@@ -102,18 +102,18 @@ def _plan(shown: Sequence[Sighting], limits: tuple[float, ...]) -> dict[str, Any
                 if np.isfinite(spot).all()
             ]
         }
-        for seen in shown
+        for seen in displayed
     ]
     bar_m = float(10 ** np.floor(np.log10(0.4 * (right - left))))
     return {
-        "path": " ".join(f"{place['x']},{place['y']}" for place in places),
-        "places": places,
+        "path": " ".join(f"{position['x']},{position['y']}" for position in positions),
+        "positions": positions,
         "bar": round(bar_m * scale, 2),
         "bar_words": engineering(bar_m, "m", 1),
     }
 
 
-def _error_figure(flight: Sequence[Sighting], width_in: float = WIDE_IN) -> Figure:
+def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -> Figure:
     times = [seen.instant.time_s for seen in flight]
     figure = Figure(figsize=(width_in, 4.2), layout="constrained")
     spots, depth = figure.subplots(2, sharex=True)
@@ -130,7 +130,7 @@ def _error_figure(flight: Sequence[Sighting], width_in: float = WIDE_IN) -> Figu
     return figure
 
 
-def _spot_errors(flight: Sequence[Sighting]) -> Floats:
+def _spot_errors(flight: Sequence[EvaluatedFrame]) -> Floats:
     """(captures, 4) in metres, nan where a spot has no range."""
     return np.array(
         [
@@ -142,7 +142,7 @@ def _spot_errors(flight: Sequence[Sighting]) -> Floats:
     )
 
 
-def _depth_error(seen: Sighting) -> float:
+def _depth_error(seen: EvaluatedFrame) -> float:
     """Mean error of the depth map in metres, nan where there is none."""
     for figures in list(seen.metrics["depths"].values())[:1]:
         if figures["mae_m"] is not None:

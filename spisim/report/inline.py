@@ -50,9 +50,9 @@ def plot_in_page(name: str, draw: Callable[[float], Figure | None]) -> Markup | 
 def _svg(figure: Figure, prefix: str, look: str) -> Markup:
     """SVG to stand in HTML; all words are escaped."""
     buffer = io.BytesIO()
-    nothing = dict.fromkeys(("Creator", "Date", "Format", "Type"))
+    no_return = dict.fromkeys(("Creator", "Date", "Format", "Type"))
     with rc_context({"svg.fonttype": "none"}):
-        figure.savefig(buffer, format="svg", metadata=nothing, transparent=True)
+        figure.savefig(buffer, format="svg", metadata=no_return, transparent=True)
     root = ElementTree.fromstring(buffer.getvalue())
     for element in root.iter():
         element.tag = element.tag.removeprefix(_SVG)
@@ -81,6 +81,6 @@ def _coloured(style: str) -> str:
     style = re.sub(r"font: *([\d.]+px)[^;]*", r"font-size: \1", style)
     return re.sub(
         r"#[0-9a-f]{6}",
-        lambda found: f"var({VARIABLES[found[0]]})" if found[0] in VARIABLES else found[0],
+        lambda result: f"var({VARIABLES[result[0]]})" if result[0] in VARIABLES else result[0],
         style,
     )

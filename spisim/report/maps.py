@@ -12,11 +12,11 @@ UNKNOWN = 65535
 def packed(values: ArrayLike) -> dict[str, object]:
     """A map (H, W) as 16-bit steps in base64, with the value of the first and that of one step."""
     array = np.asarray(values, dtype=np.float64)
-    known = np.isfinite(array)
-    low, high = (array[known].min(), array[known].max()) if known.any() else (0.0, 1.0)
+    finite = np.isfinite(array)
+    low, high = (array[finite].min(), array[finite].max()) if finite.any() else (0.0, 1.0)
     step = (high - low) / (UNKNOWN - 1) or 1.0
     steps = np.full(array.shape, UNKNOWN, "<u2")
-    steps[known] = np.round((array[known] - low) / step)
+    steps[finite] = np.round((array[finite] - low) / step)
     return {
         "width": array.shape[1],
         "values": b64encode(steps.tobytes()).decode(),

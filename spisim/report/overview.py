@@ -30,10 +30,10 @@ def write_overview(
     truth = capture.truth.at(result.frame)
     method, depth_m = next(iter(result.depths.items()))
     depth = depth_scale(truth.depth_m)
-    share = f"{100 * capture.plan.sampling_ratio:.3g} %"
+    fraction = f"{100 * capture.plan.sampling_ratio:.3g} %"
     panels: list[tuple[str, ArrayLike, Scale]] = [
         ("scene, with more pixels", view, view_scale(view)),
-        (f"image from {share} of the patterns", result.image, intensity_scale(truth.image)),
+        (f"image from {fraction} of the patterns", result.image, intensity_scale(truth.image)),
         ("true depth", truth.depth_m, depth),
         (f"depth {method_title('depths', method)}", depth_m, depth),
     ]

@@ -56,7 +56,7 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_shown,
+        finalize=_displayed,
     )
     templates.filters |= {
         "number": number,
@@ -70,7 +70,7 @@ def _templates() -> Environment:
     return templates
 
 
-def _shown(value: Any) -> Any:
+def _displayed(value: Any) -> Any:
     """What a page says, without control characters; what is escaped already is of this kind too."""
     return Markup(printable(value)) if isinstance(value, Markup) else printable(str(value))
 

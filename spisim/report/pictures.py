@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from reconstruction import Capture
 from reconstruction.base.arrays import Floats
 from reconstruction.base.files import mark, write_atomically
-from reconstruction.outputs.pictures import NOTHING
+from reconstruction.outputs.pictures import NO_RETURN
 
 from .units import Prefix
 
@@ -43,25 +43,25 @@ class Scale:
     def position(self, values: ArrayLike) -> Floats:
         """Where values lie on the scale, from 0 to 1; what is not finite at 0."""
         span = (self.high - self.low) or 1.0
-        share = np.nan_to_num((np.asarray(values, float) - self.low) / span)
-        return np.asarray(np.clip(share, 0, 1) ** self.exponent)
+        fraction = np.nan_to_num((np.asarray(values, float) - self.low) / span)
+        return np.asarray(np.clip(fraction, 0, 1) ** self.exponent)
 
-    def rgba(self, image: ArrayLike, nothing: ArrayLike | None = None) -> NDArray[np.uint8]:
+    def rgba(self, image: ArrayLike, no_return: ArrayLike | None = None) -> NDArray[np.uint8]:
         """Colours of an image, (H, W, 4); what is not finite is transparent.
 
-        But pale blue where `nothing` (H, W), the probability of nothing within reach, is 0.5 or
+        But pale blue where `no_return` (H, W), the probability of nothing within reach, is 0.5 or
         more.
         """
         rgba: NDArray[np.uint8] = colormaps[self.colours](self.position(image), bytes=True)
         unknown = ~np.isfinite(np.asarray(image, float))
         rgba[unknown, 3] = 0
-        if nothing is not None:
-            rgba[unknown & (np.asarray(nothing) >= 0.5)] = (*NOTHING, 255)
+        if no_return is not None:
+            rgba[unknown & (np.asarray(no_return) >= 0.5)] = (*NO_RETURN, 255)
         return rgba
 
-    def address(self, image: ArrayLike, nothing: ArrayLike | None = None) -> str:
+    def address(self, image: ArrayLike, no_return: ArrayLike | None = None) -> str:
         """A picture of an image, to stand in a page."""
-        return data_address(_png(self.rgba(image, nothing)), "image/png")
+        return data_address(_png(self.rgba(image, no_return)), "image/png")
 
     @property
     def gradient(self) -> str:
@@ -84,10 +84,10 @@ class Scale:
         """Round numbers on the scale in its prefix, and where they lie in per cent."""
         last = -MIN_APART
         for value in MaxNLocator(5).tick_values(self.low, self.high):
-            place = 100 * float(self.position(value))
-            if self.low <= value <= self.high and place - last >= MIN_APART:
-                last = place
-                yield self.prefix.write(value), place
+            position = 100 * float(self.position(value))
+            if self.low <= value <= self.high and position - last >= MIN_APART:
+                last = position
+                yield self.prefix.write(value), position
 
 
 def intensity_scale(*images: ArrayLike, unit: str = "") -> Scale:
@@ -115,7 +115,7 @@ def error_scale(*images: ArrayLike) -> Scale:
     return Scale(-limit, limit, "RdBu_r", "m")
 
 
-def deviation_scale(*images: ArrayLike) -> Scale:
+def sigma_scale(*images: ArrayLike) -> Scale:
     """Standard deviations of ln depth; bright is sure."""
     return Scale(0.0, _percentile(99, *images), "viridis_r", "", meaning="ln")
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from reconstruction import Capture, Result
-from reconstruction.depth import REACH_M
+from reconstruction.depth import MAX_RANGE_M
 from reconstruction.ranging import RANGED
 
 #: What may be looked at, by the kind of picture.
@@ -26,7 +26,7 @@ class Space:
     tan_y: float
     spots: list[dict[str, object]]
     kinds: dict[str, str]
-    reach_m: float = REACH_M
+    max_range_m: float = MAX_RANGE_M
 
     @classmethod
     def of(cls, capture: Capture, result: Result) -> "Space | None":
@@ -39,8 +39,8 @@ class Space:
             "depth": True,
             "image": True,
             "error": truths is not None and truths.knows(result.frame),
-            "deviation": bool(result.depth_deviations),
-            "nothing": bool(result.nothings),
+            "deviation": bool(result.log_depth_sigmas),
+            "nothing": bool(result.no_returns),
         }
         return cls(
             width,
@@ -56,9 +56,9 @@ def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
     if capture.spots is None or result.ranges is None:
         return []
     points = result.ranges.range_m[:, None] * capture.spots.directions
-    told = zip(points.tolist(), result.ranges.status, strict=True)
+    reported = zip(points.tolist(), result.ranges.status, strict=True)
     return [
         {"spot": spot, "at": [round(value, 4) for value in at]}
-        for spot, (at, status) in enumerate(told)
+        for spot, (at, status) in enumerate(reported)
         if status in RANGED
     ]

@@ -43,12 +43,12 @@ def light_figure(
     lit = np.flatnonzero(density.max(axis=0) > 0)
     if lit.size == 0:
         return None
-    shown = lengths_m <= lengths_m[lit[-1]]
+    displayed = lengths_m <= lengths_m[lit[-1]]
     if true_length_m is not None and np.isfinite(true_length_m).any():
-        shown &= lengths_m <= 1.25 * np.nanmax(true_length_m)
+        displayed &= lengths_m <= 1.25 * np.nanmax(true_length_m)
     top = 10.0 ** np.ceil(np.log10(density.max()))
     limits = top / 10**DECADES, top
-    curves = lengths_m[shown], density[:, shown], true_length_m, limits
+    curves = lengths_m[displayed], density[:, displayed], true_length_m, limits
     figure = _figure(*curves, "light per watt of laser", width_in)
     prefix_log(figure.axes[0].yaxis, "W/m")
     return figure

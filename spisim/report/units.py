@@ -45,8 +45,8 @@ def engineering(value: float | None, unit: str, digits: int = 3) -> str:
     rounded = float(f"{value:.{digits}g}")
     prefix = Prefix.of([rounded], unit)
     number = rounded / prefix.factor
-    places = max(0, digits - 1 - math.floor(math.log10(abs(number)))) if number else 0
-    return f"{number:,.{places}f} {prefix.unit}".strip().replace("-", "−")
+    positions = max(0, digits - 1 - math.floor(math.log10(abs(number)))) if number else 0
+    return f"{number:,.{positions}f} {prefix.unit}".strip().replace("-", "−")
 
 
 def prefix_axis(axis: Axis, label: str) -> None:

@@ -2,10 +2,10 @@
 
 from spisim.scene.catalogue import catalogue
 from spisim.scene.drone import Drone
+from spisim.scene.drone_state import at_drone_state
 from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, Volume
-from spisim.scene.moment import at_moment
 from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
@@ -23,7 +23,7 @@ __all__ = [
     "SceneWarning",
     "Trajectory",
     "Volume",
-    "at_moment",
+    "at_drone_state",
     "catalogue",
     "check_clear_of_sensor",
     "check_clear_path",

@@ -19,11 +19,11 @@ from spisim.scene.description import (
     SceneDescription,
 )
 from spisim.scene.lamps import Lamp, make_lamp
+from spisim.scene.load_context import LoadContext
 from spisim.scene.model import Ambient, Scene, Volume
 from spisim.scene.placing import Meshes, radians
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
-from spisim.scene.setting import Setting
 from spisim.scene.soundness import warn_of_odd_daylight, warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import make_volume, warn_of_overlap
 from spisim.scene.warning import SceneWarning
@@ -34,36 +34,38 @@ OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0,
 NO_MESHES: Meshes = MappingProxyType({})
 
 
-def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_MESHES) -> Scene:
+def assemble(
+    described: SceneDescription, context: LoadContext, meshes: Meshes = NO_MESHES
+) -> Scene:
     """Scene of a description; `meshes` are mesh files that are in memory, by name.
 
     Raises InputError, naming source and field, for whatever the description alone could not tell.
     """
-    folder, source, wavelength_nm = setting.folder, setting.source, setting.wavelength_nm
+    folder, source, wavelength_nm = context.folder, context.source, context.wavelength_nm
     media: list[Atmosphere] = []
     falling: list[Precipitation] = []
     for field in WEATHER:
         section: Weather | None = getattr(described, field)
         if section is None:
             continue
-        with setting.problems_at(field):
+        with context.problems_at(field):
             made = section.made(folder, wavelength_nm)
         if isinstance(made, Precipitation):
             falling.append(made)
         else:
             media.append(made)
-    with setting.problems_at("ambient"):
+    with context.problems_at("ambient"):
         ambient = _ambient(described.ambient)
-    with setting.problems_at("drone"):
+    with context.problems_at("drone"):
         pose = drone_pose(described.drone)
-    objects = setting.stock.objects(described, setting, meshes)
+    objects = context.cache.objects(described, context, meshes)
     volumes: list[Volume] = []
     for i, filled in enumerate(described.volumes):
-        with setting.problems_at(f"volumes[{i}] ({filled.name})"):
+        with context.problems_at(f"volumes[{i}] ({filled.name})"):
             volumes.append(make_volume(filled, objects, folder, wavelength_nm))
     lamps: list[Lamp] = []
     for i, lamp in enumerate(described.lamps):
-        with setting.problems_at(f"lamps[{i}] ({lamp.name})"):
+        with context.problems_at(f"lamps[{i}] ({lamp.name})"):
             lamps.append(make_lamp(lamp, objects, folder))
     _check_names("objects", [thing.name for thing in objects], source)
     _check_names("volumes", [volume.name for volume in volumes], source)
@@ -74,7 +76,7 @@ def assemble(described: SceneDescription, setting: Setting, meshes: Meshes = NO_
         combine(media),
         ambient,
         pose,
-        setting.text,
+        context.text,
         tuple(volumes),
         described.drone.velocity_m_s,
         radians(described.drone.angular_velocity_deg_s),
@@ -102,7 +104,7 @@ def warn_of_oddities(scene: Scene) -> None:
     warn_of_overlap(scene.volumes)
     parts = scene.atmosphere.parts or (scene.atmosphere,)
     for medium in (*parts, *(volume.medium for volume in scene.volumes)):
-        for doubt in medium.doubts:
+        for doubt in medium.warnings:
             warnings.warn(doubt, SceneWarning, stacklevel=2)
 
 

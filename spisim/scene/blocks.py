@@ -39,28 +39,28 @@ class Blocks:
 
     def first_hits(self, origin: Floats, rays: Floats) -> Floats:
         """First hit (n,) of each ray (n, 3) among all triangles, in ray lengths, else inf."""
-        found = np.full(len(rays), np.inf)
+        result = np.full(len(rays), np.inf)
         for number, ray in enumerate(rays):
             enter, leave = self._crossed(origin, ray)
             met = np.flatnonzero(enter <= leave)
             for some in _pieces(met[np.argsort(enter[met])]):
-                if enter[some[0]] > found[number]:
+                if enter[some[0]] > result[number]:
                     break
                 near = self.triangles[some].reshape(-1, 3, 3)
-                found[number] = min(found[number], first_hits(origin, ray[None], near)[0])
-        return found
+                result[number] = min(result[number], first_hits(origin, ray[None], near)[0])
+        return result
 
     def distance(self, point: Floats) -> float:
         """Distance of a point (3,) from the nearest triangle, m."""
         outside = np.maximum(0.0, np.maximum(self.low - point, point - self.high))
-        least = np.linalg.norm(outside, axis=1)
-        found = np.inf
-        for some in _pieces(np.argsort(least)):
-            if least[some[0]] >= found:
+        minimum = np.linalg.norm(outside, axis=1)
+        result = np.inf
+        for some in _pieces(np.argsort(minimum)):
+            if minimum[some[0]] >= result:
                 break
-            near = self.triangles[some[least[some] < found]].reshape(-1, 3, 3)
-            found = min(found, distance(point, near))
-        return found
+            near = self.triangles[some[minimum[some] < result]].reshape(-1, 3, 3)
+            result = min(result, distance(point, near))
+        return result
 
     def _crossed(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats]:
         """Where a ray enters each block's bounds, or 0 within them, and where it leaves them."""
@@ -115,8 +115,8 @@ def _keys(triangles: Floats) -> NDArray[np.int64]:
     extent = float((high.max(axis=0) - start).max()) or 1.0
     size = (high - low).max(axis=1) / extent
     octave = np.clip(-np.log2(np.maximum(size, 2.0**-OCTAVES)), 0, OCTAVES).astype(np.int64)
-    places = ((low + high) / 2 - start) / extent * (2**BITS - 1)
-    spread = _spread(places.astype(np.int64))
+    positions = ((low + high) / 2 - start) / extent * (2**BITS - 1)
+    spread = _spread(positions.astype(np.int64))
     return (octave << (3 * BITS)) | spread[:, 0] | (spread[:, 1] << 1) | (spread[:, 2] << 2)
 
 

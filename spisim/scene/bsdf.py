@@ -249,11 +249,13 @@ def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
     """
     if name not in BSDFS:
         raise InputError(f"unknown bsdf {name!r}: {nearest(name, BSDFS)}")
-    known = {field.name: field.default is MISSING for field in fields(BSDFS[name])}
-    if stray := sorted(parameters.keys() - known):
-        allowed = ", ".join(known) or "none"
+    available = {field.name: field.default is MISSING for field in fields(BSDFS[name])}
+    if stray := sorted(parameters.keys() - available):
+        allowed = ", ".join(available) or "none"
         raise InputError(f"{stray[0]} does not go with bsdf {name}; its parameters: {allowed}")
-    missing = [field for field, required in known.items() if required and field not in parameters]
+    missing = [
+        field for field, required in available.items() if required and field not in parameters
+    ]
     if missing:
         raise InputError(f"bsdf {name} needs {missing[0]}")
     bsdf: Bsdf = BSDFS[name](**parameters)

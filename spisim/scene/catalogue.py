@@ -39,10 +39,10 @@ def weather(fields: Mapping[str, Any]) -> tuple[str, ...]:
         "extinction_per_m": "/m",
         "rate_mm_per_h": "mm/h",
     }
-    found = []
+    result = []
     for medium in WEATHER:
         section = fields.get(medium) or {}
-        known = [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
-        found += known or ([medium] if section else [])
-    found += [f"volume {volume['name']}" for volume in fields.get("volumes") or ()]
-    return tuple(found)
+        available = [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
+        result += available or ([medium] if section else [])
+    result += [f"volume {volume['name']}" for volume in fields.get("volumes") or ()]
+    return tuple(result)

@@ -13,12 +13,12 @@ from spisim.scene.shapes import texture_coordinates
 
 def surface_content(objects: Sequence[SceneObject]) -> bytes:
     """Digest of all that light and rays can tell of objects, in their order; not of their names."""
-    found = blake2b()
+    result = blake2b()
     materials = {id(thing.material): thing.material for thing in objects}
     contents = {number: material_content(each) for number, each in materials.items()}
     for thing in objects:
-        found.update(contents[id(thing.material)] + mesh_content(thing.mesh))
-    return found.digest()
+        result.update(contents[id(thing.material)] + mesh_content(thing.mesh))
+    return result.digest()
 
 
 def mesh_content(mesh: trimesh.Trimesh) -> bytes:
@@ -35,9 +35,9 @@ def material_content(material: Material) -> bytes:
 
 
 def _digest(*arrays: np.ndarray | None) -> bytes:
-    found = blake2b()
+    result = blake2b()
     for array in arrays:
-        found.update(b"none" if array is None else f"{array.dtype} {array.shape}".encode())
+        result.update(b"none" if array is None else f"{array.dtype} {array.shape}".encode())
         if array is not None:
-            found.update(np.ascontiguousarray(array).data)
-    return found.digest()
+            result.update(np.ascontiguousarray(array).data)
+    return result.digest()

@@ -43,7 +43,7 @@ class DroneDescription(Section):
     """How it turns meanwhile, about the world's axes through the drone."""
 
 
-class Moment(DroneDescription):
+class DroneState(DroneDescription):
     """A moment of a flight: the drone as it is then, and all else `time_s` after the file's poses.
 
     It takes the drone's place after everything else is made, so that a family draws the same world
@@ -136,7 +136,7 @@ class CylinderObject(ObjectDescription):
 SHAPES = ("box", "rectangle", "sphere", "cylinder")
 
 
-def _with_known_shape(data: Any) -> Any:
+def _with_shape(data: Any) -> Any:
     if not isinstance(data, Mapping):
         raise PydanticCustomError("object", "should be a mapping of fields")
     if "mesh" not in data and data.get("shape") not in SHAPES:
@@ -157,7 +157,7 @@ AnyObject = Annotated[
     | Annotated[SphereObject, Tag("sphere")]
     | Annotated[CylinderObject, Tag("cylinder")],
     Discriminator(_tag),
-    BeforeValidator(_with_known_shape),
+    BeforeValidator(_with_shape),
 ]
 
 
@@ -179,9 +179,9 @@ FractionSpectrum = Annotated[
 ]
 
 
-def _up_to_1(least: float) -> Any:
+def _up_to_1(minimum: float) -> Any:
     """An optional field whose bounds the model of the surface sees to, told in the JSON Schema."""
-    return Field(None, json_schema_extra={"minimum": least, "maximum": 1})
+    return Field(None, json_schema_extra={"minimum": minimum, "maximum": 1})
 
 
 class MaterialDescription(Section):
@@ -337,7 +337,7 @@ class Surroundings(Air):
     """Fog or smoke in parts of space."""
     lamps: tuple[AnyLamp, ...] = ()
     """Steady light besides sun and sky."""
-    moment: Moment | None = None
+    moment: DroneState | None = None
     """A moment of a flight, instead of the file's own poses."""
 
 

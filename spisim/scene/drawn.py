@@ -13,8 +13,8 @@ from spisim.scene import families
 from spisim.scene.assemble import assemble
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim.scene.layout import OFFERED, layout_problem
+from spisim.scene.load_context import LoadContext
 from spisim.scene.model import Scene
-from spisim.scene.setting import Setting
 
 #: Fields that tell how to draw; what they draw takes their place.
 DRAWING = ("family", "seed", "parameters")
@@ -31,7 +31,7 @@ class Drawn:
     meshes: Mapping[str, trimesh.Trimesh]
 
 
-def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
+def draw(fields: Mapping[str, Any], context: LoadContext) -> Drawn:
     """Scene of a family, from the fields of a scene file.
 
     What is drawn follows from family, seed and parameters alone: it is the same whatever the file
@@ -40,20 +40,20 @@ def draw(fields: Mapping[str, Any], setting: Setting) -> Drawn:
     Raises InputError, naming the source, for fields that do not fit, an unknown family, unknown
     parameters, and where none of many draws has a sound layout.
     """
-    described = check_fields(fields, DrawnDescription, setting.source)
+    described = check_fields(fields, DrawnDescription, context.source)
     drawn_from = described.model_dump_json(include=set(DRAWING))
-    builder = setting.stock.builder(drawn_from, lambda: _sound_builder(described, setting))
+    builder = context.cache.builder(drawn_from, lambda: _sound_builder(described, context))
     whole = whole_file(fields, builder)
-    scene = assemble(check_fields(whole, SceneDescription, setting.source), setting, builder.meshes)
+    scene = assemble(check_fields(whole, SceneDescription, context.source), context, builder.meshes)
     return Drawn(scene, whole, builder.meshes)
 
 
-def _sound_builder(described: DrawnDescription, setting: Setting) -> families.SceneBuilder:
+def _sound_builder(described: DrawnDescription, context: LoadContext) -> families.SceneBuilder:
     """The first one in which a drone can fly, see and range."""
-    source, alone = setting.source, Setting(Path(), "", setting.source, stock=setting.stock)
+    source, alone = context.source, LoadContext(Path(), "", context.source, cache=context.cache)
     with naming(source):
         family = families.FAMILIES[described.family]
-    needed = replace(OFFERED, least_spots=family.least_spots)
+    needed = replace(OFFERED, min_spots=family.min_spots)
     problem: str | None = ""
     for attempt in range(ATTEMPTS):
         builder = families.build(

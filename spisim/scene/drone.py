@@ -10,11 +10,11 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.base.config import check_fields, read_mapping
 from spisim.scene.assemble import drone_pose
-from spisim.scene.description import DroneDescription, Moment, SceneDescription
+from spisim.scene.cache import SceneCache
+from spisim.scene.description import DroneDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw
+from spisim.scene.load_context import LoadContext
 from spisim.scene.pose import look_at, moved_pose
-from spisim.scene.setting import Setting
-from spisim.scene.stock import Stock
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,20 +30,20 @@ class Drone:
     time_s: float | None
 
     @classmethod
-    def of(cls, text: str, source: Path | str, stock: Stock | None = None) -> Drone:
+    def of(cls, text: str, source: Path | str, cache: SceneCache | None = None) -> Drone:
         """Of the text of a scene file; InputError where it is none.
 
-        Families are drawn; scenes that share a `stock` draw once what they have in common.
+        Families are drawn; scenes that share a `cache` draw once what they have in common.
         """
         fields = read_mapping(text, SceneDescription, source)
         moment = fields.get("moment")
         if moment is not None:
-            described: DroneDescription = check_fields(moment, Moment, source)
+            described: DroneDescription = check_fields(moment, DroneState, source)
             pose = look_at(described.position_m, described.look_at_m, described.up)
             return cls._of(described, pose, float(moment["time_s"]))
         if "family" in fields:
-            setting = Setting(Path(), text, source, stock=stock or Stock())
-            fields = dict(draw(fields, setting).fields)
+            context = LoadContext(Path(), text, source, cache=cache or SceneCache())
+            fields = dict(draw(fields, context).fields)
         described = check_fields(fields, SceneDescription, source).drone
         return cls._of(described, drone_pose(described), None)
 

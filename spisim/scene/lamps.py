@@ -30,7 +30,7 @@ from spisim.scene.pose import pose_matrix
 LUMINOUS = {"luminous_flux_lm": 1e-3, "illuminance_klx": 1.0, "luminance_kcd_per_m2": 1.0}
 #: Fields that tell all of a lamp's light, not that per solid angle or area.
 WHOLE = ("power_w", "luminous_flux_lm")
-BEAM_SHARE = 0.75
+BEAM_FRACTION = 0.75
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class AreaLamp:
 
     def summary(self) -> dict[str, Any]:
         """In plain numbers."""
-        return _told(self.name, "area", "power", self.radiance * (np.pi * self.area_m2))
+        return _reported(self.name, "area", "power", self.radiance * (np.pi * self.area_m2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +80,7 @@ class PointLamp:
         """In plain numbers."""
         kind = "point" if self.cutoff_rad == np.pi else "spot"
         angle = solid_angle(self.cutoff_rad, self.beam_rad)
-        return _told(self.name, kind, "power", self.intensity * angle)
+        return _reported(self.name, kind, "power", self.intensity * angle)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +93,7 @@ class DirectionalLamp:
 
     def summary(self) -> dict[str, Any]:
         """In plain numbers."""
-        return _told(self.name, "directional", "irradiance", self.irradiance)
+        return _reported(self.name, "directional", "irradiance", self.irradiance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +115,7 @@ class EnvironmentLamp:
         if self.picture is not None:
             polar = (np.arange(len(self.picture)) + 0.5) * np.pi / len(self.picture)
             mean = float(np.average(self.picture.mean(axis=1), weights=np.sin(polar)))
-        return _told(self.name, "environment", "mean radiance", self.radiance * mean)
+        return _reported(self.name, "environment", "mean radiance", self.radiance * mean)
 
 
 Lamp: TypeAlias = AreaLamp | PointLamp | DirectionalLamp | EnvironmentLamp
@@ -171,7 +171,7 @@ def unit(direction: Vector3) -> Vector3:
 def _spot(described: SpotLampDescription) -> PointLamp:
     beam_deg = described.beam_deg
     if beam_deg is None:
-        beam_deg = BEAM_SHARE * described.cutoff_deg
+        beam_deg = BEAM_FRACTION * described.cutoff_deg
     cutoff, beam = np.radians([described.cutoff_deg, beam_deg]).tolist()
     return PointLamp(
         described.name,
@@ -195,8 +195,8 @@ def find_object(name: str, objects: Sequence[SceneObject]) -> SceneObject:
     for thing in objects:
         if thing.name == name:
             return thing
-    known = nearest(name, [thing.name for thing in objects])
-    raise InputError(f"object {name!r} is not in the scene: {known}")
+    candidate = nearest(name, [thing.name for thing in objects])
+    raise InputError(f"object {name!r} is not in the scene: {candidate}")
 
 
 def _read_environment(path: Path) -> NDArray[np.float32]:
@@ -216,7 +216,7 @@ def _read_environment(path: Path) -> NDArray[np.float32]:
     return picture
 
 
-def _told(name: str, kind: str, quantity: str, strength: Strength) -> dict[str, Any]:
+def _reported(name: str, kind: str, quantity: str, strength: Strength) -> dict[str, Any]:
     """`power` is all of the light; watts are in the instrument's band."""
     units = {
         "power": ("W", "klm"),

@@ -43,7 +43,7 @@ class Needs:
     half_field_deg: tuple[float, float]  # of the picture, across and down
     beams: Floats  # (4, 3), unit vectors to the spots
     farthest_spot_m: float  # whose range is told without doubt
-    least_spots: int  # that must return from nearer
+    min_spots: int  # that must return from nearer
     detectors_m: Floats  # (4, 3), of the spots
     lens_ring_m: float  # half of a detector's lens is within this radius
 
@@ -66,7 +66,7 @@ OFFERED = Needs(
     half_field_deg=(10.0, 10.0),
     beams=_directions(5.0 * _RIGHT, -5.0 * _DOWN),
     farthest_spot_m=9.8,
-    least_spots=1,
+    min_spots=1,
     detectors_m=np.column_stack([0.007 * _RIGHT, 0.007 * _DOWN, np.zeros(4)]),
     lens_ring_m=0.005,
 )
@@ -117,9 +117,9 @@ class Layout:
             return (
                 f"something is {self.clearance_m:.2f} m from the drone, less than {CLEARANCE_M} m"
             )
-        if len(self._spots) - len(self.lost) < self.needs.least_spots:
-            told = ", ".join(f"spot {number} {why}" for number, why in self.lost.items())
-            return f"at least {self.needs.least_spots} of the laser spots should return: {told}"
+        if len(self._spots) - len(self.lost) < self.needs.min_spots:
+            text = ", ".join(f"spot {number} {why}" for number, why in self.lost.items())
+            return f"at least {self.needs.min_spots} of the laser spots should return: {text}"
         fields = [np.linspace(-half, half, RAYS) for half in self.needs.half_field_deg]
         field = first_hits(np.zeros(3), _rays(*fields), self._seen)
         if (near := min(field.min(), self._spots.min())) < MIN_DISTANCE_M:
@@ -152,8 +152,8 @@ class Layout:
         """
         needs, triangles = self.needs, self._seen
         beam = needs.beams[number]
-        (distance,), (place,) = first_met(np.zeros(3), beam[None], triangles)
-        one, two, three = triangles[place]
+        (distance,), (position,) = first_met(np.zeros(3), beam[None], triangles)
+        one, two, three = triangles[position]
         normal = np.cross(two - one, three - one)
         normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
         spot = distance * beam + OFF_SURFACE_M * normal
@@ -161,7 +161,7 @@ class Layout:
         lens[:, :2] += needs.lens_ring_m * ON_LENS
         between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
         seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
-        thing = self._owner(self._in_view[place])
+        thing = self._owner(self._in_view[position])
         where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
         if seen < 0.5:
             return f"{where} is hidden from its detector"

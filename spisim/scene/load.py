@@ -7,12 +7,12 @@ from typing import Any
 
 from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
-from spisim.scene.description import DrawnDescription, Moment, SceneDescription
+from spisim.scene.cache import SceneCache
+from spisim.scene.description import DrawnDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw
+from spisim.scene.drone_state import at_drone_state
+from spisim.scene.load_context import LoadContext
 from spisim.scene.model import Scene
-from spisim.scene.moment import at_moment
-from spisim.scene.setting import Setting
-from spisim.scene.stock import Stock
 
 
 def scenes_folder() -> Path:
@@ -51,8 +51,8 @@ def load_scene(
         kind = DrawnDescription if "family" in fields else SceneDescription
         check_fields(fields, kind, file)  # the file has to be one by itself
         sections = {**fields, **changes}
-        kept = {name: section for name, section in sections.items() if section is not None}
-        text = dump_yaml(kept)
+        retained = {name: section for name, section in sections.items() if section is not None}
+        text = dump_yaml(retained)
     return make_scene(text, file.parent, file, wavelength_nm=wavelength_nm)
 
 
@@ -80,23 +80,23 @@ def make_scene(
     source: Path | str,
     *,
     wavelength_nm: float = 1550.0,
-    stock: Stock | None = None,
+    cache: SceneCache | None = None,
 ) -> Scene:
     """Scene from the text of a scene file; the files it names are looked for in `folder`.
 
-    `source` is what error messages call it; scenes that share a `stock` share what they have in
+    `source` is what error messages call it; scenes that share a `cache` share what they have in
     common. Raises and warns as `load_scene` does.
     """
-    setting = Setting(folder, text, source, wavelength_nm, stock or Stock())
+    context = LoadContext(folder, text, source, wavelength_nm, cache or SceneCache())
     fields = read_mapping(text, SceneDescription, source)
     if "family" in fields:
-        scene = draw(fields, setting).scene
+        scene = draw(fields, context).scene
     else:
-        scene = assemble(check_fields(fields, SceneDescription, source), setting)
+        scene = assemble(check_fields(fields, SceneDescription, source), context)
     check_drone(scene, source)
     if fields.get("moment") is not None:
-        moment = Moment.model_validate(fields["moment"])  # as checked with the other fields
-        scene = replace(at_moment(scene, moment), text=text)
+        moment = DroneState.model_validate(fields["moment"])  # as checked with the other fields
+        scene = replace(at_drone_state(scene, moment), text=text)
         check_drone(scene, source)
     warn_of_oddities(scene)
     return scene

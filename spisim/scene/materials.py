@@ -144,14 +144,14 @@ def at_wavelength(field: str, values: Spectrum, wavelength_nm: float) -> float:
     """
     if not isinstance(values, Mapping):
         return values
-    known = sorted(values)
-    if min(abs(other - wavelength_nm) for other in known) > MAX_DISTANCE_NM:
-        listed = ", ".join(f"{other:g}" for other in known)
+    available = sorted(values)
+    if min(abs(other - wavelength_nm) for other in available) > MAX_DISTANCE_NM:
+        listed = ", ".join(f"{other:g}" for other in available)
         raise InputError(
             f"{field} is known at {listed} nm and {MAX_DISTANCE_NM:g} nm around, "
             f"asked for at {wavelength_nm:g} nm"
         )
-    return float(np.interp(wavelength_nm, known, [values[other] for other in known]))
+    return float(np.interp(wavelength_nm, available, [values[other] for other in available]))
 
 
 @cache

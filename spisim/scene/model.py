@@ -10,7 +10,7 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from reconstruction.base.notebook import drawing, figure, shown, told
+from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.base.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
@@ -84,20 +84,22 @@ class Volume:
 
     def at(self, time_s: float) -> Volume:
         """The volume after `time_s`; itself if it stays and nothing drifts in it."""
-        later = self
+        following = self
         if self._is_carried:
             assert self.carrier is not None
             assert isinstance(self.shape, trimesh.Trimesh)
             motion = self.carrier.motion(time_s)
             shape = self.shape.copy().apply_transform(motion)
             carrier = self.carrier.at(time_s)
-            later = replace(later, to_world=motion @ self.to_world, shape=shape, carrier=carrier)
+            following = replace(
+                following, to_world=motion @ self.to_world, shape=shape, carrier=carrier
+            )
         if self._drifts:
             assert self.structure is not None
             age_s = self.age_s + time_s
-            density = self.structure.density(later.to_world, age_s)
-            later = replace(later, age_s=age_s, density=density)
-        return later
+            density = self.structure.density(following.to_world, age_s)
+            following = replace(following, age_s=age_s, density=density)
+        return following
 
     @property
     def _drifts(self) -> bool:
@@ -159,10 +161,10 @@ class Scene:
             f'L {end[0]:.5g} {end[1]:.5g}" {line}/></g>'
         )
         above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
-        return shown(f"Scene {self.name}", self._facts, [above])
+        return displayed(f"Scene {self.name}", self._facts, [above])
 
     def __repr__(self) -> str:
-        return told(f"Scene {self.name}", self._facts)
+        return reported(f"Scene {self.name}", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:
@@ -189,9 +191,9 @@ class Scene:
                 (left, right), (low, high) = (thing.mesh.bounds[:, each] for each in (across, up))
                 outline = [left, right, right, left, left], [low, low, high, high, low]
                 plane.plot(*outline, color="0.4", linewidth=1)
-            place, ahead = self.drone_pose[:3, 3], self.drone_pose[:3, 2]
-            plane.plot(place[across], place[up], "o", color="crimson")
-            plane.quiver(place[across], place[up], ahead[across], ahead[up], color="crimson")
+            position, ahead = self.drone_pose[:3, 3], self.drone_pose[:3, 2]
+            plane.plot(position[across], position[up], "o", color="crimson")
+            plane.quiver(position[across], position[up], ahead[across], ahead[up], color="crimson")
             plane.set(title=title, xlabel=f"{names[0]}, m", ylabel=f"{names[1]}, m", aspect="equal")
         return axes
 

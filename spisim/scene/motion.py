@@ -54,9 +54,9 @@ def meeting_time(thing: SceneObject, times_s: Floats, path_m: Floats) -> float:
         path = np.array(
             [_seen_from(thing, time, at) for time, at in zip(times_s, path_m, strict=True)]
         )
-    centre, reach_m = thing.mesh.bounds.mean(axis=0), np.linalg.norm(thing.mesh.extents) / 2
+    centre, max_range_m = thing.mesh.bounds.mean(axis=0), np.linalg.norm(thing.mesh.extents) / 2
     strides_m = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    near = np.linalg.norm(path[:-1] - centre, axis=1) <= reach_m + strides_m
+    near = np.linalg.norm(path[:-1] - centre, axis=1) <= max_range_m + strides_m
     steps = np.flatnonzero(near & (strides_m > 0))
     if steps.size == 0:
         return np.inf

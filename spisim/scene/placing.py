@@ -20,7 +20,7 @@ from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
 from spisim.scene.warning import SceneWarning
 
 if TYPE_CHECKING:
-    from spisim.scene.setting import Setting
+    from spisim.scene.load_context import LoadContext
 
 #: What a file has is hardly wider; of a horizon that is drawn, its sizes tell the unit.
 WIDEST_MESH_M = 300.0
@@ -31,24 +31,24 @@ Meshes: TypeAlias = Mapping[str, trimesh.Trimesh]
 
 
 def placed(
-    described: SceneDescription, setting: Setting, meshes: Meshes
+    described: SceneDescription, context: LoadContext, meshes: Meshes
 ) -> tuple[SceneObject, ...]:
     """All objects of a description; `meshes` are mesh files that are in memory, by name.
 
     Raises InputError, naming source and field.
     """
-    folder, wavelength_nm = setting.folder, setting.wavelength_nm
+    folder, wavelength_nm = context.folder, context.wavelength_nm
     materials: dict[str, Material] = {}
     for name, own in described.materials.items():
-        with setting.problems_at(f"materials.{name}"):
+        with context.problems_at(f"materials.{name}"):
             materials[name] = make_material(name, own, folder, wavelength_nm)
-    with setting.problems_at("material_swaps"):
+    with context.problems_at("material_swaps"):
         for name in described.material_swaps.values():
             find_material(name, materials, wavelength_nm)
     objects: list[SceneObject] = []
     triangles = 0
     for i, row in enumerate(described.objects):
-        with setting.problems_at(f"objects[{i}] ({row.name})"):
+        with context.problems_at(f"objects[{i}] ({row.name})"):
             name = described.material_swaps.get(row.material, row.material)
             material = find_material(name, materials, wavelength_nm)
             copies = _place(row, material, folder, meshes)

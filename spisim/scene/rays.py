@@ -31,15 +31,15 @@ def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, 
     distance = np.linalg.norm(towards, axis=1)
     narrow = distance > radius
     towards = towards / np.where(distance > 0, distance, 1)[:, None]
-    least = np.full(len(triangles), -np.inf)  # cosine of the sphere's half-angle
-    least[narrow] = np.sqrt(1 - (radius[narrow] / distance[narrow]) ** 2) - ROUNDING
+    minimum = np.full(len(triangles), -np.inf)  # cosine of the sphere's half-angle
+    minimum[narrow] = np.sqrt(1 - (radius[narrow] / distance[narrow]) ** 2) - ROUNDING
     units = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     count = max(1, PAIRS // len(triangles))
     for start in range(0, len(rays), count):
-        ray, triangle = np.nonzero(units[start : start + count] @ towards.T >= least)
-        found = _hits(origin, rays[start + ray], triangles[triangle])
-        last = np.argsort(-found, kind="stable")  # the nearest is written last
-        first[start + ray[last]], number[start + ray[last]] = found[last], triangle[last]
+        ray, triangle = np.nonzero(units[start : start + count] @ towards.T >= minimum)
+        result = _hits(origin, rays[start + ray], triangles[triangle])
+        last = np.argsort(-result, kind="stable")  # the nearest is written last
+        first[start + ray[last]], number[start + ray[last]] = result[last], triangle[last]
     return first, np.where(np.isfinite(first), number, -1)
 
 

@@ -22,7 +22,7 @@ THIN_M = 0.001
 #: Beyond this single precision, in which light is traced, is poor: it tells 1 mm apart.
 FAR_M = 10_000.0
 #: The sun above the atmosphere gives a surface that faces it 134 klx.
-MOST_KLX = 150.0
+MAX_KLX = 150.0
 
 
 def warn_of_unsound_meshes(scene: Scene) -> None:
@@ -31,16 +31,16 @@ def warn_of_unsound_meshes(scene: Scene) -> None:
     Sheets are fine, and so is a room: a closed mesh that faces in, with the drone inside.
     """
     originals = {id(mesh): mesh for mesh in map(_original, scene.objects)}
-    found_in = {key: fault(mesh) for key, mesh in originals.items()}
-    faults = {thing.name: found_in[id(_original(thing))] for thing in scene.objects}
+    estimated_in = {key: fault(mesh) for key, mesh in originals.items()}
+    faults = {thing.name: estimated_in[id(_original(thing))] for thing in scene.objects}
     for thing in scene.objects:
         if faults[thing.name] == INVERTED:
             wraps = winding_number(scene.drone_pose[:3, 3], thing.mesh.triangles)
             faults[thing.name] = None if wraps < -0.5 else INVERTED
-    told = [f"{name!r} ({found})" for name, found in faults.items() if found]
-    if told:
+    reported = [f"{name!r} ({result})" for name, result in faults.items() if result]
+    if reported:
         warnings.warn(
-            f"scene {scene.name!r}: these meshes are no sound closed surfaces: {', '.join(told)}; "
+            f"scene {scene.name!r}: these meshes are not closed surfaces: {', '.join(reported)}; "
             "they are drawn from both sides, but have no inside",
             SceneWarning,
             stacklevel=2,
@@ -57,11 +57,13 @@ def warn_of_odd_sizes(scene: Scene) -> None:
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
     away = {"the drone": float(np.abs(scene.drone_pose[:3, 3]).max())}
     away |= {repr(thing.name): float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
-    told = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < THIN_M]
-    told += [f"{name} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M]
-    if told:
+    reported = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < THIN_M]
+    reported += [
+        f"{name} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
+    ]
+    if reported:
         warnings.warn(
-            f"scene {scene.name!r}: {', '.join(told)}; all lengths are metres, and `scale: 0.001` "
+            f"scene {scene.name!r}: {', '.join(reported)}; all lengths are metres; `scale: 0.001` "
             "makes metres of a mesh in millimetres",
             SceneWarning,
             stacklevel=2,
@@ -71,18 +73,18 @@ def warn_of_odd_sizes(scene: Scene) -> None:
 def warn_of_odd_daylight(scene: Scene) -> None:
     """SceneWarning of a sun that is brighter than ours, and of one below the horizon."""
     ambient = scene.ambient
-    told = [
-        f"{name} {value:g} is more than the {MOST_KLX:g} klx that daylight has at most"
+    reported = [
+        f"{name} {value:g} is more than the {MAX_KLX:g} klx that daylight has at most"
         for name, value in (("sun_klx", ambient.sun_klx), ("sky_klx", ambient.sky_klx))
-        if value > MOST_KLX
+        if value > MAX_KLX
     ]
     if ambient.sun_klx > 0 and ambient.sun_direction[2] > 0:
-        told.append(
+        reported.append(
             "sun_direction goes upwards: it is from the sun into the scene, so the sun stands "
             "below the horizon"
         )
-    if told:
-        warnings.warn(f"scene {scene.name!r}: {'; '.join(told)}", SceneWarning, stacklevel=2)
+    if reported:
+        warnings.warn(f"scene {scene.name!r}: {'; '.join(reported)}", SceneWarning, stacklevel=2)
 
 
 NON_MANIFOLD = "edges shared by more than two triangles"

@@ -16,7 +16,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, naming, nearest
 from reconstruction.ranging.weather import Weather
 from spisim.base.config import find_named, read_text, shipped
-from spisim.scene.description import Moment
+from spisim.scene.description import DroneState
 from spisim.scene.model import Scene, Vector3
 from spisim.scene.motion import MAX_TURN_RAD, check_steps, meeting_time
 from spisim.scene.pose import look_at
@@ -103,10 +103,10 @@ class Trajectory:
         own_axes = self.orientations(time_s, 1)
         return np.asarray(self.orientations(time_s).apply(own_axes), dtype=np.float64)
 
-    def moment(self, time_s: float) -> Moment:
+    def moment(self, time_s: float) -> DroneState:
         """The drone at a time, as a scene file says it. Raises InputError as `pose`."""
         pose = self.pose(time_s)
-        return Moment(
+        return DroneState(
             time_s=time_s,
             position_m=_vector(pose[:3, 3]),
             look_at_m=_vector(pose[:3, 3] + pose[:3, 2]),
@@ -168,10 +168,10 @@ def _weather(file: Path, text: str) -> str | None:
     """What the comments of a file state of the weather; None: nothing."""
     stated: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), start=1):
-        if found := WEATHER.fullmatch(line.strip()):
+        if match := WEATHER.fullmatch(line.strip()):
             with naming(f"{file}, line {number}"):
-                Weather.parsed(found[1])
-            stated[found[1]] = number
+                Weather.parsed(match[1])
+            stated[match[1]] = number
     if len(stated) > 1:
         raise InputError(
             f"{file}, line {max(stated.values())}: the weather was stated before, and otherwise: "

@@ -167,11 +167,11 @@ def overlap(first: Floats, second: Floats) -> bool:
         ]
     )
     gaps = np.abs(axes @ (centres[1] - centres[0]))
-    reaches = sum(np.abs(axes @ box.T).sum(axis=1) / 2 for box in edges)
+    max_ranges = sum(np.abs(axes @ box.T).sum(axis=1) / 2 for box in edges)
     # Edges that are parallel give no axis, only rounding.
     sizes = np.linalg.norm(edges[0], axis=1).max() * np.linalg.norm(edges[1], axis=1).max()
     real = np.linalg.norm(axes, axis=1) > TOUCHING * sizes
-    return bool((gaps < (1 - TOUCHING) * reaches)[real].all())
+    return bool((gaps < (1 - TOUCHING) * max_ranges)[real].all())
 
 
 def _face_normals(edges: Floats) -> Floats:

@@ -18,7 +18,7 @@ from spisim.serving.keys import Keys
 from spisim.serving.motion import Motion
 from spisim.simulation.light import Transport, solve, surrogate
 from spisim.simulation.light.lattice import Lattice
-from spisim.simulation.measurement import Memory, record_frames, told_optics
+from spisim.simulation.measurement import Memory, record_frames, recorded_optics
 from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate
 from spisim.version import __version__
@@ -39,7 +39,7 @@ class Shot:
 
 
 class Camera:
-    """Takes frames of an instrument in a scene; `keys` are where light is solved, `kept` of them.
+    """Takes frames of an instrument in a scene; light is solved at `keys`, `retained` of them.
 
     Frames are taken one after the other: electronics remember the one before, and the first is
     settled on itself. Raises InputError where the light of the first key cannot be
@@ -54,15 +54,15 @@ class Camera:
         light: Callable[[Scene], Transport],
         *,
         seed: int,
-        kept: int,
+        retained: int,
     ) -> None:
         self.instrument = instrument
         self.scene = scene
-        self.lattice = Lattice(lambda node: light(keys.scene(node)), kept)
+        self.lattice = Lattice(lambda node: light(keys.scene(node)), retained)
         self._keys = keys
         self._seed = seed
         times_s = instrument.exposure_times_s(1)[0]
-        self._shares = times_s / instrument.frame_time_s
+        self._fractions = times_s / instrument.frame_time_s
         self._memory: Memory | None = None
 
     def shoot(self, motion: Motion, number: int) -> Shot:
@@ -73,7 +73,7 @@ class Camera:
     def _shoot(
         self, motion: Motion, number: int, before: Memory | None
     ) -> tuple[Shot, Memory | None]:
-        light = self.lattice.light(self._keys.places(motion, self._shares))
+        light = self.lattice.light(self._keys.positions(motion, self._fractions))
         middle = motion.scene(self.scene, 0.5)
         # Drops hide behind what they fall in front of.
         truths = [ground_truth(middle, self.instrument, subpixels=1)] if _has_drops(middle) else []
@@ -95,7 +95,7 @@ class Camera:
         plan, *later_plans = self.instrument.pattern_plans
         return Setup(
             plan=plan,
-            optics=told_optics(self.instrument),
+            optics=recorded_optics(self.instrument),
             buckets=none.buckets,
             spots=none.spots,
             pattern_taps=none.pattern_taps,
@@ -123,7 +123,7 @@ def provenance(
 ) -> Provenance:
     """What stream and capture tell of where they come from; `settings` in the capture alone."""
     software = f"spisim {__version__}"
-    told = {"backend": activate(), "media": scene.media_summary(), "noise": True}
+    reported = {"backend": activate(), "media": scene.media_summary(), "noise": True}
     return Provenance(
         source="simulation",
         software=software if light == "traced" else f"{software}, {SURROGATE}",
@@ -131,7 +131,7 @@ def provenance(
         instrument=instrument.text,
         scene=scene.text,
         seed=seed,
-        settings=dump_yaml({"light": {"source": light}} | told | settings),
+        settings=dump_yaml({"light": {"source": light}} | reported | settings),
     )
 
 

@@ -41,7 +41,7 @@ class Pilot(Protocol):
 
     trouble: str | None
 
-    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion | None:
         """Its next motion, towards where it was told last; None where the flight is over."""
 
 
@@ -59,7 +59,7 @@ class Drone:
         optical = Rotation.from_matrix(scene.drone_pose[:3, :3])
         self._body = optical * FRAMES["body"].inv()
         self._gusts = gusts
-        self._told = Pose()
+        self._reported = Pose()
         self._reckoned_m = np.zeros(3)
         self._attitude = Rotation.identity()
         self._drift_m = np.zeros(3)
@@ -69,20 +69,20 @@ class Drone:
         if problem := self._obstacles.problem(self._origin_m, 0.0):
             raise InputError(f"{_at(self._origin_m)}: the drone cannot begin here: {problem}")
 
-    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion:
+    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion:
         """See `Pilot`."""
-        self._told = told or self._told
-        way_m = np.asarray(self._told.position_m) - self._reckoned_m
+        self._reported = reported or self._reported
+        way_m = np.asarray(self._reported.position_m) - self._reckoned_m
         way_m = way_m * _within(float(np.linalg.norm(way_m)), TOP_SPEED_M_S * duration_s)
-        turn = (self._attitude.inv() * Rotation.from_quat(self._told.quaternion)).as_rotvec()
+        turn = (self._attitude.inv() * Rotation.from_quat(self._reported.quaternion)).as_rotvec()
         turn = turn * _within(float(np.linalg.norm(turn)), TOP_SPIN_RAD_S * duration_s)
         stop_s = time_s + duration_s
         gusts_m = [gust.moved_m(stop_s) - gust.moved_m(time_s) for gust in self._gusts]
         blown_m = np.sum(gusts_m, axis=0) if gusts_m else np.zeros(3)
         start_m, start = self._position_m, self._optical
-        share = self._clear(self._body.apply(way_m + blown_m), time_s, duration_s)
-        self._reckoned_m = self._reckoned_m + share * way_m
-        self._drift_m = self._drift_m + share * blown_m
+        fraction = self._clear(self._body.apply(way_m + blown_m), time_s, duration_s)
+        self._reckoned_m = self._reckoned_m + fraction * way_m
+        self._drift_m = self._drift_m + fraction * blown_m
         self._attitude = self._attitude * Rotation.from_rotvec(turn)
         return Motion(time_s, duration_s, start_m, self._position_m, start, self._optical)
 
@@ -117,20 +117,20 @@ class Follower:
         self.trouble: str | None = None
         self._path = path
 
-    def fly(self, told: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion | None:
         """See `Pilot`; whatever it is told, it does not matter."""
         stop_s = time_s + duration_s
         if stop_s > self._path.duration_s * (1 + 1e-9):
             return None
         ends = [self._path.pose(min(each, self._path.duration_s)) for each in (time_s, stop_s)]
-        places_m = (pose[:3, 3] for pose in ends)
+        positions_m = (pose[:3, 3] for pose in ends)
         turns = (Rotation.from_matrix(pose[:3, :3]) for pose in ends)
-        return Motion(time_s, duration_s, *places_m, *turns)  # type: ignore[arg-type]
+        return Motion(time_s, duration_s, *positions_m, *turns)  # type: ignore[arg-type]
 
 
-def _within(length: float, most: float) -> float:
+def _within(length: float, maximum: float) -> float:
     """Share of a way that is no longer than this."""
-    return min(1.0, most / length) if length > 0 else 1.0
+    return min(1.0, maximum / length) if length > 0 else 1.0
 
 
 def _at(position_m: Floats) -> str:

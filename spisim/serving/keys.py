@@ -26,7 +26,7 @@ LOOKS_PER_S = 1000.0
 class Keys(Protocol):
     """Places of a motion in steps of a lattice, and the scene at its nodes."""
 
-    def places(self, motion: Motion, shares: Floats) -> Floats:
+    def positions(self, motion: Motion, fractions: Floats) -> Floats:
         """After shares (M,) of the motion, (M, d)."""
 
     def scene(self, node: Node) -> Scene:
@@ -46,16 +46,16 @@ class PoseKeys:
         self._axes = Rotation.from_matrix(scene.drone_pose[:3, :3])
         self._interval_s = interval_s(scene, spacing_m) if things_move(scene) else None
 
-    def places(self, motion: Motion, shares: Floats) -> Floats:
+    def positions(self, motion: Motion, fractions: Floats) -> Floats:
         """See `Keys`."""
         back = self._axes.inv()
-        moved = back.apply(motion.positions_m(shares) - self._origin_m)
-        turned = (back * motion.turns(shares)).as_rotvec()
-        places = np.concatenate([moved, turned], axis=1) / self._steps
+        moved = back.apply(motion.positions_m(fractions) - self._origin_m)
+        turned = (back * motion.turns(fractions)).as_rotvec()
+        positions = np.concatenate([moved, turned], axis=1) / self._steps
         if self._interval_s is None:
-            return places
-        times_s = motion.time_s + shares * motion.duration_s
-        return np.column_stack([places, times_s / self._interval_s])
+            return positions
+        times_s = motion.time_s + fractions * motion.duration_s
+        return np.column_stack([positions, times_s / self._interval_s])
 
     def scene(self, node: Node) -> Scene:
         """See `Keys`."""
@@ -80,19 +80,19 @@ class PathKeys:
         rate = np.maximum(rate, spin)
         if things_move(scene):
             rate = np.maximum(rate, 1 / interval_s(scene, spacing_m))
-        place = np.concatenate([[0.0], np.cumsum(rate * between)])
-        last = max(np.ceil(place[-1]), 1.0)
-        self._places = place * (last / place[-1]) if place[-1] > 0 else place
+        position = np.concatenate([[0.0], np.cumsum(rate * between)])
+        last = max(np.ceil(position[-1]), 1.0)
+        self._positions = position * (last / position[-1]) if position[-1] > 0 else position
         self.count = int(last) + 1
 
-    def places(self, motion: Motion, shares: Floats) -> Floats:
+    def positions(self, motion: Motion, fractions: Floats) -> Floats:
         """See `Keys`."""
-        times_s = motion.time_s + shares * motion.duration_s
-        return np.interp(times_s, self._times_s, self._places)[:, None]
+        times_s = motion.time_s + fractions * motion.duration_s
+        return np.interp(times_s, self._times_s, self._positions)[:, None]
 
     def scene(self, node: Node) -> Scene:
         """See `Keys`."""
-        time_s = float(np.interp(node[0], self._places, self._times_s))
+        time_s = float(np.interp(node[0], self._positions, self._times_s))
         return scene_at(self._scene, time_s, self._path.pose(time_s))
 
 

@@ -53,7 +53,7 @@ class Line:
 
     def open(self) -> bool:
         """Wait until somebody is there; whether nobody was before."""
-        told = False
+        text = False
         was_open = self._open
         while not self._open:
             try:
@@ -65,9 +65,9 @@ class Line:
             except OSError as error:
                 if not self._lasting:
                     raise
-                if not told:
+                if not text:
                     self._say(f"Waiting for somebody at {self.address}.")
-                told = True
+                text = True
                 if not isinstance(error, TimeoutError):
                     self._wait(AGAIN_S)
         return not was_open

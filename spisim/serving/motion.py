@@ -26,22 +26,22 @@ class Motion:
     start: Rotation
     stop: Rotation
 
-    def positions_m(self, shares: Floats) -> Floats:
+    def positions_m(self, fractions: Floats) -> Floats:
         """(M, 3) after shares (M,) of it."""
-        return np.asarray(self.start_m + np.outer(shares, self.stop_m - self.start_m))
+        return np.asarray(self.start_m + np.outer(fractions, self.stop_m - self.start_m))
 
-    def turns(self, shares: Floats) -> Rotation:
+    def turns(self, fractions: Floats) -> Rotation:
         """World from optical frame (M,) after shares (M,) of it."""
-        return self.start * Rotation.from_rotvec(np.outer(shares, self._turn_rad))
+        return self.start * Rotation.from_rotvec(np.outer(fractions, self._turn_rad))
 
-    def scene(self, scene: Scene, share: float = 0.0) -> Scene:
+    def scene(self, scene: Scene, fraction: float = 0.0) -> Scene:
         """A scene after a share of it, with the drone where it is then, and as fast."""
         pose = np.eye(4)
-        pose[:3, :3] = self.turns(np.array([share])).as_matrix()[0]
-        pose[:3, 3] = self.positions_m(np.array([share]))[0]
+        pose[:3, :3] = self.turns(np.array([fraction])).as_matrix()[0]
+        pose[:3, 3] = self.positions_m(np.array([fraction]))[0]
         velocity = (self.stop_m - self.start_m) / self.duration_s
         spin = self.start.apply(self._turn_rad) / self.duration_s
-        placed = scene_at(scene, self.time_s + share * self.duration_s, pose)
+        placed = scene_at(scene, self.time_s + fraction * self.duration_s, pose)
         return replace(
             placed,
             drone_velocity_m_s=_vector(velocity),
@@ -57,9 +57,9 @@ class Motion:
 def scene_at(scene: Scene, time_s: float, pose: Floats) -> Scene:
     """A scene after a time, with the drone at rest in a pose (4, 4)."""
     still = (0.0, 0.0, 0.0)
-    later = scene.at(time_s) if things_move(scene) else scene
+    following = scene.at(time_s) if things_move(scene) else scene
     return replace(
-        later, drone_pose=pose, drone_velocity_m_s=still, drone_angular_velocity_rad_s=still
+        following, drone_pose=pose, drone_velocity_m_s=still, drone_angular_velocity_rad_s=still
     )
 
 

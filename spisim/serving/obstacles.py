@@ -31,8 +31,8 @@ class Obstacles:
 
         It was `gap_m` away from what is nearest before: it may go away from what it is too near to.
         """
-        found_m, name = self.nearest(position_m, time_s)
-        if found_m < min(CLEARANCE_M, gap_m):
+        estimated_m, name = self.nearest(position_m, time_s)
+        if estimated_m < min(CLEARANCE_M, gap_m):
             return f"object {name!r} is less than {CLEARANCE_M:g} m away"
         if (position_m < self._low_m).any() or (position_m > self._high_m).any():
             return f"the scene ends {MARGIN_M:g} m beyond its surfaces"
@@ -40,11 +40,11 @@ class Obstacles:
 
     def nearest(self, position_m: Floats, time_s: float) -> tuple[float, str]:
         """How far the nearest surface is, and its name; inf beyond `CLEARANCE_M`."""
-        found = [self._still.nearest(position_m)] if self._still else []
+        result = [self._still.nearest(position_m)] if self._still else []
         for thing, surfaces in self._moving:
             back = np.linalg.inv(thing.motion(time_s))
-            found.append(surfaces.nearest(back[:3, :3] @ position_m + back[:3, 3]))
-        return min(found)
+            result.append(surfaces.nearest(back[:3, :3] @ position_m + back[:3, 3]))
+        return min(result)
 
 
 class _Surfaces:

@@ -21,14 +21,14 @@ from spisim.simulation.measurement import frame_truth
 from spisim.transport import ground_truth
 
 #: Some minutes, and some hundred megabytes.
-MOST_FRAMES = 32_768
+MAX_FRAMES = 32_768
 KIND = "flown path"
 
 
 class FlightRecord:
     """Keeps frames, and the truth of every `truths`-th, until they are written.
 
-    `full` after `MOST_FRAMES`: what comes then is not kept.
+    `full` after `MAX_FRAMES`: what comes then is not kept.
     """
 
     def __init__(self, path: Path, scene: Scene, instrument: Instrument, truths: int) -> None:
@@ -39,7 +39,7 @@ class FlightRecord:
         self._every = truths
         self._frames: list[Frames] = []
         self._motions: list[Motion] = []
-        self._known: list[Shot] = []
+        self._reported: list[Shot] = []
 
     @property
     def outputs(self) -> list[Output]:
@@ -48,11 +48,11 @@ class FlightRecord:
 
     def add(self, shot: Shot) -> None:
         """One more frame."""
-        self.full = len(self._frames) >= MOST_FRAMES
+        self.full = len(self._frames) >= MAX_FRAMES
         if self.full:
             return
         if len(self._frames) % self._every == 0:
-            self._known.append(shot)
+            self._reported.append(shot)
         self._frames.append(shot.frame)
         self._motions.append(shot.motion)
 
@@ -72,18 +72,18 @@ class FlightRecord:
             name: _joined([getattr(frame, name) for frame in self._frames])
             for name in ("buckets", "spots", "pattern_taps")
         }
-        known = []
-        for shot in self._known:
+        available = []
+        for shot in self._reported:
             middle = shot.motion.scene(self._scene, 0.5)
             truth = ground_truth(middle, self._instrument, subpixels=1)
-            known.append(frame_truth(shot.image, shot.image_error, truth))
-        numbers = np.array([shot.number - first for shot in self._known], np.int64)
+            available.append(frame_truth(shot.image, shot.image_error, truth))
+        numbers = np.array([shot.number - first for shot in self._reported], np.int64)
         return Capture(
             plan=plans[0],
             later_plans=tuple(plans[1 : len(self._frames)]),
             optics=setup.optics,
             provenance=provenance,
-            truth=replace(Truth.of(known), frame=numbers),
+            truth=replace(Truth.of(available), frame=numbers),
             **parts,
         )
 
@@ -101,10 +101,10 @@ def flown(motions: list[Motion]) -> str:
     """
     last = motions[-1]
     times_s = [motion.time_s for motion in motions] + [last.time_s + last.duration_s]
-    places_m = [motion.start_m for motion in motions] + [last.stop_m]
+    positions_m = [motion.start_m for motion in motions] + [last.stop_m]
     optical = Rotation.concatenate([motion.start for motion in motions] + [last.stop])
     turns = (optical * FRAMES["body"].inv()).as_quat()
-    rows = np.column_stack([times_s, places_m, turns])
+    rows = np.column_stack([times_s, positions_m, turns])
     lines = [f"# {mark(KIND)}", ",".join(POSES)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in rows]
     return "\n".join(lines) + "\n"

@@ -43,7 +43,7 @@ class Tally:
 class Server:
     """Sends the frames of a flight over a line, and has its pilot told what comes back.
 
-    `kept` sees every frame. `most` is the number of frames after which it ends.
+    `retained` sees every frame. `maximum` is the number of frames after which it ends.
     """
 
     def __init__(
@@ -54,8 +54,8 @@ class Server:
         setup: Setup,
         provenance: Provenance,
         *,
-        most: int | None = None,
-        kept: Callable[[Shot], None] = lambda shot: None,
+        maximum: int | None = None,
+        retained: Callable[[Shot], None] = lambda shot: None,
         say: Callable[[str], None] = lambda text: None,
         states: Callable[[Server], None] = lambda server: None,
         clock: Callable[[], float] = time.monotonic,
@@ -67,13 +67,13 @@ class Server:
         self._line = line
         self._sender = Sender(setup, provenance, run=1 + secrets.randbelow(2**16 - 1))
         self._period_s = camera.instrument.frame_time_s
-        self._most = most
-        self._kept = kept
+        self._maximum = maximum
+        self._retained = retained
         self._say = say
         self._states = states
         self._clock = clock
         self._wait = wait
-        self._told: Pose | None = None
+        self._reported: Pose | None = None
         self._over = False
         self._trouble: str | None = None
         self._last = b""
@@ -88,12 +88,12 @@ class Server:
     def run_at_rate(self) -> None:
         """A frame each time that the patterns are through, until the flight is over."""
         due_s = -float("inf")
-        told_s = -float("inf")
+        reported_s = -float("inf")
         while not self._ended():
             if self._line.open():
-                due_s, told_s = self._clock(), -float("inf")
-            if self.time_s - told_s >= SETUP_EVERY_S:
-                told_s = self.time_s
+                due_s, reported_s = self._clock(), -float("inf")
+            if self.time_s - reported_s >= SETUP_EVERY_S:
+                reported_s = self.time_s
                 self._line.send(self._sender.setup(self._stamp))
             for message in self._line.messages(0.0):
                 self._take(message)
@@ -147,12 +147,12 @@ class Server:
         return round(1e9 * self.time_s)
 
     def _ended(self) -> bool:
-        return self._over or self.tally.frames == self._most
+        return self._over or self.tally.frames == self._maximum
 
     def _frame(self) -> bytes | None:
         """The message of the next frame; None where the flight is over."""
-        motion = self._pilot.fly(self._told, self.time_s, self._period_s)
-        self._told = None
+        motion = self._pilot.fly(self._reported, self.time_s, self._period_s)
+        self._reported = None
         if motion is None:
             return None
         trouble = self._pilot.trouble
@@ -161,7 +161,7 @@ class Server:
             self._say(f"{self.time_s:.2f} s: {trouble}")
         self._trouble = trouble
         shot = self.camera.shoot(motion, self._sender.number)
-        self._kept(shot)
+        self._retained(shot)
         message = self._sender.frame(shot.frame, self._stamp)
         self.tally.frames += 1
         self._state()
@@ -179,7 +179,7 @@ class Server:
         elif message.kind == Kind.COMMAND:
             self.tally.commands += 1
             try:
-                self._told = pose_of(message.payload) or self._told
+                self._reported = pose_of(message.payload) or self._reported
             except InputError as error:
                 self._refuse(str(error))
             return True

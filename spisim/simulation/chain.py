@@ -76,44 +76,44 @@ def simulate(
     truths = tuple(
         ground_truth(scene.at(time_s), instrument, subpixels=1) for time_s in middles_s.tolist()
     )
-    share = transport_noise_share
+    fraction = transport_noise_share
     budget: dict[str, Any] = {}
     if light == "surrogate":
-        found = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
+        result = surrogate_light(scene, instrument, frames=frames, seed=seed, progress=progress)
     else:
-        budget = {"spp": spp} if share is None else {"transport_noise_share": share}
-        found = trace(
+        budget = {"spp": spp} if fraction is None else {"transport_noise_share": fraction}
+        result = trace(
             scene,
             instrument,
             frames=frames,
             spp=spp,
-            transport_noise_share=share,
+            transport_noise_share=fraction,
             seed=seed,
             progress=progress,
         )
-    how = {**budget, "backend": activate(), "light": {"source": light, **_told(found)}}
+    how = {**budget, "backend": activate(), "light": {"source": light, **_reported(result)}}
     capture = record(
-        scene, instrument, found, truths, seed=seed, noise=noise, frames=frames, settings=how
+        scene, instrument, result, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
     if light == "surrogate":
         provenance = capture.provenance
-        told = f"{provenance.software}, {SURROGATE}"
-        capture = replace(capture, provenance=replace(provenance, software=told))
-    return Simulation(capture, found.transports[0], truths)
+        text = f"{provenance.software}, {SURROGATE}"
+        capture = replace(capture, provenance=replace(provenance, software=text))
+    return Simulation(capture, result.transports[0], truths)
 
 
-def _told(light: LightSequence) -> dict[str, Any]:
+def _reported(light: LightSequence) -> dict[str, Any]:
     """How well the light is known, at the worst of the key times."""
 
     def worst(values: Iterable[float]) -> float:
         return float(f"{max(values):.3g}")
 
     keys = light.transports
-    told: dict[str, Any] = {
+    reported: dict[str, Any] = {
         name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
     }
-    told["noise_share"] = worst(key.noise_share for key in keys)
-    told["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
+    reported["noise_share"] = worst(key.noise_share for key in keys)
+    reported["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
     for name in ("daylight", "spot_daylight", "spot_crosstalk"):
         powers = (
             (
@@ -123,7 +123,7 @@ def _told(light: LightSequence) -> dict[str, Any]:
             for key in keys
         )
         tiny = np.finfo(np.float64).tiny
-        told[f"{name}_relative_error"] = worst(
+        reported[f"{name}_relative_error"] = worst(
             float(np.max(error / np.maximum(power, tiny), initial=0.0)) for power, error in powers
         )
-    return told
+    return reported

@@ -26,7 +26,7 @@ from spisim.transport.engine.direct import direct_light, mirrored_light
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
-from spisim.transport.engine.sampling import Gauge, TargetError, repeat
+from spisim.transport.engine.sampling import ErrorMetric, TargetError, repeat
 from spisim.transport.engine.tally import Deposit, ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Sky, Walk
 from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
@@ -39,7 +39,7 @@ STEADY_ERROR = 0.05
 #: Independent estimates side by side in every launch, from which the error is told.
 REPLICAS = 16
 #: Paths per detector in each of them: in the first launch, and when it is given up.
-FIRST_PATHS, MOST_PATHS = 2**7, 2**20
+FIRST_PATHS, MAX_PATHS = 2**7, 2**20
 
 #: The light of walks that end where they meet the sky differs by their weight alone; they are kept
 #: until they carry less than this share of it (5 times as efficient at an albedo of 0.99).
@@ -153,8 +153,8 @@ def projector_power(
         if max_vertices > 1 or world.geometry.see_through:
             walk(ends, lamp, False, second_on_or_behind_glass).run(seeds[1], max_vertices)
 
-    found = _received(trace, detectors, floor_w / total_w, target, seed)
-    return Received(total_w * found.power_w, total_w * found.error_w, found.dropped)
+    result = _received(trace, detectors, floor_w / total_w, target, seed)
+    return Received(total_w * result.power_w, total_w * result.error_w, result.dropped)
 
 
 def _received(
@@ -177,7 +177,7 @@ def _received(
         tiny = float(np.finfo(np.float64).tiny)
         return float(np.max(error_w / np.maximum(mean_w + floor_w, tiny)))
 
-    gauge = Gauge(lambda sums: sums["image"], size)
-    budget = TargetError(target, gauge, FIRST_PATHS, REPLICAS * MOST_PATHS, REPLICAS)
-    found = repeat(launch, budget, detectors, seed, None, replicas=REPLICAS)
-    return Received(found.mean["image"], found.error["image"], found.dropped)
+    error_metric = ErrorMetric(lambda sums: sums["image"], size)
+    budget = TargetError(target, error_metric, FIRST_PATHS, REPLICAS * MAX_PATHS, REPLICAS)
+    result = repeat(launch, budget, detectors, seed, None, replicas=REPLICAS)
+    return Received(result.mean["image"], result.error["image"], result.dropped)

@@ -63,7 +63,7 @@ class Enclosed:
         Drawn from crossing to crossing: flights have no memory. Without a bias.
         """
         wraps, inside_m = self._sums(origin, direction, far, active)
-        found, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
+        result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
         while dr.hint(going, exclude=[self, origin, direction, far]):
@@ -71,12 +71,12 @@ class Enclosed:
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
             distance = self._collision(origin, direction, since, end, wraps, sampler, inside)
-            found = dr.select(inside & (distance < end), distance, found)
+            result = dr.select(inside & (distance < end), distance, result)
             wraps -= dr.select(crossing.counts, crossing.sign, 0)
             since = dr.select(going, end, since)
             gone, last = crossing.beyond, crossing.triangle
-            going &= crossing.met & (crossing.distance < far) & (found == dr.inf)
-        return found
+            going &= crossing.met & (crossing.distance < far) & (result == dr.inf)
+        return result
 
     def transmittance(
         self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any

@@ -25,9 +25,9 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
         return
     lasers = np.flatnonzero(mirrored_beams(world, beams, detectors))
     if lasers.size:
-        told = ", ".join(map(str, lasers))
+        text = ", ".join(map(str, lasers))
         warnings.warn(
-            f"mirrors throw the beam of spot {told} straight into its detector: that light is left "
+            f"mirrors throw the beam of spot {text} straight into its detector: that light is left "
             "out, though it would outshine all other",
             TransportWarning,
             stacklevel=3,
@@ -36,7 +36,7 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
 
 def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> Any:
     """Whether mirrors throw each beam, as wide as it is by then, onto its aperture (beams,)."""
-    origins, places = (
+    origins, positions = (
         mi.Point3f(each.T.astype(np.float32)) for each in (beams.origins_m, detectors.positions_m)
     )
     directions, axes = (
@@ -44,21 +44,21 @@ def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> An
     )
     ray: Any = mi.Ray3f(origins, directions)
     length_m = mi.Float(0)
-    going, found = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
+    going, result = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
     aperture_m, cosine = np.sqrt(detectors.area_m2 / np.pi), np.cos(detectors.half_angle_rad)
     for mirrors in range(MAX_MIRRORS + 1):
         si: Any = world.geometry.scene.ray_intersect(ray, going)
         if mirrors > 0:
-            along_m = dr.dot(places - ray.o, ray.d)
-            aside_m = dr.norm(places - ray(along_m))
+            along_m = dr.dot(positions - ray.o, ray.d)
+            aside_m = dr.norm(positions - ray(along_m))
             sigma_m = dr.hypot(beams.waist_m, beams.divergence_rad * (length_m + along_m))
             meets = (
                 (along_m > 0) & (along_m < si.t) & (aside_m < aperture_m + BEAM_SIGMAS * sigma_m)
             )
-            found |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
+            result |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
         going &= si.is_valid()
         sample, _ = si.bsdf().sample(mi.BSDFContext(), si, mi.Float(0), mi.Point2f(0.5), going)
         going &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         length_m += dr.select(going, si.t, 0)
         ray = dr.select(going, si.spawn_ray(si.to_world(sample.wo)), ray)
-    return found.numpy()
+    return result.numpy()

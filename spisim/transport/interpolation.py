@@ -14,18 +14,18 @@ class Interpolation(NamedTuple):
     """Light at times (frames, M): that of some keys each, (frames, M, keys), by their shares."""
 
     keys: NDArray[np.intp]
-    shares: Floats
+    fractions: Floats
 
     def until(self, frames: int) -> Interpolation:
         """That of the first frames."""
-        return Interpolation(self.keys[:frames], self.shares[:frames])
+        return Interpolation(self.keys[:frames], self.fractions[:frames])
 
     def means(self, values: Floats) -> Floats:
         """Mean over each frame's times, (frames, ...), of what is `values` (K, ...) at the keys."""
         flat = values.reshape(len(values), -1)
         times = self.keys.shape[1]
         means = np.empty((len(self.keys), flat.shape[1]))
-        for frame, (keys, shares) in enumerate(zip(self.keys, self.shares, strict=True)):
-            found, places = np.unique(keys, return_inverse=True)
-            means[frame] = np.bincount(places.ravel(), shares.ravel()) / times @ flat[found]
+        for frame, (keys, fractions) in enumerate(zip(self.keys, self.fractions, strict=True)):
+            result, positions = np.unique(keys, return_inverse=True)
+            means[frame] = np.bincount(positions.ravel(), fractions.ravel()) / times @ flat[result]
         return means.reshape(-1, *values.shape[1:])

@@ -27,7 +27,7 @@ from spisim.transport.bounds import Bounds, Box
 #: Flights collide so many times as often as light does where they leave an end, at most,
 BIAS = 5.0
 #: so far from it, at most, or a mean free path,
-BIAS_REACH_M = 3.0
+BIAS_MAX_RANGE_M = 3.0
 #: and with an optical depth at most so much larger in all, so that their weights are bounded.
 BIAS_DEPTH = 1.5
 
@@ -40,28 +40,28 @@ class Bias:
     """
 
     strength: Any  # c
-    reach_m: Any  # b
+    max_range_m: Any  # b
 
     @classmethod
     def of(cls, extinction_per_m: float) -> Bias:
         """That of a medium."""
-        reach_m = min(BIAS_REACH_M, 1 / extinction_per_m)
-        strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * reach_m * np.pi / 2))
-        return cls(dr.opaque(mi.Float, strength), dr.opaque(mi.Float, reach_m))
+        max_range_m = min(BIAS_MAX_RANGE_M, 1 / extinction_per_m)
+        strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * max_range_m * np.pi / 2))
+        return cls(dr.opaque(mi.Float, strength), dr.opaque(mi.Float, max_range_m))
 
     def length_m(self, near: Any, far: Any) -> Any:
         """Its integral from one distance to another."""
-        angle = dr.atan(far / self.reach_m) - dr.atan(near / self.reach_m)
-        return self.strength * self.reach_m * angle
+        angle = dr.atan(far / self.max_range_m) - dr.atan(near / self.max_range_m)
+        return self.strength * self.max_range_m * angle
 
     def way_m(self, near: Any, length_m: Any) -> Any:
         """From `near` on until its integral is `length_m`; infinite where it never is."""
-        angle = dr.atan(near / self.reach_m) + length_m / (self.strength * self.reach_m)
-        return dr.select(angle < 0.5 * dr.pi, self.reach_m * dr.tan(angle) - near, dr.inf)
+        angle = dr.atan(near / self.max_range_m) + length_m / (self.strength * self.max_range_m)
+        return dr.select(angle < 0.5 * dr.pi, self.max_range_m * dr.tan(angle) - near, dr.inf)
 
     def factor(self, distance: Any) -> Any:
         """Of all extinction over the true one."""
-        return 1 + self.strength / (1 + dr.square(distance / self.reach_m))
+        return 1 + self.strength / (1 + dr.square(distance / self.max_range_m))
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,8 +155,8 @@ class Grid:
         while dr.hint(going, exclude=[self, origin, direction, end, times]):
             distance -= dr.log(1 - sampler.next_1d(going)) / (self.extinction_per_m * times)
             going &= distance < end
-            place = origin + distance * direction
-            real = going & (sampler.next_1d(going) < self.density_at(place))
+            position = origin + distance * direction
+            real = going & (sampler.next_1d(going) < self.density_at(position))
             collision = dr.select(real, distance, collision)
             going &= ~real
         return collision
@@ -272,7 +272,7 @@ class Media:
             through *= part.transmittance(origin, direction, far, sampler, active)
         return through
 
-    def known_transmittance(self, origin: Any, direction: Any, far: Any) -> Any:
+    def closed_form_transmittance(self, origin: Any, direction: Any, far: Any) -> Any:
         """The factors of the transmittance that have a closed form."""
         through = mi.Float(1)
         for part in self.parts:

@@ -39,29 +39,29 @@ class Meshes:
     def of(cls, objects: Sequence[SceneObject]) -> Meshes:
         """Those of objects; the last ones made of them, as long as nothing about them changed."""
         key = str(mi.variant()).encode() + surface_content(objects)
-        content, kept = _KEPT.get(objects[0], (b"", None)) if objects else (b"", None)
-        if kept is None or content != key:
-            _KEPT.clear()
-            kept = cls._made(objects)
+        content, retained = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
+        if retained is None or content != key:
+            _CACHED.clear()
+            retained = cls._made(objects)
             if objects:
-                _KEPT[objects[0]] = key, kept
-        return kept
+                _CACHED[objects[0]] = key, retained
+        return retained
 
     @classmethod
     def _made(cls, objects: Sequence[SceneObject]) -> Meshes:
         groups = _by_material(objects)
         in_order = [number for group in groups for number in group]
         starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
-        places = [0, *accumulate(map(len, groups))]
+        positions = [0, *accumulate(map(len, groups))]
         scene = mi.load_dict({"type": "scene", **shapes(objects)})
         numbers = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in scene.shapes()]
-        known = np.full(max(numbers, default=0) + 1, -1)
-        known[numbers] = np.arange(len(numbers))
+        given = np.full(max(numbers, default=0) + 1, -1)
+        given[numbers] = np.arange(len(numbers))
         return cls(
             scene,
             any(is_null_transmitting(thing.material) for thing in objects),
-            known,
-            np.array([starts[place] for place in places[:-1]], dtype=np.int64),
+            given,
+            np.array([starts[position] for position in positions[:-1]], dtype=np.int64),
             np.array(starts),
             np.array(in_order, dtype=np.int64),
         )
@@ -73,8 +73,8 @@ class Meshes:
 
     def triangles_of(self, number: int) -> slice:
         """The numbers that the triangles of an object have here, in their order."""
-        (place,) = np.flatnonzero(self._objects == number)
-        return slice(int(self._starts[place]), int(self._starts[place + 1]))
+        (position,) = np.flatnonzero(self._objects == number)
+        return slice(int(self._starts[position]), int(self._starts[position + 1]))
 
     @cached_property
     def _first_of(self) -> Any:
@@ -92,8 +92,8 @@ class Meshes:
         ours = shape < len(self._shapes)
         ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
         owner = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
-        found: Any = dr.select(ours, owner, -1)
-        return np.asarray(found.numpy(), dtype=np.int64)
+        result: Any = dr.select(ours, owner, -1)
+        return np.asarray(result.numpy(), dtype=np.int64)
 
     @cached_property
     def _number_of(self) -> Any:
@@ -109,7 +109,7 @@ class Meshes:
 #: The last ones that were made of objects, by the first of these: they last as long as it does.
 #: There are no more than these, for Dr.Jit makes a kernel for all shapes and materials that there
 #: are, of whatever scene.
-_KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
+_CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
 
 
 def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:

@@ -33,7 +33,7 @@ MAX_FACETS = 4096
 #: Mirrors in a row next to an end.
 MAX_FOLDS = 2
 #: Triangles lie in one plane if their normals and distances from the origin agree to this.
-SAME_NORMAL, SAME_PLACE_M = 2e-3, 1e-3
+SAME_NORMAL, SAME_POSITION_M = 2e-3, 1e-3
 
 
 class Plane(NamedTuple):
@@ -52,7 +52,7 @@ class Plane(NamedTuple):
 
     def holds(self, si: Any) -> Any:
         """Whether a place on a surface belongs to the plane: it may cross others there."""
-        near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_PLACE_M
+        near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_POSITION_M
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
 
 
@@ -122,7 +122,7 @@ class _Planes(NamedTuple):
         met = vertex + before_m / (before_m + behind_m) * (image - vertex)
         aside = met - dr.gather(mi.Point3f, self.middles, number)
         along = dr.gather(mi.Vector3f, self.along, number)
-        half_m = dr.gather(mi.Point2f, self.halves_m, number) + 2 * SAME_PLACE_M
+        half_m = dr.gather(mi.Point2f, self.halves_m, number) + 2 * SAME_POSITION_M
         within = dr.abs(dr.dot(along, aside)) < half_m.x
         within &= dr.abs(dr.dot(dr.cross(plane.normal, along), aside)) < half_m.y
         return (before_m * behind_m > 0) & within
@@ -135,12 +135,12 @@ class Mirrors:
     largest: _Planes
     all: _Planes
     again: Any  # how often a second one follows
-    most: int  # in a row
+    maximum: int  # in a row
 
     @classmethod
     def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
         """Those of objects that mirror; None where there are none."""
-        planes, strength = _known_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
+        planes, strength = _candidate_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
         if not strength.size:
             return None
         planes, strength = planes.astype(np.float32), strength.astype(np.float32)
@@ -148,7 +148,7 @@ class Mirrors:
             largest=_Planes.of(planes[:MAX_PLANES], strength[:MAX_PLANES]),
             all=_Planes.of(planes, strength),
             again=dr.opaque(mi.Float, _again(things)),
-            most=min(len(planes), MAX_FOLDS),
+            maximum=min(len(planes), MAX_FOLDS),
         )
 
     def one(self, number: Any) -> Fold:
@@ -167,7 +167,7 @@ class Mirrors:
         """The first by a number, of all, and whatever follows of the largest, for each lane."""
         plane, probability = self.all.draw(uniform)
         planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
-        for _ in range(1, self.most):
+        for _ in range(1, self.maximum):
             on = sampler.next_1d() < self.again
             probability *= dr.select(going, dr.select(on, self.again, 1 - self.again), 1)
             going &= on
@@ -205,9 +205,9 @@ def reflected(
             mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
         )
         met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-        kept = weight.x * sample.pdf * through
-        kept *= media.transmittance(ray.o, ray.d, gap_m, sampler, met)
-        left = dr.select(here, dr.select(met, left * kept, 0), left)
+        retained = weight.x * sample.pdf * through
+        retained *= media.transmittance(ray.o, ray.d, gap_m, sampler, met)
+        left = dr.select(here, dr.select(met, left * retained, 0), left)
         rest_m -= dr.select(met, gap_m, 0)
         ray = dr.select(met, si.spawn_ray(si.to_world(sample.wo)), ray)
     left *= geometry.along(ray, rest_m, left > 0)
@@ -220,8 +220,8 @@ def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors 
         [each for each in objects if isinstance(each.material.bsdf, kinds) and _is_whole(each)]
         for kinds in (Plastic, Mirror | Conductor | Dielectric | ThinPane)
     )
-    found = Mirrors.of(mirrors)
-    return found, Mirrors.of(coats + mirrors) if coats else found
+    result = Mirrors.of(mirrors)
+    return result, Mirrors.of(coats + mirrors) if coats else result
 
 
 def _is_whole(thing: SceneObject) -> bool:
@@ -240,21 +240,21 @@ def _again(mirrors: Sequence[SceneObject]) -> float:
     """How often to look for a second mirror: what light keeps on average, to what it had before."""
     reflectances = [_reflectance(thing) for thing in mirrors]
     areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
-    kept = float(np.average(reflectances, weights=areas))
-    return kept / (1 + kept)
+    retained = float(np.average(reflectances, weights=areas))
+    return retained / (1 + retained)
 
 
-def _known_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
+def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     """See `_planes`; those found last for the first of the objects, as long as none changed."""
     content = surface_content(mirrors)
-    known = _KEPT.get(mirrors[0])
-    if known is None or known[0] != content:
-        known = _KEPT[mirrors[0]] = content, _planes(mirrors)
-    return known[1]
+    given = _CACHED.get(mirrors[0])
+    if given is None or given[0] != content:
+        given = _CACHED[mirrors[0]] = content, _planes(mirrors)
+    return given[1]
 
 
 #: The planes found last, by the first of the objects and with the content of all.
-_KEPT: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
+_CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
@@ -263,22 +263,22 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
-    found: list[Floats] = []
+    result: list[Floats] = []
     total: list[float] = []
     free = strength > 0
     for largest in np.argsort(-strength, kind="stable"):
-        if not free[largest] or len(found) == MAX_FACETS:
+        if not free[largest] or len(result) == MAX_FACETS:
             continue
         normal = normals[largest]
         offset = float(normal @ triangles[largest, 0])
         same = np.flatnonzero(free & (np.abs(normals @ normal) > 1 - SAME_NORMAL**2 / 2))
-        flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_PLACE_M
+        flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_POSITION_M
         same = same[flush | (same == largest)]
-        found.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
+        result.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
         total.append(float(strength[same].sum()))
         free[same] = False
     strongest = np.argsort(-np.array(total), kind="stable")
-    return np.array(found)[strongest], np.array(total)[strongest]
+    return np.array(result)[strongest], np.array(total)[strongest]
 
 
 def _rectangle(triangles: Floats, normal: Floats) -> Floats:

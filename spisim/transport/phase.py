@@ -21,7 +21,7 @@ def phase_plugin(phase: Phase) -> Any:
         case Blend(parts=((_, only),)):
             return phase_plugin(only)
         case Blend(parts=((weight, first), *others)):
-            rest = Blend(tuple((share / (1 - weight), other) for share, other in others))
+            rest = Blend(tuple((fraction / (1 - weight), other) for fraction, other in others))
             return mi.load_dict(
                 {
                     "type": "blendphase",

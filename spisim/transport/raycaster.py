@@ -20,11 +20,11 @@ from spisim.transport.meshes import Meshes
 #: Whole surfaces, or panes, that a line of sight goes through at most.
 MAX_PANES = 8
 #: Of the light of a ray, what is worth being followed through a pane.
-LEAST_LEFT = 0.02
+MIN_LEFT = 0.02
 #: Rays that look for what keeps skylight off a point, and how far. Neighbours go on with one
 #: sequence, so that what a pixel averages over fills the sky evenly.
 SKY_RAYS = 8
-SKY_REACH_M = 2.0
+SKY_MAX_RANGE_M = 2.0
 #: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number), in 2^-32.
 PLASTIC = tuple(round(step * 2**32) for step in (0.7548776662, 0.5698402910))
 #: Rays at a time, which bounds the memory.
@@ -90,7 +90,7 @@ class RayCaster:
             seen[lanes] += fraction * np.sqrt(reflectance[ids]) * self._sky(si)
             weight[lanes] += fraction
             left[lanes] = through
-            going = np.flatnonzero(through >= LEAST_LEFT)
+            going = np.flatnonzero(through >= MIN_LEFT)
             if not len(going):
                 break
             lanes = lanes[going]
@@ -108,7 +108,7 @@ class RayCaster:
             point = mi.Point2f(*(mi.Float((first + number) * step) / 2**32 for step in PLASTIC))
             towards = mi.warp.square_to_cosine_hemisphere(point)
             ray = si.spawn_ray(frame.to_world(towards))
-            ray.maxt = SKY_REACH_M
+            ray.maxt = SKY_MAX_RANGE_M
             free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
         shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)

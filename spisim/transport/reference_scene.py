@@ -90,11 +90,11 @@ def _emitter(lamp: Lamp, watts_per_klm: float) -> dict[str, Any]:
             intensity = lamp.intensity.in_band(watts_per_klm)
             if lamp.cutoff_rad == np.pi:
                 return {"type": "point", "position": lamp.position_m, "intensity": intensity}
-            place = np.asarray(lamp.position_m)
+            position = np.asarray(lamp.position_m)
             beside = np.eye(3)[np.argmin(np.abs(lamp.direction))]
             look = mi.ScalarTransform4f().look_at(
-                origin=place.tolist(),
-                target=(place + lamp.direction).tolist(),
+                origin=position.tolist(),
+                target=(position + lamp.direction).tolist(),
                 up=beside.tolist(),
             )
             return {

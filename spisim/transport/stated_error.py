@@ -37,14 +37,14 @@ PIXELS = Around((3, 3), 1.0)
 BINS = Around((1, 33), 2.0)
 
 
-def image_error(found: Estimate, shape: tuple[int, int]) -> Floats:
+def image_error(result: Estimate, shape: tuple[int, int]) -> Floats:
     """Of each pixel (H, W) of an estimated `image` (H·W,)."""
-    return moderated(found.error["image"].reshape(shape), found.launches, PIXELS)
+    return moderated(result.error["image"].reshape(shape), result.launches, PIXELS)
 
 
-def spot_error(found: Estimate) -> Floats:
+def spot_error(result: Estimate) -> Floats:
     """Of each bin (spots, bins) of an estimated `histogram`."""
-    return moderated(found.error["histogram"], found.launches, BINS)
+    return moderated(result.error["histogram"], result.launches, BINS)
 
 
 def moderated(error: Floats, launches: int, around: Around) -> Floats:

@@ -114,8 +114,10 @@ class InstrumentView:
                 lit.lens_radius_m,
                 lit.focus_m,
             )
-            places = np.asarray(detector.positions_m)
-            bucket = _placed(detector, places, np.tile([0.0, 0.0, 1.0], (len(places), 1)), pose)
+            positions = np.asarray(detector.positions_m)
+            bucket = _placed(
+                detector, positions, np.tile([0.0, 0.0, 1.0], (len(positions), 1)), pose
+            )
         if instrument.ranges:
             ranging = instrument.ranging
             headings = ranging.lasers.directions @ rotation.T

@@ -16,7 +16,7 @@ from spisim.transport.engine.estimator import Strategy
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(10)
-PLACES = np.array([[0.05, 0.0, 0.0], [-0.2, 0.1, 0.0]])
+POSITIONS = np.array([[0.05, 0.0, 0.0], [-0.2, 0.1, 0.0]])
 AXES = np.array([[0.0, 0.0, 1.0], [0.08, 0.0, 1.0]])
 PLAN = make_plan((16, 16), 4, polarity="single-ended")
 PATHS = {Strategy.BOTH: 256, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 4096}
@@ -30,7 +30,7 @@ def fog(extinction):
 
 def looking(*numbers):
     """One detector or both of them."""
-    return worlds.detector(PLACES[[*numbers]], AXES[[*numbers]], area_m2=2e-6, half_angle_deg=10)
+    return worlds.detector(POSITIONS[[*numbers]], AXES[[*numbers]], area_m2=2e-6, half_angle_deg=10)
 
 
 def test_in_clear_air_what_detectors_see_is_joined_to_walks_as_well():

@@ -84,11 +84,11 @@ def test_the_engine_agrees_with_mitsuba_without_a_compiler() -> None:
 def test_cuda_and_llvm_agree() -> None:
     if not has_cuda():
         pytest.skip("no CUDA device: the light is traced with LLVM here")
-    found = []
+    result = []
     for name in (CUDA_VARIANT, LLVM_VARIANT):
         with variant(name):
-            found.append(images(256))
-    on_gpu, on_cpu = found
+            result.append(images(256))
+    on_gpu, on_cpu = result
     assert np.all(np.abs(worlds.z_score(on_gpu, on_cpu)) < 5)
     assert on_gpu.mean() == pytest.approx(on_cpu.mean(), rel=0.01)
 

@@ -20,25 +20,27 @@ from spisim.simulation.measurement import BucketLight, bucket_light, record
 from spisim.simulation.measurement.buckets import record_buckets
 from spisim.transport import GroundTruth, ground_truth
 
-PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1)))
+POSITION = worlds.scene(
+    worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=20, sun_direction=(0, 0, 1))
+)
 FRAMES = 1000
 
 
 @cache
-def still(instrument: Instrument, place: Scene = PLACE) -> LightSequence:
+def still(instrument: Instrument, position: Scene = POSITION) -> LightSequence:
     return trace(
-        place, instrument, frames=1, spp=16, transport_noise_share=None, seed=0, progress=None
+        position, instrument, frames=1, spp=16, transport_noise_share=None, seed=0, progress=None
     )
 
 
 @pytest.fixture(scope="module")
 def truth() -> GroundTruth:
-    return ground_truth(PLACE, load_instrument("paper"))
+    return ground_truth(POSITION, load_instrument("paper"))
 
 
 def capture_of(instrument: Instrument, truth: GroundTruth, *, noise: bool, frames: int) -> Capture:
     light = still(instrument)
-    return record(PLACE, instrument, light, [truth], seed=5, noise=noise, frames=frames)
+    return record(POSITION, instrument, light, [truth], seed=5, noise=noise, frames=frames)
 
 
 COUNTER = {
@@ -82,10 +84,10 @@ def test_noise_is_what_the_capture_says(instrument: Instrument, truth: GroundTru
 
 @pytest.mark.parametrize("instrument", instruments()[3:], ids=["ac", "spad"])
 def test_every_detector_gives_an_image(instrument: Instrument) -> None:
-    place = worlds.scene(*worlds.room())
-    light = still(instrument, place)
-    truth = ground_truth(place, instrument)
-    capture = record(place, instrument, light, [truth], seed=1, noise=False)
+    position = worlds.scene(*worlds.room())
+    light = still(instrument, position)
+    truth = ground_truth(position, instrument)
+    capture = record(position, instrument, light, [truth], seed=1, noise=False)
     metrics = reconstruction.evaluate(reconstruction.reconstruct(capture), capture)
     assert metrics["images"]["pursuit"]["correlation"] > 0.9
 
@@ -132,16 +134,16 @@ def test_twice_the_sun_is_twice_the_background() -> None:
     levels = []
     for klx in (10, 20):
         ambient = Ambient(sun_klx=klx, sun_direction=(0, 0, 1))
-        place = worlds.scene(worlds.plane(4.0, 0.5), ambient=ambient)
-        light = bucket_light(paper, still(paper, place), 1)
+        position = worlds.scene(worlds.plane(4.0, 0.5), ambient=ambient)
+        light = bucket_light(paper, still(paper, position), 1)
         levels.append(light.buckets[0, -1] - dark)  # the dark exposure
     assert levels[1] == pytest.approx(2 * levels[0], rel=1e-6)
 
 
 def test_leaking_pixels_cost_contrast_and_nothing_else() -> None:
-    place = worlds.scene(*worlds.room())
+    position = worlds.scene(*worlds.room())
     black, grey = changed("paper"), changed("paper", projector__on_off_contrast=5.0)
-    images = [bucket_light(one, still(one, place), 1) for one in (black, grey)]
+    images = [bucket_light(one, still(one, position), 1) for one in (black, grey)]
     np.testing.assert_allclose(images[1].image, 0.8 * images[0].image, rtol=1e-12)
     decoder = decoder_for(black.pattern_plan)
     decoded = [decoder.decode(light.buckets[0]) for light in images]
@@ -155,12 +157,12 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
     instrument = changed(
         "paper", projector__shape=[16, 16], projector__modulation=modulation, plan=plan
     )
-    place = worlds.scene(worlds.plane(4.0, 0.5))
-    truth = ground_truth(place, instrument)
+    position = worlds.scene(worlds.plane(4.0, 0.5))
+    truth = ground_truth(position, instrument)
     light = trace(
-        place, instrument, frames=1, spp=1024, transport_noise_share=None, seed=0, progress=None
+        position, instrument, frames=1, spp=1024, transport_noise_share=None, seed=0, progress=None
     )
-    capture = record(place, instrument, light, [truth], seed=0, noise=False)
+    capture = record(position, instrument, light, [truth], seed=0, noise=False)
     taps = capture.pattern_taps
     assert taps is not None
     assert taps.taps.shape == (1, 512, 4)
@@ -172,10 +174,10 @@ def test_taps_of_every_pattern_hold_the_range_of_every_pixel() -> None:
 
 
 def test_photodiodes_in_parallel_add_up() -> None:
-    place = worlds.scene(worlds.plane(4.0, 0.5))
+    position = worlds.scene(worlds.plane(4.0, 0.5))
     one = changed("paper")
     two = changed("paper", detector__positions_m=[[0.05, 0, 0], [0.05, 0, 0]])
-    lights = [bucket_light(instrument, still(instrument, place), 1) for instrument in (one, two)]
+    lights = [bucket_light(instrument, still(instrument, position), 1) for instrument in (one, two)]
     np.testing.assert_allclose(lights[1].image, 2 * lights[0].image, rtol=0.02)
 
 
@@ -204,8 +206,8 @@ def test_patterns_of_a_file_are_shown(tmp_path: Path) -> None:
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(fields))
     instrument = load_instrument(tmp_path / "mine.yaml")
     light = still(instrument)
-    truth = ground_truth(PLACE, instrument)
-    capture = record(PLACE, instrument, light, [truth], seed=5, noise=False)
+    truth = ground_truth(POSITION, instrument)
+    capture = record(POSITION, instrument, light, [truth], seed=5, noise=False)
     level = bucket_light(instrument, light, 1)
     lit = (patterns * level.image[0]).sum(axis=(1, 2))
     change = capture.buckets.signal[0] - lit
@@ -216,9 +218,9 @@ def test_patterns_of_a_file_are_shown(tmp_path: Path) -> None:
 
     write_capture(capture, tmp_path / "capture.h5")
     (tmp_path / "grey.npy").unlink()
-    told = yaml.safe_load(capture.provenance.instrument)
-    told["plan"]["patterns_file"] = "capture.h5"
-    (tmp_path / "again.yaml").write_text(yaml.safe_dump(told))
+    reported = yaml.safe_load(capture.provenance.instrument)
+    reported["plan"]["patterns_file"] = "capture.h5"
+    (tmp_path / "again.yaml").write_text(yaml.safe_dump(reported))
     again = load_instrument(tmp_path / "again.yaml").pattern_plan
     np.testing.assert_array_equal(again.patterns.patterns, patterns)
     (tmp_path / "again.yaml").write_text(capture.provenance.instrument)

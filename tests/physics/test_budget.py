@@ -99,15 +99,15 @@ def test_mean_light_of_the_patterns_on_small_detectors(
     instrument = instrument.model_copy(update={"tof": tof})
     monkeypatch.setattr(link, "FIELD_SAMPLES", 2**18)
     scene = worlds.scene(WALL)
-    found = [solve(scene, instrument, spp=1, seed=seed).spot_crosstalk_w for seed in range(RUNS)]
-    assert np.abs(z_score(found, spot_link(instrument, TARGET).patterns_w)).max() < 4
+    result = [solve(scene, instrument, spp=1, seed=seed).spot_crosstalk_w for seed in range(RUNS)]
+    assert np.abs(z_score(result, spot_link(instrument, TARGET).patterns_w)).max() < 4
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_mean_light_of_the_patterns_on_the_spots(name: str) -> None:
     """Lenses of 8 mm, and a field probed in 512 directions: to 0.2 %."""
-    found = np.mean([run.spot_crosstalk_w for run in runs(name)], axis=0)
-    assert spot_link(preset(name), TARGET).patterns_w == pytest.approx(found, rel=2e-3, abs=0)
+    result = np.mean([run.spot_crosstalk_w for run in runs(name)], axis=0)
+    assert spot_link(preset(name), TARGET).patterns_w == pytest.approx(result, rel=2e-3, abs=0)
 
 
 @pytest.mark.slow
@@ -116,10 +116,10 @@ def test_fog_takes_as_much_as_its_extinction_says() -> None:
     paper = preset("paper")
     scene = worlds.scene(WALL, extinction_per_m=EXTINCTION, albedo=0.0)
     target = Target(DISTANCE_M, REFLECTANCE, 0.0, EXTINCTION)
-    found = [solve(scene, paper, spp=SPP, seed=seed) for seed in range(RUNS)]
-    powers = [np.sum(run.image * paper.pixel_powers_w) for run in found]
+    result = [solve(scene, paper, spp=SPP, seed=seed) for seed in range(RUNS)]
+    powers = [np.sum(run.image * paper.pixel_powers_w) for run in result]
     assert abs(z_score(powers, bucket_link(paper, target).signal_w)) < 4
-    echoes = [run.spot_histogram.sum(axis=-1) * paper.lasers.power_w for run in found]
+    echoes = [run.spot_histogram.sum(axis=-1) * paper.lasers.power_w for run in result]
     assert np.abs(z_score(echoes, spot_link(paper, target).echo_w)).max() < 4
 
 
@@ -166,10 +166,10 @@ def test_variance_of_a_spot_s_reading(name: str) -> None:
 @pytest.mark.parametrize("name", CHARGE)
 def test_scatter_of_ranges(name: str) -> None:
     spots = recorded(name, FRAMES)
-    found = np.array([measure_ranges(spots, frame).range_m for frame in range(FRAMES)])
+    result = np.array([measure_ranges(spots, frame).range_m for frame in range(FRAMES)])
     sigma = range_sigma_m(preset(name), TARGET)
     for spot in range(4):
-        assert abs(z_of_variance(found[:, spot], sigma[spot])) < 4
+        assert abs(z_of_variance(result[:, spot], sigma[spot])) < 4
 
 
 @pytest.mark.slow
@@ -177,10 +177,10 @@ def test_scatter_of_ranges_from_single_photons() -> None:
     """Maximum likelihood comes close to the Cramér-Rao bound, and never below."""
     frames = 200
     spots = recorded("spad", frames)
-    found = np.array([measure_ranges(spots, frame).range_m for frame in range(frames)])
+    result = np.array([measure_ranges(spots, frame).range_m for frame in range(frames)])
     sigma = range_sigma_m(preset("spad"), TARGET)
-    ratio = np.sqrt(np.mean(found.var(axis=0, ddof=1) / sigma**2))
-    assert 1 - 4 / np.sqrt(2 * found.size) < ratio < 1.1 + 4 / np.sqrt(2 * found.size)
+    ratio = np.sqrt(np.mean(result.var(axis=0, ddof=1) / sigma**2))
+    assert 1 - 4 / np.sqrt(2 * result.size) < ratio < 1.1 + 4 / np.sqrt(2 * result.size)
 
 
 @cache

@@ -54,18 +54,18 @@ def depths(one, depth_m=WALL_M):
 
 
 def drops(one, falling, seed=0, fog_per_m=0.0, frames=1):
-    place = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
-    scene = replace(place, precipitation=(falling,))
+    position = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
+    scene = replace(position, precipitation=(falling,))
     return falling_drops(scene, one, [depths(one)], frames, np.random.default_rng(seed))
 
 
-def one_drop(one, place_m, diameter_mm, **options):
+def one_drop(one, position_m, diameter_mm, **options):
     """A single drop that hangs in the air."""
     (all_of_them,) = drops(one, rain(10.0, near_m=0.05, far_m=0.2), **options)
     field = all_of_them.field
     hanging = replace(
         field,
-        places_m=np.array([place_m], float),
+        starts_m=np.array([position_m], float),
         velocities_m_s=np.zeros((1, 3)),
         diameters_mm=np.array([diameter_mm], float),
         box=np.array([[-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]]),
@@ -111,8 +111,8 @@ def test_on_average_drops_hide_as_the_medium_does(options):
     there = np.linalg.norm(pixel_rays(one), axis=1)
     wall = WALL_M * pixel_rays(one)
     closed = []
-    for place in one.detector.positions_m:
-        here = np.linalg.norm(wall - place, axis=1) / WALL_M
+    for position in one.detector.positions_m:
+        here = np.linalg.norm(wall - position, axis=1) / WALL_M
         through = np.exp(-falling.extinction_per_m * (there + here) * (WALL_M - NEAR_M))
         closed.append(through.mean())
     assert abs(worlds.z_score_exact(passed, np.mean(closed))) < 4
@@ -156,8 +156,8 @@ def test_on_average_drops_send_back_what_the_medium_does(options):
         for seed in range(SEEDS)
     ]
     closed = sum(
-        closed_echo(falling, pixel_rays(one), one.detector, place, np.array([0, 0, 1.0])).sum()
-        for place in one.detector.positions_m
+        closed_echo(falling, pixel_rays(one), one.detector, position, np.array([0, 0, 1.0])).sum()
+        for position in one.detector.positions_m
     )
     assert abs(worlds.z_score_exact(echoes, closed)) < 4
     assert np.std(echoes) / np.sqrt(SEEDS) < 0.1 * closed
@@ -189,16 +189,16 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
     """One drop in the middle of a pixel, computed by hand."""
     one = instrument()
     ray = pixel_rays(one).reshape(16, 16, 3)[5, 9]
-    place, diameter = 1.5 * ray, 1.0
-    falling = one_drop(one, place, diameter)
+    position, diameter = 1.5 * ray, 1.0
+    falling = one_drop(one, position, diameter)
     disc = np.pi / 4 * (diameter * 1e-3) ** 2
     pixel = 4 * one.projector.tan_half_width * one.projector.tan_half_height / 256
     met = disc * np.linalg.norm(ray) / (1.5**2 * pixel)
 
     detector = np.array(one.detector.positions_m[0])
-    back = detector - place
+    back = detector - position
     distance = np.linalg.norm(back)
-    cosine = np.dot(place, back) / np.linalg.norm(place) / distance
+    cosine = np.dot(position, back) / np.linalg.norm(position) / distance
     scattered = falling[0].precipitation.optics.scattered_per_sr(cosine, diameter)
     area = one.detector.aperture_area_m2
     echo = met * scattered * area * -back[2] / distance**3
@@ -209,30 +209,30 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
 
     # From the detector the drop stands before another place of the wall, the same part of a pixel
     # as long as drop and detector are at right angles to it.
-    behind = detector + (place - detector) * WALL_M / place[2]
+    behind = detector + (position - detector) * WALL_M / position[2]
     column = int((behind[0] / WALL_M / one.projector.tan_half_width + 1) * 8)
     row = int((behind[1] / WALL_M / one.projector.tan_half_height + 1) * 8)
     assert (row, column) != (5, 9)
     from_detector = disc * distance / (-back[2]) ** 3 / pixel
-    for where, share in (((5, 9), met), ((row, column), from_detector)):
+    for where, fraction in (((5, 9), met), ((row, column), from_detector)):
         image = np.zeros((16, 16))
         image[where] = 1.0
-        assert one_exposure(one, falling, [image], dark)[0] == pytest.approx(-share, rel=1e-6)
+        assert one_exposure(one, falling, [image], dark)[0] == pytest.approx(-fraction, rel=1e-6)
 
 
 def test_fog_takes_light_of_a_drops_echo_out_and_back():
     """To a detector half a metre beside the pinhole the way back is another one."""
-    place_m = np.array([[0.3, 0.1, 2.0]])
+    position_m = np.array([[0.3, 0.1, 2.0]])
     seen_from = np.array([[0.5, 0.0, 0.0]])
     detector = DetectorView(seen_from, np.array([[0.0, 0.0, 1.0]]), 1e-4, 1.0)
     optics = rain(10.0).optics
     clear, foggy = (
-        echo(place_m, np.array([2.0]), optics, detector, 0, fog_per_m)
+        echo(position_m, np.array([2.0]), optics, detector, 0, fog_per_m)
         for fog_per_m in (0.0, FOG_PER_M)
     )
-    path_m = np.linalg.norm(place_m) + np.linalg.norm(place_m - seen_from)
+    path_m = np.linalg.norm(position_m) + np.linalg.norm(position_m - seen_from)
     assert foggy.length_m == pytest.approx(path_m)
-    assert foggy.share / clear.share == pytest.approx(np.exp(-FOG_PER_M * path_m))
+    assert foggy.fraction / clear.fraction == pytest.approx(np.exp(-FOG_PER_M * path_m))
 
 
 def test_a_drop_behind_the_wall_does_nothing():
@@ -258,8 +258,8 @@ def test_a_close_drop_hides_the_pixels_that_its_ball_covers():
     points = disc_points(
         centre[None], np.array([diameter]), np.zeros(1), float(np.sqrt(projector.pixel_area))
     )
-    shares = on_the_way_out(projector, falling.depth_m(0), points)
-    hidden = 1 - passing(shares, points, 256).reshape(16, 16)
+    fractions = on_the_way_out(projector, falling.depth_m(0), points)
+    hidden = 1 - passing(fractions, points, 256).reshape(16, 16)
     assert hidden.sum() == pytest.approx(covered.sum(), rel=0.01)
     assert np.sqrt(np.mean((hidden - covered)[covered > 0] ** 2)) < 0.1
 
@@ -330,13 +330,13 @@ def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
 
 def readings(one, *falling, frames=1, seed=0):
     """Mean electrons of a wall, all pixels alike, with drops before it."""
-    place = replace(worlds.scene(worlds.plane(WALL_M)), precipitation=falling)
+    position = replace(worlds.scene(worlds.plane(WALL_M)), precipitation=falling)
     noise = np.random.default_rng(seed)
     return bucket_light(
         one,
         LightSequence(np.zeros(1), (transport(one),)),
         frames,
-        falling_drops(place, one, [depths(one)], frames, noise),
+        falling_drops(position, one, [depths(one)], frames, noise),
     ).buckets
 
 
@@ -384,13 +384,13 @@ def test_taps_share_what_drops_do_to_the_bucket():
     phasors = np.zeros((orders, *light.image.shape), complex)
     dark = replace(light, image=0 * light.image, extra={"phasors": phasors})
     still = LightSequence(np.zeros(1), (dark,))
-    place, diameter = np.array([0.01, 0.02, 1.5]), 3.0
+    position, diameter = np.array([0.01, 0.02, 1.5]), 3.0
     wet, dry = (
-        bucket_light(one, still, 1, weather) for weather in (one_drop(one, place, diameter), ())
+        bucket_light(one, still, 1, weather) for weather in (one_drop(one, position, diameter), ())
     )
     echo = wet.taps[0, 0] - dry.taps[0, 0]
     np.testing.assert_allclose(echo.sum(), wet.buckets[0, 0] - dry.buckets[0, 0], rtol=1e-6)
-    length = np.linalg.norm(place) + np.linalg.norm(place - one.detector.positions_m[0])
+    length = np.linalg.norm(position) + np.linalg.norm(position - one.detector.positions_m[0])
     phase = np.arctan2(echo[1] - echo[3], echo[0] - echo[2])
     amplifier = one.detector.amplifier
     offset = one.projector.modulation.phase_offset_rad(15e6, amplifier.response)
@@ -430,16 +430,16 @@ def test_drops_and_flakes_hide_one_after_the_other():
 def test_rain_in_a_recording():
     """The same seed gives the same drops, another one others; without noise too."""
     one = instrument(patterns=8)
-    place = worlds.scene(worlds.plane(WALL_M))
-    rainy = replace(place, precipitation=(rain(50.0),))
+    position = worlds.scene(worlds.plane(WALL_M))
+    rainy = replace(position, precipitation=(rain(50.0),))
     light = LightSequence(np.zeros(1), (transport(one),))
-    truth = spisim.transport.ground_truth(place, one)
+    truth = spisim.transport.ground_truth(position, one)
 
     def counts(scene, seed):
         return record(scene, one, light, [truth], seed=seed, noise=False, frames=2).buckets.counts
 
     np.testing.assert_array_equal(counts(rainy, 1), counts(rainy, 1))
     assert not np.array_equal(counts(rainy, 1), counts(rainy, 2))
-    dry = counts(place, 1)
+    dry = counts(position, 1)
     np.testing.assert_array_equal(dry[0], dry[1])
     assert not np.array_equal(counts(rainy, 1)[0], counts(rainy, 1)[1])

@@ -12,8 +12,8 @@ import worlds
 from reconstruction.operators import decoder_for, expose
 from spisim.simulation.light.solve import (
     FIRST_SPOT_PATHS,
-    LEAST_IMAGES,
-    LEAST_PATHS,
+    MIN_IMAGES,
+    MIN_PATHS,
     Transport,
     solve,
 )
@@ -21,20 +21,20 @@ from spisim.simulation.measurement.diagnostics import truth_warnings
 
 PAPER = spisim.load_instrument("paper")
 SCENE = worlds.scene(*worlds.room(), extinction_per_m=0.3, g=0.8, albedo=0.98)
-SHARE = 1.0
+FRACTION = 1.0
 RUNS = 12
 
 
 @cache
 def runs() -> tuple[Transport, ...]:
     seeds = range(RUNS)
-    return tuple(solve(SCENE, PAPER, transport_noise_share=SHARE, seed=seed) for seed in seeds)
+    return tuple(solve(SCENE, PAPER, transport_noise_share=FRACTION, seed=seed) for seed in seeds)
 
 
 def test_the_share_is_reached_and_not_by_far() -> None:
     for run in runs():
-        assert 0.3 * SHARE < run.noise_share <= SHARE
-        assert 0.05 * SHARE < run.spot_noise_share <= SHARE
+        assert 0.3 * FRACTION < run.noise_share <= FRACTION
+        assert 0.05 * FRACTION < run.spot_noise_share <= FRACTION
 
 
 def test_the_share_is_that_of_the_scatter_of_recorded_coefficients() -> None:
@@ -50,22 +50,22 @@ def test_the_share_is_that_of_the_scatter_of_recorded_coefficients() -> None:
     coefficients = decoder.decode(readings)
     of_detector = decoder.own_variance(variance)
     own = of_detector > 0
-    share = np.sqrt(np.mean(coefficients.var(axis=0, ddof=1)[own] / of_detector[own]))
-    told = np.sqrt(np.mean([run.noise_share**2 for run in runs()]))
-    assert share == pytest.approx(told, rel=0.25)
+    fraction = np.sqrt(np.mean(coefficients.var(axis=0, ddof=1)[own] / of_detector[own]))
+    reported = np.sqrt(np.mean([run.noise_share**2 for run in runs()]))
+    assert fraction == pytest.approx(reported, rel=0.25)
 
 
 def test_a_small_share_takes_more_paths() -> None:
-    fine = solve(SCENE, PAPER, transport_noise_share=SHARE / 5)
+    fine = solve(SCENE, PAPER, transport_noise_share=FRACTION / 5)
     assert 3 < fine.paths / runs()[0].paths < 60
-    assert fine.noise_share <= SHARE / 5
+    assert fine.noise_share <= FRACTION / 5
 
 
 def test_a_clear_scene_needs_the_fewest_paths_there_are() -> None:
     light = solve(worlds.scene(worlds.plane(4.0)), PAPER, transport_noise_share=0.3)
     spots = 8 * 4 * FIRST_SPOT_PATHS * 2
     spots = 8 * 4 * FIRST_SPOT_PATHS * 2
-    assert light.paths == LEAST_IMAGES * LEAST_PATHS * PAPER.pattern_plan.pixels + spots
+    assert light.paths == MIN_IMAGES * MIN_PATHS * PAPER.pattern_plan.pixels + spots
     assert light.noise_share < 0.3
 
 

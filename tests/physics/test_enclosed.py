@@ -89,8 +89,8 @@ def test_light_in_a_box_of_triangles_is_that_in_a_box(density):
     view, end = worlds.projector(shape=(4, 4)), worlds.detector([0.05, 0, 0], half_angle_deg=14)
     runs = []
     for shape in ("box", as_mesh(BANK)):
-        place = worlds.scene(*worlds.room(), volumes=[filled(shape, density=density, pose=BANK)])
-        world = build_world(place)
+        position = worlds.scene(*worlds.room(), volumes=[filled(shape, density=density, pose=BANK)])
+        world = build_world(position)
         runs.append([worlds.image(world, view, end, 512, seed) for seed in SEEDS])
     score = worlds.z_score(*runs)
     assert np.abs(score).max() < 4
@@ -107,9 +107,9 @@ def test_chords_of_a_ball():
         transmittance(medium(ball), origins, directions, far), closed, atol=2e-5
     )
     mesh = trimesh.creation.icosphere(5, 2.0)
-    found = transmittance(medium(filled(mesh)), origins, directions, far)
-    assert np.quantile(np.abs(found - closed), 0.99) < 0.01
-    assert np.abs(found - closed).mean() < 1e-3
+    result = transmittance(medium(filled(mesh)), origins, directions, far)
+    assert np.quantile(np.abs(result - closed), 0.99) < 0.01
+    assert np.abs(result - closed).mean() < 1e-3
 
 
 def test_a_hollow_ball_is_the_difference_of_two():
@@ -120,9 +120,9 @@ def test_a_hollow_ball_is_the_difference_of_two():
     origins, directions, far = rays()
     lengths = [chord(origins, directions, far, radius) for radius in (2.0, 1.0)]
     closed = np.exp(-0.8 * (lengths[0] - lengths[1]))
-    found = transmittance(medium(filled(hollow)), origins, directions, far)
-    assert np.abs(found - closed).mean() < 2e-3
-    assert np.quantile(np.abs(found - closed), 0.99) < 0.02
+    result = transmittance(medium(filled(hollow)), origins, directions, far)
+    assert np.abs(result - closed).mean() < 2e-3
+    assert np.quantile(np.abs(result - closed), 0.99) < 0.02
 
 
 @pytest.mark.parametrize("density", [None, bumps()], ids=["homogeneous", "grid"])
@@ -142,9 +142,9 @@ def test_flights_end_as_often_as_light_does(density):
     many = np.broadcast_to(edges, (2**14, len(edges))).ravel()
     ways = [np.broadcast_to(each, (len(many), 3)) for each in (origin, direction)]
     through = transmittance(media, *ways, many).reshape(-1, len(edges))
-    known, error = through.mean(axis=0), through.std(axis=0) / np.sqrt(len(through))
+    given, error = through.mean(axis=0), through.std(axis=0) / np.sqrt(len(through))
     survived = np.array([(distance > edge).mean() for edge in edges])
     noise = np.hypot(np.sqrt(survived * (1 - survived) / count), error)
-    assert np.all(np.abs(survived - known) < 4 * noise + 1e-7)
+    assert np.all(np.abs(survived - given) < 4 * noise + 1e-7)
     assert survived[2] == pytest.approx(survived[1], abs=0.02)  # in the hollow
     assert survived[-1] < 0.7

@@ -111,8 +111,8 @@ def test_divergence_spreads_a_beam_without_losing_light():
         for s in SEEDS
     ]
     spread = np.hypot(divergence * DISTANCE, waist)
-    share = erf(half / spread / np.sqrt(2))
-    closed = share * 0.8 * 1e-8 / (np.pi * DISTANCE**2)
+    fraction = erf(half / spread / np.sqrt(2))
+    closed = fraction * 0.8 * 1e-8 / (np.pi * DISTANCE**2)
     assert np.mean(runs) == pytest.approx(closed, rel=5e-3, abs=0)
     assert abs(worlds.z_score_exact(runs, closed)) < 5
 
@@ -145,12 +145,12 @@ def test_places_of_a_footprint_are_as_likely_as_the_directions_to_them(plane_wor
     sampler.seed(0, lanes)
     vertex = mi.Point3f(dr.full(mi.Float, 0.4, lanes), 0.1, 2.0)
     end, density = footprint.connect(vertex, sampler, mi.Bool(True))
-    place = np.array(end.point).T
-    out_m = np.linalg.norm(place, axis=1)
-    gap = np.array([0.4, 0.1, 2.0]) - place
+    position = np.array(end.point).T
+    out_m = np.linalg.norm(position, axis=1)
+    gap = np.array([0.4, 0.1, 2.0]) - position
     gap_m = np.linalg.norm(gap, axis=1)
     normalised = 1 / (np.pi * np.sin(np.radians(half_angle_deg)) ** 2)
-    cosine, on_the_way = place[:, 2] / out_m, -gap[:, 2] / gap_m  # the plane is across the axis
+    cosine, on_the_way = position[:, 2] / out_m, -gap[:, 2] / gap_m  # the plane is across the axis
     per_area = normalised * cosine * cosine / out_m**2
     np.testing.assert_allclose(np.array(density), per_area * gap_m**2 / on_the_way, rtol=1e-3)
     seen = detectors.connect(mi.UInt32(0), vertex, sampler)

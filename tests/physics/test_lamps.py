@@ -35,28 +35,28 @@ def watts(amount):
     return Strength(amount, luminous=False)
 
 
-def with_lamps(place, *lamps):
-    return replace(place, lamps=lamps)
+def with_lamps(position, *lamps):
+    return replace(position, lamps=lamps)
 
 
-def seen(place, view=NARROW, spp=2**13, **options):
+def seen(position, view=NARROW, spp=2**13, **options):
     """Radiance of each pixel, by seed."""
-    world = build_world(place)
-    lamps = lamps_in_band(place, 1.0, world)
+    world = build_world(position)
+    lamps = lamps_in_band(position, 1.0, world)
 
     def launch(samples, seeds, replicas):
         tallies = Tallies(view.pixels, [ImageTally])
         Gather(world, Projector.of(view, samples), lamps, tallies.add).run(seeds[0], **options)
         return tallies.read(1.0)
 
-    found = [repeat(launch, Paths(spp, launches=1), view.pixels, seed, None) for seed in SEEDS]
-    return np.array([each.mean["image"].reshape(view.shape) for each in found])
+    result = [repeat(launch, Paths(spp, launches=1), view.pixels, seed, None) for seed in SEEDS]
+    return np.array([each.mean["image"].reshape(view.shape) for each in result])
 
 
-def received(place, detectors):
+def received(position, detectors):
     """Power on detectors, W, and its error."""
-    world = build_world(place)
-    lamps = lamps_in_band(place, 1.0, world)
+    world = build_world(position)
+    lamps = lamps_in_band(position, 1.0, world)
 
     def trace(ends, samples, seeds, replicas, deposit):
         Gather(world, ends, lamps, deposit, replicas).run(seeds[0])
@@ -85,23 +85,23 @@ def test_area_lamp_over_a_plane():
     lamp = rectangle("panel", (1.2, 0.8), (0, 0, 3.0), 1.0)
     # seen past the lamp: a camera beside it that looks at the point below its middle
     pose = worlds.pose_at((0, 0, 3.5))
-    place = with_lamps(worlds.scene(board, lamp), AreaLamp("a", "panel", watts(5.0), 0.96))
+    position = with_lamps(worlds.scene(board, lamp), AreaLamp("a", "panel", watts(5.0), 0.96))
     a, b = 0.6, 0.4
     x, y = a / np.hypot(1, a), b / np.hypot(1, b)
     factor = (x * np.arctan(b / np.hypot(1, a)) + y * np.arctan(a / np.hypot(1, b))) / (2 * np.pi)
     view = replace(NARROW, pose=pose)
-    assert_is(seen(place, view), 0.6 / np.pi * 5.0 * np.pi * 4 * factor)
+    assert_is(seen(position, view), 0.6 / np.pi * 5.0 * np.pi * 4 * factor)
 
 
 def test_area_lamp_is_bright_in_front_alone():
     """And as bright as told, from any distance; from behind it is dark."""
     for distance in (1.0, 3.0):
         panel = rectangle("panel", (1, 1), (0, 0, distance), -1.0)
-        place = with_lamps(worlds.scene(panel), AreaLamp("a", "panel", watts(7.0), 1.0))
-        np.testing.assert_allclose(seen(place, spp=64), 7.0, rtol=1e-5)
+        position = with_lamps(worlds.scene(panel), AreaLamp("a", "panel", watts(7.0), 1.0))
+        np.testing.assert_allclose(seen(position, spp=64), 7.0, rtol=1e-5)
     panel = rectangle("panel", (1, 1), (0, 0, 1), 1.0)
-    place = with_lamps(worlds.scene(panel), AreaLamp("a", "panel", watts(7.0), 1.0))
-    assert (seen(place, spp=64) == 0).all()
+    position = with_lamps(worlds.scene(panel), AreaLamp("a", "panel", watts(7.0), 1.0))
+    assert (seen(position, spp=64) == 0).all()
 
 
 def test_joins_and_hits_find_the_same_light():
@@ -109,17 +109,17 @@ def test_joins_and_hits_find_the_same_light():
     board = worlds.plane(4.0, 0.6)
     for extra in ((), (pane(2.0),)):
         panel = rectangle("panel", (30, 30), (0, 0, -0.5), 1.0)
-        place = with_lamps(
+        position = with_lamps(
             worlds.scene(board, panel, *extra), AreaLamp("a", "panel", watts(1.0), 900.0)
         )
-        found = seen(place, max_vertices=1)
+        result = seen(position, max_vertices=1)
         a = b = 15 / 4.5
         x, y = a / np.hypot(1, a), b / np.hypot(1, b)
         factor = (x * np.arctan(b / np.hypot(1, a)) + y * np.arctan(a / np.hypot(1, b))) * 2 / np.pi
         if not extra:
-            assert_is(found, 0.6 * factor)
+            assert_is(result, 0.6 * factor)
         else:  # twice through the pane, and its own reflection of the lamp
-            assert 0.9 * 0.6 * factor < found.mean() < 0.6 * factor
+            assert 0.9 * 0.6 * factor < result.mean() < 0.6 * factor
 
 
 def pane(distance):
@@ -130,21 +130,21 @@ def pane(distance):
 def test_point_lamp_on_a_plane():
     """ρ/π · I cosθ / d²."""
     lamp = PointLamp("p", (0.7, 0.0, 2.0), watts(3.0))
-    place = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
+    position = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
     squared = 0.7**2 + 2.0**2
     np.testing.assert_allclose(
-        seen(place, spp=256, max_vertices=1).mean(),
+        seen(position, spp=256, max_vertices=1).mean(),
         0.6 / np.pi * 3 * 2 / squared**1.5,
         rtol=1e-3,
     )
 
 
 def test_spot_lamp_falls_off_in_its_cone():
-    for x, share in ((0.0, 1.0), (np.tan(0.3), 1.0), (np.tan(0.4), 0.5), (np.tan(0.51), 0.0)):
+    for x, fraction in ((0.0, 1.0), (np.tan(0.3), 1.0), (np.tan(0.4), 0.5), (np.tan(0.51), 0.0)):
         lamp = PointLamp("s", (x, 0.0, 3.0), watts(3.0), (0, 0, 1), 0.5, 0.3)
-        place = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
-        expected = 0.6 / np.pi * 3 * share / (1 + x * x) ** 1.5
-        assert seen(place, spp=256).mean() == pytest.approx(expected, rel=3e-3, abs=1e-9)
+        position = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
+        expected = 0.6 / np.pi * 3 * fraction / (1 + x * x) ** 1.5
+        assert seen(position, spp=256).mean() == pytest.approx(expected, rel=3e-3, abs=1e-9)
 
 
 def test_power_of_a_spot_is_its_integral():
@@ -159,8 +159,8 @@ def test_power_of_a_spot_is_its_integral():
 def test_directional_lamp():
     direction = np.array([0.6, 0.0, 0.8])
     lamp = DirectionalLamp("d", tuple(direction), watts(10.0))
-    place = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
-    np.testing.assert_allclose(seen(place, spp=64), 0.6 / np.pi * 10 * 0.8, rtol=1e-4)
+    position = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
+    np.testing.assert_allclose(seen(position, spp=64), 0.6 / np.pi * 10 * 0.8, rtol=1e-4)
 
 
 @pytest.mark.parametrize("shape", ["box", "mesh"])
@@ -175,7 +175,7 @@ def test_point_lamp_in_fog_single_scattering(shape):
     fog = Volume(
         "fog", explicit(extinction, albedo, phase), pose, shape=box if shape == "mesh" else "box"
     )
-    place = with_lamps(worlds.scene(worlds.plane(20.0, 0.0), volumes=[fog]), lamp)
+    position = with_lamps(worlds.scene(worlds.plane(20.0, 0.0), volumes=[fog]), lamp)
 
     def integrand(t):
         gap = np.hypot(0.05, 3.0 - t)
@@ -184,7 +184,7 @@ def test_point_lamp_in_fog_single_scattering(shape):
         return albedo * extinction * value * 2 * np.exp(-extinction * (t + gap)) / gap**2
 
     expected = quad(integrand, 0, reach, points=[2.9, 2.97, 3.0, 3.03, 3.1], limit=500)[0]
-    runs = seen(place, spp=2**13, max_vertices=1)
+    runs = seen(position, spp=2**13, max_vertices=1)
     assert_is(runs, expected, rel=0.02)
     assert np.std(runs) < 0.05 * expected
 
@@ -216,9 +216,9 @@ def test_furnace(name):
     carrier = things[-1] if case.get("carried") else None
     medium = explicit(2.0, 1.0, Isotropic())
     milk = Volume("milk", medium, pose, density, shape=shape, carrier=carrier)
-    place = worlds.scene(*things, volumes=[milk])
-    place = with_lamps(place, EnvironmentLamp("e", watts(2.0), None, np.eye(3)))
-    runs = seen(place, worlds.projector(40.0, (4, 4)), 512)
+    position = worlds.scene(*things, volumes=[milk])
+    position = with_lamps(position, EnvironmentLamp("e", watts(2.0), None, np.eye(3)))
+    runs = seen(position, worlds.projector(40.0, (4, 4)), 512)
     assert runs.mean() == pytest.approx(2.0, rel=1e-4)
     if "bsdf" not in case:
         np.testing.assert_allclose(runs, 2.0, rtol=1e-5)
@@ -264,12 +264,12 @@ def test_detectors_receive_lamps_by_the_inverse_square():
     expected = 3 * 1e-6 * 2 / squared**1.5
     assert received(point, detector).power_w[0] == pytest.approx(expected, rel=2e-3)
     panel = rectangle("panel", (0.5, 0.5), (0, 0, 2.0), -1.0)
-    place = with_lamps(worlds.scene(black, panel), AreaLamp("a", "panel", watts(4.0), 0.25))
+    position = with_lamps(worlds.scene(black, panel), AreaLamp("a", "panel", watts(4.0), 0.25))
     x = 0.25 / 2
     factor = 4 * (x / np.hypot(1, x)) * np.arctan(x / np.hypot(1, x)) / np.pi
-    found = received(place, detector)
-    assert abs(found.power_w[0] - 4 * np.pi * factor * 1e-6) < 4 * found.error_w[0]
-    assert found.error_w[0] < 0.006 * found.power_w[0]
+    result = received(position, detector)
+    assert abs(result.power_w[0] - 4 * np.pi * factor * 1e-6) < 4 * result.error_w[0]
+    assert result.error_w[0] < 0.006 * result.power_w[0]
     black = rectangle("black", (1, 1), (3, 0, -3))
     sun = with_lamps(worlds.scene(black), DirectionalLamp("d", (0, 0, -1), watts(2.0)))
     assert received(sun, detector).power_w[0] == pytest.approx(2e-6, rel=1e-4)
@@ -279,6 +279,6 @@ def test_detectors_receive_lamps_by_the_inverse_square():
 
 def test_lumens_count_as_daylight():
     lamp = PointLamp("p", (0.0, 0.0, 2.0), Strength(1.5, luminous=True))
-    place = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
-    lamps = lamps_in_band(place, 0.03, build_world(place))
+    position = with_lamps(worlds.scene(worlds.plane(4.0, 0.6)), lamp)
+    lamps = lamps_in_band(position, 0.03, build_world(position))
     assert lamps.points.intensities.numpy()[0] == pytest.approx(0.045)

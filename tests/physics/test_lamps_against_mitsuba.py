@@ -80,9 +80,9 @@ def spot_on_rough_glass():
     return worlds.scene(*things, volumes=[filled(vessel.mesh, vessel)]), (spot,)
 
 
-def ours(place):
-    world = build_world(place)
-    lamps = lamps_in_band(place, 1.0, world)
+def ours(position):
+    world = build_world(position)
+    lamps = lamps_in_band(position, 1.0, world)
 
     def launch(samples, seeds, replicas):
         tallies = Tallies(VIEW.pixels, [ImageTally])
@@ -91,13 +91,13 @@ def ours(place):
 
     runs = worlds.seeds(PICTURES)
     paths = Paths(OURS, launches=1)
-    found = [repeat(launch, paths, VIEW.pixels, seed, None) for seed in runs]
-    return np.array([each.mean["image"] for each in found])
+    result = [repeat(launch, paths, VIEW.pixels, seed, None) for seed in runs]
+    return np.array([each.mean["image"] for each in result])
 
 
-def theirs(place):
+def theirs(position):
     activate()
-    renderer, lanes = Renderer(place), THEIRS * VIEW.pixels
+    renderer, lanes = Renderer(position), THEIRS * VIEW.pixels
     pictures = []
     for seed in range(PICTURES):
         sampler = mi.load_dict({"type": "independent"})
@@ -112,9 +112,9 @@ def theirs(place):
 @pytest.mark.parametrize("make", [grid_in_a_torus, lamp_in_thin_glass, spot_on_rough_glass])
 def test_pictures_are_mitsubas(make):
     """Welch's test of every pixel, with Šidák's correction, and of the whole picture."""
-    place, lamps = make()
-    place = replace(place, lamps=lamps)
-    first, second = ours(place), theirs(place)
+    position, lamps = make()
+    position = replace(position, lamps=lamps)
+    first, second = ours(position), theirs(position)
     p = stats.ttest_ind(first, second, axis=0, equal_var=False).pvalue
     assert np.nanmin(p) > 1 - (1 - LEVEL) ** (1 / p.size)
     whole = stats.ttest_ind(first.mean(axis=1), second.mean(axis=1), equal_var=False).pvalue

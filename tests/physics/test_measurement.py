@@ -20,7 +20,9 @@ from spisim.simulation.measurement import bucket_light, record, spot_light
 from spisim.transport import GroundTruth, ground_truth
 
 FRAMES = 4000
-PLACE = worlds.scene(worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=40, sun_direction=(0, 0, 1)))
+POSITION = worlds.scene(
+    worlds.plane(4.0, 0.5), ambient=Ambient(sun_klx=40, sun_direction=(0, 0, 1))
+)
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +32,7 @@ def paper() -> Instrument:
 
 @pytest.fixture(scope="module")
 def light(paper: Instrument) -> Transport:
-    return solve(PLACE, paper, spp=64)
+    return solve(POSITION, paper, spp=64)
 
 
 def still(light: Transport) -> LightSequence:
@@ -39,12 +41,12 @@ def still(light: Transport) -> LightSequence:
 
 @pytest.fixture(scope="module")
 def truth(paper: Instrument) -> GroundTruth:
-    return ground_truth(PLACE, paper)
+    return ground_truth(POSITION, paper)
 
 
 @pytest.fixture(scope="module")
 def noisy(paper: Instrument, light: Transport, truth: GroundTruth) -> Capture:
-    return record(PLACE, paper, still(light), [truth], seed=5, frames=FRAMES)
+    return record(POSITION, paper, still(light), [truth], seed=5, frames=FRAMES)
 
 
 def frequency(instrument):
@@ -57,7 +59,7 @@ def electrons(part):
 
 
 def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
-    ideal = record(PLACE, paper, still(light), [truth], seed=5, noise=False)
+    ideal = record(POSITION, paper, still(light), [truth], seed=5, noise=False)
     for part, expected in ((noisy.buckets, ideal.buckets), (noisy.spots, ideal.spots)):
         z = worlds.z_score_exact(electrons(part), electrons(expected)[0])
         assert np.abs(z).max() < 5  # of up to 128 readings
@@ -65,7 +67,7 @@ def test_mean_readings_are_the_expected_ones(paper, light, truth, noisy):
 
 def test_expected_readings_of_spots_tell_the_noise_of_real_ones(paper, light, truth, noisy):
     """Of buckets it stays unknown: image methods take expected readings at their word."""
-    ideal = record(PLACE, paper, still(light), [truth], seed=5, noise=False)
+    ideal = record(POSITION, paper, still(light), [truth], seed=5, noise=False)
     np.testing.assert_array_equal(ideal.spots.noise_electrons, noisy.spots.noise_electrons)
     assert (ideal.spots.noise_electrons > 0).all()
     assert np.isnan(ideal.buckets.noise_electrons)
@@ -73,9 +75,9 @@ def test_expected_readings_of_spots_tell_the_noise_of_real_ones(paper, light, tr
 
 def test_the_capture_tells_the_media(paper, light, truth):
     air = fog(50, "heavy-advection")
-    foggy = replace(PLACE, atmosphere=air)
-    for place, media in ((PLACE, []), (foggy, [{"where": "air", **air.summary()}])):
-        capture = record(place, paper, still(light), [truth], seed=5)
+    foggy = replace(POSITION, atmosphere=air)
+    for position, media in ((POSITION, []), (foggy, [{"where": "air", **air.summary()}])):
+        capture = record(position, paper, still(light), [truth], seed=5)
         assert yaml.safe_load(capture.provenance.settings)["media"] == media
 
 
@@ -122,7 +124,7 @@ def test_bucket_readings_are_linear_in_the_pattern():
 
 
 def test_phase_of_the_taps_is_the_path_length(paper, light, truth):
-    capture = record(PLACE, paper, still(light), [truth], seed=0, noise=False)
+    capture = record(POSITION, paper, still(light), [truth], seed=0, noise=False)
     ranges = measure_ranges(capture.spots, frame=0)
     np.testing.assert_allclose(ranges.range_m, truth.spot_range_m, atol=1e-3)
     taps = electrons(capture.spots)[0]
@@ -146,7 +148,7 @@ def test_ranges_scatter_as_their_sigma_says(noisy):
 
 def test_clipping_is_flagged(paper, light, truth):
     bright = replace(light, daylight_w=1e6 * light.daylight_w)
-    capture = record(PLACE, paper, still(bright), [truth], seed=0)
+    capture = record(POSITION, paper, still(bright), [truth], seed=0)
     assert capture.buckets.saturated.all()
     assert np.all(capture.buckets.counts == paper.detector.adc.max_count)
     assert not capture.spots.saturated.any()

@@ -37,8 +37,8 @@ def bumps(seed=0, shape=(5, 4, 6)):
     return np.random.default_rng(seed).uniform(0, 1, shape).astype(np.float32)
 
 
-def readings(place, spp=256):
-    world, view = build_world(place), worlds.projector()
+def readings(position, spp=256):
+    world, view = build_world(position), worlds.projector()
     return np.array([expose(PLAN, worlds.image(world, view, BASELINE, spp, s)) for s in SEEDS])
 
 
@@ -56,8 +56,8 @@ def test_constant_grid_is_homogeneous_fog():
     outputs = Outputs(frequencies_hz=(15e6,), bins=PathLengthBins(500, 0.1))
     view = worlds.projector(shape=(4, 4))
 
-    def moments(place):
-        world, runs = build_world(place), []
+    def moments(position):
+        world, runs = build_world(position), []
         for seed in SEEDS:
             paths = Paths(4096, launches=1)
             mean = transport_image(world, view, BASELINE, paths, seed=seed, outputs=outputs).mean
@@ -78,12 +78,13 @@ def test_absorbing_grid_attenuates_by_its_optical_depth():
     """Ratio tracking against the integral along each ray, with all light straight."""
     density = bumps(3)
     pose = worlds.box_pose((4, 4, 2), (0, 0, 2.5))
-    place = worlds.scene(
+    position = worlds.scene(
         worlds.plane(5.0, 0.5), volumes=[volume(pose, 0.5, albedo=0.0, density=density)]
     )
     narrow = worlds.projector(0.01, (1, 1))
     runs = [
-        worlds.image(build_world(place), narrow, worlds.detector(), 2**14, s).item() for s in SEEDS
+        worlds.image(build_world(position), narrow, worlds.detector(), 2**14, s).item()
+        for s in SEEDS
     ]
     z = np.linspace(0, 1, 20001)
     cells = density.shape[0]
@@ -107,12 +108,14 @@ BANK = worlds.box_pose((1.5, 2.0, 1.0), (0.1, 0.2, 3.0))
     ],
 )
 def test_bounded_fog_against_mitsuba(pose, density):
-    place = worlds.scene(*worlds.room(), volumes=[volume(pose, 0.8, albedo=0.9, density=density)])
+    position = worlds.scene(
+        *worlds.room(), volumes=[volume(pose, 0.8, albedo=0.9, density=density)]
+    )
     patterns = [illumination(make_plan((16, 16), 4, polarity="single-ended"), k) for k in range(4)]
     reference = worlds.mitsuba_readings(
-        place, worlds.projector(), BASELINE, patterns, len(SEEDS), 2**16
+        position, worlds.projector(), BASELINE, patterns, len(SEEDS), 2**16
     )
-    ours = readings(place)
+    ours = readings(position)
     total = ours[:, :1]
     assert agree((total + ours) / 2, reference)
 
@@ -135,10 +138,10 @@ def test_single_scattering_echo_with_any_phase_function(phase):
     from scipy.special import expn
 
     extinction, albedo, width, area_m2 = 0.15, 0.9, 0.01, 1e-9
-    place = replace(
+    position = replace(
         worlds.scene(worlds.plane(40, 0.0)), atmosphere=explicit(extinction, albedo, phase)
     )
-    world = build_world(place)
+    world = build_world(position)
     edges = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
     runs = []
     for seed in SEEDS:
@@ -169,9 +172,9 @@ def test_two_media_in_one_place_add_up():
 
 
 def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
-    place = replace(worlds.scene(worlds.plane(5.0, 0.5)), atmosphere=explicit(0.1, 0.98, HG))
+    position = replace(worlds.scene(worlds.plane(5.0, 0.5)), atmosphere=explicit(0.1, 0.98, HG))
     view, outputs = worlds.projector(shape=(8, 8)), Outputs(orders=True)
-    world, runs = build_world(place), []
+    world, runs = build_world(position), []
     for seed in SEEDS:
         mean = transport_image(
             world, view, BASELINE, Paths(256, launches=1), seed=seed, outputs=outputs
@@ -193,12 +196,12 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
 
 
 def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
-    place = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
+    position = replace(worlds.scene(*worlds.room()), atmosphere=explicit(0.1, 0.98, HG))
     frequency, bins = 15e6, PathLengthBins(8001, 0.02)
     outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
-        build_world(place), view, BASELINE, Paths(256, 1), seed=SEEDS[0], outputs=outputs
+        build_world(position), view, BASELINE, Paths(256, 1), seed=SEEDS[0], outputs=outputs
     ).mean
     np.testing.assert_allclose(mean["histogram"].sum(axis=1), mean["image"], rtol=1e-6)
     spectrum = mean["histogram"] @ np.exp(2j * np.pi * frequency / c * bins.centres_m)
@@ -211,10 +214,10 @@ def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
 def test_flights_that_leave_an_end_collide_more_often_and_weigh_less(left_m):
     """Collisions before any distance, with each of two media, at the rate of light."""
     bank = volume(worlds.box_pose((4, 4, 2), (0, 0, 3)), extinction=0.2)
-    place = replace(
+    position = replace(
         worlds.scene(worlds.plane(20.0), volumes=[bank]), atmosphere=explicit(0.1, 1, HG)
     )
-    media, count, far = build_world(place).media, 2**17, 6.0
+    media, count, far = build_world(position).media, 2**17, 6.0
     origin, towards = mi.Point3f(0, 0, 0), mi.Vector3f(0, 0, 1)
     collision = media.flight(
         mi.Ray3f(origin, towards),

@@ -55,8 +55,8 @@ def test_what_a_mirror_shows_is_the_mirrored_scene() -> None:
     folded = build_world(worlds.scene(wall, ball, fold))
     unfolded = build_world(worlds.scene(*behind))
     seen, there = (
-        np.array([worlds.image(world, VIEW, NEAR, 256, s, max_vertices=most) for s in SEEDS])
-        for world, most in ((folded, 2), (unfolded, 1))
+        np.array([worlds.image(world, VIEW, NEAR, 256, s, max_vertices=maximum) for s in SEEDS])
+        for world, maximum in ((folded, 2), (unfolded, 1))
     )
     expected = REFLECTANCE**2 * there.mean(axis=0)
     assert (expected > 0).all()
@@ -112,14 +112,14 @@ def test_planes_that_are_passed_over_show_nothing(monkeypatch: pytest.MonkeyPatc
         # Apart from this light the images are the same path by path.
         return np.array([worlds.image(world, VIEW, NEAR, 256, seed) for seed in SEEDS])
 
-    found = images()
+    result = images()
     monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(True))
     every = images()
     monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(False))
     none = images()
-    assert abs(worlds.z_score(found.sum(axis=(1, 2)), every.sum(axis=(1, 2)))) < 4
-    assert np.all(np.abs(worlds.z_score(found, every)[found.mean(axis=0) > 0]) < 5)
-    assert worlds.z_score(found.sum(axis=(1, 2)), none.sum(axis=(1, 2))) > 5
+    assert abs(worlds.z_score(result.sum(axis=(1, 2)), every.sum(axis=(1, 2)))) < 4
+    assert np.all(np.abs(worlds.z_score(result, every)[result.mean(axis=0) > 0]) < 5)
+    assert worlds.z_score(result.sum(axis=(1, 2)), none.sum(axis=(1, 2))) > 5
 
 
 def test_errors_of_what_mirrors_show_are_as_told() -> None:
@@ -129,8 +129,8 @@ def test_errors_of_what_mirrors_show_are_as_told() -> None:
         transport_image(world, VIEW, NEAR, Paths(8), seed=seed) for seed in worlds.seeds(24)
     ]
     scatter = np.var([each.mean["image"] for each in estimates], axis=0, ddof=1).sum()
-    told = np.mean([each.error["image"] ** 2 for each in estimates], axis=0).sum()
-    assert scatter / told == pytest.approx(1, abs=0.2)
+    messages = np.mean([each.error["image"] ** 2 for each in estimates], axis=0).sum()
+    assert scatter / messages == pytest.approx(1, abs=0.2)
 
 
 @pytest.mark.slow
@@ -148,10 +148,10 @@ def test_a_room_with_mirrors_in_fog_against_the_reference_engine(mirrors) -> Non
     end = worlds.detector([0.25, 0, 0.5], area_m2=np.pi * radius_m**2)
     room = worlds.scene(*worlds.room(), *mirrors, volumes=worlds.bank(0.1, 0.95, 0.7))
     ours = [worlds.image(build_world(room), VIEW, end, 2048, seed) for seed in SEEDS]
-    place = mi.ScalarTransform4f().translate([0.25, 0, 0.5]).scale(radius_m)
+    position = mi.ScalarTransform4f().translate([0.25, 0, 0.5]).scale(radius_m)
     lamp = {
         "type": "disk",
-        "to_world": place,
+        "to_world": position,
         "bsdf": {"type": "null"},
         "emitter": {"type": "area", "radiance": {"type": "rgb", "value": 1.0}},
     }
@@ -182,13 +182,13 @@ def test_a_room_with_mirrors_in_fog_against_the_reference_engine(mirrors) -> Non
 def test_a_laser_that_is_mirrored_straight_back_is_told(tilt_rad, material, recwarn) -> None:
     """The first of two beams comes back 2 m · tan(2 tilt) aside, 8 mm wide."""
     lasers = replace(worlds.beams([0, 0, 1], [0.2, 0, 1]), divergence_rad=2e-3, waist_m=1e-3)
-    place = [-2.0 * np.tan(0.04), 0, 0]  # where the tilt of 0.02 takes it
-    apertures = worlds.detector([place, place], half_angle_deg=20)
+    position = [-2.0 * np.tan(0.04), 0, 0]  # where the tilt of 0.02 takes it
+    apertures = worlds.detector([position, position], half_angle_deg=20)
     world = build_world(worlds.scene(mirror(2.0, tilt_rad, 3.0, material)))
     warn_of_glints(world, lasers, apertures)
-    told = [str(each.message) for each in recwarn if each.category is TransportWarning]
-    assert bool(told) == (tilt_rad == 0.02)
-    assert all("spot 0 straight into its detector" in each for each in told)
+    reported = [str(each.message) for each in recwarn if each.category is TransportWarning]
+    assert bool(reported) == (tilt_rad == 0.02)
+    assert all("spot 0 straight into its detector" in each for each in reported)
 
 
 def test_a_mirror_of_many_triangles_is_one_plane() -> None:

@@ -77,7 +77,7 @@ def test_ranges_are_those_of_the_frame_s_middle(paper):
 def test_flying_towards_a_wall_is_the_wall_coming_closer(paper):
     towards = replace(wall(), drone_velocity_m_s=(0.0, 0.0, 15.0))
     coming = wall(velocity_m_s=(0.0, 0.0, -15.0))
-    lights = [sequence(place, paper) for place in (towards, coming)]
+    lights = [sequence(position, paper) for position in (towards, coming)]
     first, second = (bucket_light(paper, light, 1) for light in lights)
     np.testing.assert_allclose(first.buckets, second.buckets, rtol=1e-5)
     first, second = (spot_light(paper, light, 1) for light in lights)
@@ -91,8 +91,8 @@ def test_interpolation_weights_sum_to_one_and_hit_the_keys():
     light = LightSequence(np.array([0.0, 1.0, 3.0]), ())
     between = light.between(np.array([[0.0, 0.25], [1.0, 2.0]]))
     weights = np.zeros((2, 2, 3))
-    for place in np.ndindex(2, 2, 2):
-        weights[place[:2]][between.keys[place]] += between.shares[place]
+    for position in np.ndindex(2, 2, 2):
+        weights[position[:2]][between.keys[position]] += between.fractions[position]
     np.testing.assert_allclose(weights.sum(axis=-1), 1)
     np.testing.assert_allclose(weights[0, 1], [0.75, 0.25, 0])
     np.testing.assert_allclose(weights[1], [[0, 1, 0], [0, 0.5, 0.5]])

@@ -147,10 +147,10 @@ def test_an_open_world_goes_through_the_whole_chain(tmp_path, preset, extinction
             assert np.isnan(ranges.range_m[2:]).all()
         ranges = result.rangings[capture.spots.method]
         assert ranges.status[2:] == ("no signal", "no signal")
-        told = capture_warnings(capture)
-        assert any("spot 3 is too weak" in line for line in told)
+        reported = capture_warnings(capture)
+        assert any("spot 3 is too weak" in line for line in reported)
         trapped = result.ranges.valid[1]
-        beyond = any("spot 1 lies at 13" in line for line in told)
+        beyond = any("spot 1 lies at 13" in line for line in reported)
         assert beyond == (trapped and preset != "fog-spad")
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -24,8 +24,8 @@ EXTINCTION_PER_M = 0.1
 WALL_M, WALL_REFLECTANCE = 5.0, 0.5
 
 
-def foggy(place):
-    return replace(place, atmosphere=explicit(EXTINCTION_PER_M, 0.98, HenyeyGreenstein(0.7)))
+def foggy(position):
+    return replace(position, atmosphere=explicit(EXTINCTION_PER_M, 0.98, HenyeyGreenstein(0.7)))
 
 
 @pytest.fixture(scope="module")
@@ -57,10 +57,10 @@ def test_every_part_of_phasors_and_cube_is_that_of_the_image(split):
     np.testing.assert_allclose(parts["phasors_orders"][..., 0, 0], image, rtol=1e-6)
 
 
-def spots(place, seed):
+def spots(position, seed):
     beams = worlds.beams([0, 0, 1], [0.1, 0, 1])
     ends = worlds.detector([[0.05, 0, 0], [0.05, 0, 0]], area_m2=2e-6, half_angle_deg=14)
-    return spot_histogram(build_world(place), beams, ends, BINS, Paths(2**12), seed=seed).mean
+    return spot_histogram(build_world(position), beams, ends, BINS, Paths(2**12), seed=seed).mean
 
 
 def test_in_clear_air_all_light_of_the_spots_is_unscattered():
@@ -72,8 +72,8 @@ def test_in_clear_air_all_light_of_the_spots_is_unscattered():
 
 
 def test_spots_in_fog_have_all_parts_and_the_unscattered_is_the_weakened_echo_of_the_wall():
-    place = foggy(worlds.scene(worlds.plane(WALL_M, WALL_REFLECTANCE)))
-    runs = [spots(place, seed) for seed in SEEDS]
+    position = foggy(worlds.scene(worlds.plane(WALL_M, WALL_REFLECTANCE)))
+    runs = [spots(position, seed) for seed in SEEDS]
     parts = np.array([run["histogram_orders"] for run in runs])
     assert (parts.sum(axis=-1) > 0).all()
     np.testing.assert_allclose(parts.sum(axis=1), [run["histogram"] for run in runs], rtol=1e-12)

@@ -50,14 +50,14 @@ def test_no_path_carries_more_than_at_its_start(monkeypatch):
     """But for what a first flight without a collision weighs more, where it is biased."""
     monkeypatch.setattr(media, "BIAS", 1.0)
     fog = build_world(FOG)
-    most = dr.zeros(mi.Float, 1)
+    maximum = dr.zeros(mi.Float, 1)
 
     def remember(light):
-        dr.scatter_reduce(dr.ReduceOp.Max, most, light.value, mi.UInt32(0), light.active)
+        dr.scatter_reduce(dr.ReduceOp.Max, maximum, light.value, mi.UInt32(0), light.active)
 
     under_a_sky(fog, 0, remember)
     start = np.pi * np.sin(np.radians(60)) ** 2 / PATHS
-    assert 0.9 * start < most.numpy()[0] <= start * (1 + 1e-4)
+    assert 0.9 * start < maximum.numpy()[0] <= start * (1 + 1e-4)
 
 
 def without_roulette(monkeypatch):
@@ -73,9 +73,9 @@ def test_roulette_leaves_the_error_of_daylight_as_it_is(fog, monkeypatch):
 
     ended = runs()
     without_roulette(monkeypatch)
-    kept = runs()
-    assert abs(worlds.z_score(ended, kept)) < 4
-    assert ended.std(ddof=1) / kept.std(ddof=1) < 1.4  # known to 15 %
+    retained = runs()
+    assert abs(worlds.z_score(ended, retained)) < 4
+    assert ended.std(ddof=1) / retained.std(ddof=1) < 1.4  # known to 15 %
 
 
 def test_roulette_leaves_the_error_of_an_image_as_it_is(fog, monkeypatch):

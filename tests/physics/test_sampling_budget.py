@@ -14,7 +14,7 @@ from spisim.transport.backend import activate
 from spisim.transport.engine import sampling
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import MIN_LAUNCHES, Gauge, Paths, TargetError, repeat
+from spisim.transport.engine.sampling import MIN_LAUNCHES, ErrorMetric, Paths, TargetError, repeat
 from spisim.transport.engine.tally import PathLengthBins, Sums
 from spisim.transport.world import build_world
 
@@ -26,15 +26,15 @@ VIEW = worlds.projector()
 
 
 #: ‖standard errors‖ / ‖means‖ of the image.
-RELATIVE = Gauge(
+RELATIVE = ErrorMetric(
     lambda sums: sums["image"],
     lambda mean, error: float(np.linalg.norm(error) / np.linalg.norm(mean)),
 )
 
 
 def room(extinction=0.1, albedo=0.98):
-    place = worlds.scene(*worlds.room())
-    return replace(place, atmosphere=explicit(extinction, albedo, HenyeyGreenstein(0.7)))
+    position = worlds.scene(*worlds.room())
+    return replace(position, atmosphere=explicit(extinction, albedo, HenyeyGreenstein(0.7)))
 
 
 def test_the_error_is_what_was_asked_for():
@@ -74,12 +74,12 @@ def test_launches_of_different_sizes_count_by_their_paths():
             return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), (1, 8))})
 
         budget = TargetError(0.05, RELATIVE)
-        found = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
-        assert found.launches > MIN_LAUNCHES  # larger launches follow the first ones
-        assert found.size <= 0.05
-        errors.append(found.mean["image"] - 1)
-        claimed.append(found.error["image"] ** 2)
-        assert found.paths == pytest.approx(2 * 8 / np.mean(claimed[-1]), rel=0.8)
+        result = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
+        assert result.launches > MIN_LAUNCHES  # larger launches follow the first ones
+        assert result.size <= 0.05
+        errors.append(result.mean["image"] - 1)
+        claimed.append(result.error["image"] ** 2)
+        assert result.paths == pytest.approx(2 * 8 / np.mean(claimed[-1]), rel=0.8)
     ratio = np.mean(np.square(errors)) / np.mean(claimed)
     # It stops where the claimed error is small by chance: a bias of a few percent.
     assert ratio == pytest.approx(1, abs=0.1)
@@ -119,10 +119,10 @@ def test_no_launch_has_more_lanes_than_fit(monkeypatch, replicas):
     for budget in budgets:
         launched.clear()
         seed = np.random.SeedSequence(0)
-        found = repeat(launch, budget, 30, seed, None, replicas=replicas)
-        assert found.launches == replicas * len(launched) >= MIN_LAUNCHES
+        result = repeat(launch, budget, 30, seed, None, replicas=replicas)
+        assert result.launches == replicas * len(launched) >= MIN_LAUNCHES
         assert max(launched) * replicas * 30 <= 100
-        assert found.paths == 2 * 30 * replicas * sum(launched)
+        assert result.paths == 2 * 30 * replicas * sum(launched)
 
 
 def test_estimates_side_by_side_are_independent_and_make_one_launch():
@@ -133,11 +133,11 @@ def test_estimates_side_by_side_are_independent_and_make_one_launch():
         for launches in (1, MIN_LAUNCHES):
             dr.kernel_history_clear()
             budget = Paths(2 * launches, launches)
-            found = transport_image(world, VIEW, END, budget, seed=worlds.seeds(1)[0])
+            result = transport_image(world, VIEW, END, budget, seed=worlds.seeds(1)[0])
             counts.append(len(dr.kernel_history([dr.KernelType.JIT])))
-    assert found.launches == MIN_LAUNCHES
+    assert result.launches == MIN_LAUNCHES
     assert counts[0] == counts[1]
-    assert np.median(found.error["image"] / found.mean["image"]) > 0.01  # no copies of each other
+    assert np.median(result.error["image"] / result.mean["image"]) > 0.01  # no copies of each other
 
 
 def test_progress_rises_to_one():

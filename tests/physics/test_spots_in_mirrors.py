@@ -62,16 +62,16 @@ def fresnel(cosine, ior):
     return (upright**2 + parallel**2) / 2
 
 
-def spots(place, headings, eyes, paths, seeds=SEEDS, **options):
+def spots(position, headings, eyes, paths, seeds=SEEDS, **options):
     """(seeds, 3 orders, bins), of all lasers together."""
     lasers = worlds.beams(*headings)
     ends = worlds.detector(eyes, area_m2=AREA, half_angle_deg=60)
-    world = build_world(place)
-    found = [
+    world = build_world(position)
+    result = [
         spot_histogram(world, lasers, ends, BINS, Paths(paths, launches=1), seed=seed, **options)
         for seed in seeds
     ]
-    return np.array([each.mean["histogram_orders"].sum(axis=1) for each in found])
+    return np.array([each.mean["histogram_orders"].sum(axis=1) for each in result])
 
 
 def tilted(bsdf=WHITE):
@@ -104,21 +104,21 @@ FOLDS = {
 def test_a_spot_in_a_mirror_is_that_of_the_image_of_the_detector(name) -> None:
     """R ρ/π · A cos cos / d² of a wall in clear air, at the length of the way by the mirror."""
     mirrors, image, reflectance = FOLDS[name]
-    wall, place = worlds.plane(4.0, 0.5), np.array([0.2, 0.1, 4.0])
-    found = spots(worlds.scene(wall, *mirrors), [place], EYE, 512, max_vertices=1).sum(axis=1)
+    wall, position = worlds.plane(4.0, 0.5), np.array([0.2, 0.1, 4.0])
+    result = spots(worlds.scene(wall, *mirrors), [position], EYE, 512, max_vertices=1).sum(axis=1)
     eye, axis = image(EYE), image(EYE + AHEAD) - image(EYE)
-    gap_m = np.linalg.norm(place - eye)
-    towards = (place - eye) / gap_m
+    gap_m = np.linalg.norm(position - eye)
+    towards = (position - eye) / gap_m
     closed = reflectance(towards[0]) * 0.5 / np.pi * towards[2] * (axis @ towards)
     closed *= AREA / gap_m**2
-    length_m = np.linalg.norm(place) + gap_m
+    length_m = np.linalg.norm(position) + gap_m
     near = np.abs(BINS.centres_m - length_m) < 0.021
-    peaks = found[:, near].sum(axis=1)
+    peaks = result[:, near].sum(axis=1)
     if name == "corner":  # one of three images at random
         assert abs(worlds.z_score_exact(peaks, closed)) < 4
     else:
         assert peaks.mean() == pytest.approx(closed, rel=1e-4, abs=0)
-    mean_m = found.mean(axis=0)[near] @ BINS.centres_m[near] / peaks.mean()
+    mean_m = result.mean(axis=0)[near] @ BINS.centres_m[near] / peaks.mean()
     assert mean_m == pytest.approx(length_m, abs=1e-3)
 
 
@@ -181,37 +181,37 @@ def test_fog_on_a_beam_is_seen_in_a_mirror_too(heading) -> None:
     Unfolded: the beam goes on, and is seen by the detector and its image; what is on the other side
     than an end has met the mirror once more.
     """
-    kept, extinction_per_m, albedo, g = 0.9, 0.2, 0.95, 0.5
-    side = across(0, smooth(Mirror(), kept))
+    retained, extinction_per_m, albedo, g = 0.9, 0.2, 0.95, 0.5
+    side = across(0, smooth(Mirror(), retained))
     low, high = LOW + 0.1, HIGH - 0.1
     low[2] = 1.0
     fog = explicit(extinction_per_m, albedo, HenyeyGreenstein(g))
     volume = Volume("fog", fog, worlds.box_pose(high - low, (low + high) / 2))
-    found = spots(worlds.scene(side, volumes=(volume,)), [heading], EYE, 2**12)[:, 1]
+    result = spots(worlds.scene(side, volumes=(volume,)), [heading], EYE, 2**12)[:, 1]
 
     beam = heading / np.linalg.norm(heading)
     far_m = np.min(np.where(beam > 0, high, low)[beam != 0] / beam[beam != 0])
     edges = np.linspace(1 / beam[2], far_m, 100_001)
     along_m = (edges[1:] + edges[:-1]) / 2
-    place = along_m[:, None] * beam
-    in_fog = 1 - 1 / place[:, 2]  # of the ways there and back
-    behind = place[:, 0] < SIDE
+    position = along_m[:, None] * beam
+    in_fog = 1 - 1 / position[:, 2]  # of the ways there and back
+    behind = position[:, 0] < SIDE
     expected = np.zeros(4)
     for eye, met in ((EYE, 2 * behind), (image_of(EYE, 0), np.ones_like(behind, int))):
-        back_m = np.linalg.norm(eye - place, axis=1)
-        bend = (eye - place) @ beam / back_m
+        back_m = np.linalg.norm(eye - position, axis=1)
+        bend = (eye - position) @ beam / back_m
         phase = (1 - g**2) / (4 * np.pi * (1 + g**2 - 2 * g * bend) ** 1.5)
-        cosine = place[:, 2] / back_m
+        cosine = position[:, 2] / back_m
         length_m = along_m + back_m
-        light = kept**met * albedo * extinction_per_m * phase * cosine * AREA / back_m**2
+        light = retained**met * albedo * extinction_per_m * phase * cosine * AREA / back_m**2
         light *= np.exp(-extinction_per_m * in_fog * length_m) * (cosine > 0.5)
         light *= edges[1] - edges[0]
         wave = np.exp(2j * np.pi * 10e6 / c * length_m) @ light
         near = light[(length_m > 4) & (length_m < 8)].sum()
         expected += [light.sum(), wave.real, wave.imag, near]
-    wave, bins = found @ WAVE, BINS.centres_m
-    near = found[:, (bins > 4) & (bins < 8)].sum(axis=1)
-    readings = np.column_stack([found.sum(axis=1), wave.real, wave.imag, near])
+    wave, bins = result @ WAVE, BINS.centres_m
+    near = result[:, (bins > 4) & (bins < 8)].sum(axis=1)
+    readings = np.column_stack([result.sum(axis=1), wave.real, wave.imag, near])
     assert np.all(np.abs(worlds.z_score_exact(readings, expected)) < 4)
     assert readings[:, 0].std() < 0.03 * expected[0]
 

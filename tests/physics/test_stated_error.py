@@ -40,16 +40,16 @@ def test_a_pixel_that_met_nothing_states_what_its_neighbours_do():
 @pytest.mark.parametrize("visibility_m", [None, 50.0], ids=["clear", "fog"])
 def test_as_many_estimates_lie_within_their_errors_as_by_student(visibility_m):
     """Within one, two and beyond four, at one path per pixel and launch."""
-    place = worlds.scene(*worlds.room())
+    position = worlds.scene(*worlds.room())
     if visibility_m is not None:
-        place = replace(place, atmosphere=fog(visibility_m, "moderate-radiation"))
-    world = build_world(place)
-    found = [
+        position = replace(position, atmosphere=fog(visibility_m, "moderate-radiation"))
+    world = build_world(position)
+    result = [
         transport_image(world, VIEW, END, Paths(MIN_LAUNCHES), seed=seed)
         for seed in worlds.seeds(RUNS)
     ]
-    images = np.array([each.mean["image"] for each in found])
-    errors = np.array([image_error(each, VIEW.shape).ravel() for each in found])
+    images = np.array([each.mean["image"] for each in result])
+    errors = np.array([image_error(each, VIEW.shape).ravel() for each in result])
     off_student = coverage(images, errors) - student_coverage(MIN_LAUNCHES - 1)
     assert np.all(np.abs(off_student) < LIMITS)
     promised = np.mean(np.sum(errors**2, axis=1))

@@ -33,10 +33,10 @@ def foggy(extinction):
 
 @pytest.mark.parametrize("fog", [0.0, 0.3], ids=["clear", "fog bank"])
 def test_the_projector_on_detectors_is_that_of_mitsuba(fog):
-    place = worlds.scene(*worlds.room(), volumes=worlds.bank(fog, g=0.6))
-    world = build_world(place)
+    position = worlds.scene(*worlds.room(), volumes=worlds.bank(fog, g=0.6))
+    world = build_world(position)
     ours = [projector_power(world, VIEW, EVEN, ENDS, target=0.01, seed=s) for s in worlds.seeds(8)]
-    renderer = Renderer(place, {"projector": pattern_emitter(VIEW, 2.0 / VIEW.pixels)})
+    renderer = Renderer(position, {"projector": pattern_emitter(VIEW, 2.0 / VIEW.pixels)})
     theirs = [renderer.power(ENDS, samples=2**15, seed=s) for s in range(8)]
     assert np.all(np.abs(worlds.z_score([each.power_w for each in ours], theirs)) < 4)
 
@@ -46,12 +46,12 @@ def test_an_uneven_picture_is_the_sum_of_its_pixels():
     world = build_world(foggy(0.1))
     left = np.where(np.arange(8) < 4, EVEN, 0)
 
-    def found(power, start):
+    def result(power, start):
         seeds = worlds.seeds(start + 8)[start:]
         return [projector_power(world, VIEW, power, ENDS, seed=s).power_w for s in seeds]
 
-    halves = np.add(found(left, 0), found(EVEN - left, 8))
-    assert np.all(np.abs(worlds.z_score(halves, found(EVEN, 16))) < 4)
+    halves = np.add(result(left, 0), result(EVEN - left, 8))
+    assert np.all(np.abs(worlds.z_score(halves, result(EVEN, 16))) < 4)
 
 
 @pytest.mark.parametrize(
@@ -66,15 +66,15 @@ def test_the_error_is_true_and_below_what_is_promised(source, fog):
     """χ² of 32 runs, of two detectors: its scatter is 18 %, and more where tails are long."""
     if source == "daylight":
         wall = worlds.plane(8.0, half_size_m=6)
-        place = worlds.scene(wall, extinction_per_m=fog, g=0.8, albedo=0.98, ambient=SUNNY)
+        position = worlds.scene(wall, extinction_per_m=fog, g=0.8, albedo=0.98, ambient=SUNNY)
     else:
-        place = foggy(fog)
-    place = replace(place, wavelength_nm=PAPER.wavelength_nm)
-    world = build_world(place)
+        position = foggy(fog)
+    position = replace(position, wavelength_nm=PAPER.wavelength_nm)
+    world = build_world(position)
 
     def received(seed):
         if source == "daylight":
-            return daylight_power(place, PAPER, world, ENDS, seed=seed)
+            return daylight_power(position, PAPER, world, ENDS, seed=seed)
         return projector_power(world, VIEW, EVEN, ENDS, seed=seed)
 
     runs = [received(seed) for seed in worlds.seeds(32)]

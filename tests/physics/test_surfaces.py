@@ -85,15 +85,15 @@ MIRRORING = ("pane", "tilted pane", "mirror")
 )
 def test_against_the_reference_engine(name, extinction):
     fog = worlds.bank(extinction, albedo=0.95, g=0.8)
-    place = worlds.scene(worlds.room()[0], CASES[name], volumes=fog)
+    position = worlds.scene(worlds.room()[0], CASES[name], volumes=fog)
     plan = make_plan(SHAPE, 4, polarity="single-ended")
-    world, view = build_world(place), worlds.projector(shape=SHAPE)
+    world, view = build_world(position), worlds.projector(shape=SHAPE)
     strategy, spp = (Strategy.DETECTOR, 1024) if name in MIRRORING else (Strategy.BOTH, 256)
     images = [worlds.image(world, view, BASELINE, spp, s, strategy=strategy) for s in SEEDS]
     ours = expose(plan, np.array(images))[:, :-1]
     patterns = [illumination(plan, k) for k in range(plan.exposures - 1)]
     runs, samples = (20, 2**14) if extinction else (len(SEEDS), 2**15)
-    reference = worlds.mitsuba_readings(place, view, BASELINE, patterns, runs, samples)
+    reference = worlds.mitsuba_readings(position, view, BASELINE, patterns, runs, samples)
     assert np.all(np.abs(worlds.z_score(ours, reference)) < 4)
     assert np.all(ours.std(axis=0) < 0.1 * ours.mean(axis=0))
 
@@ -101,8 +101,8 @@ def test_against_the_reference_engine(name, extinction):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["mask", "holes", "rough metal", "frosted glass"])
 def test_either_end_alone_agrees(name):
-    place = worlds.scene(worlds.room()[0], CASES[name])
-    world, view = build_world(place), worlds.projector(shape=SHAPE)
+    position = worlds.scene(worlds.room()[0], CASES[name])
+    world, view = build_world(position), worlds.projector(shape=SHAPE)
     totals = {
         strategy: [
             worlds.image(world, view, BASELINE, spp, s, strategy=strategy).sum() for s in SEEDS
@@ -117,8 +117,10 @@ def test_either_end_alone_agrees(name):
 @pytest.mark.parametrize("name", ["mirror", "tilted pane"])
 def test_one_end_and_what_only_the_other_finds_is_all_light_in_fog(name, monkeypatch):
     """Beside a mirror each end alone is blind to some paths; together they miss none."""
-    place = worlds.scene(worlds.room()[0], CASES[name], extinction_per_m=0.05, g=0.7, albedo=0.95)
-    world, view = build_world(place), worlds.projector(shape=SHAPE)
+    position = worlds.scene(
+        worlds.room()[0], CASES[name], extinction_per_m=0.05, g=0.7, albedo=0.95
+    )
+    world, view = build_world(position), worlds.projector(shape=SHAPE)
 
     def totals(strategy, spp):
         return np.array(
@@ -127,7 +129,9 @@ def test_one_end_and_what_only_the_other_finds_is_all_light_in_fog(name, monkeyp
 
     everything = totals(Strategy.BOTH, 1024)
     outward = totals(Strategy.PROJECTOR, 2048)
-    unique = estimator.alone._replace(share=lambda others, vertex: dr.select(others == 0, 1.0, 0.0))
+    unique = estimator.alone._replace(
+        fraction=lambda others, vertex: dr.select(others == 0, 1.0, 0.0)
+    )
     monkeypatch.setattr(estimator, "alone", unique)
     only_inward = totals(Strategy.DETECTOR, 2048)
     assert abs(worlds.z_score(outward + only_inward, everything)) < 4
@@ -165,16 +169,16 @@ def test_wall_of_tape(observation_deg):
     wall = sheet(made_of(Retroreflector(returned, roughness), 0.4), distance, half_size=2)
     world = build_world(worlds.scene(wall))
     beside = worlds.detector([aside, 0, 0], area_m2=area, half_angle_deg=20)
-    found = worlds.histogram(world, worlds.beams([0, 0, 1]), beside, (1000, 0.02), 64, SEEDS[0])
+    result = worlds.histogram(world, worlds.beams([0, 0, 1]), beside, (1000, 0.02), 64, SEEDS[0])
     facets = np.cos(delta / 2) ** 2 + (np.sin(delta / 2) / roughness) ** 2
     lobe = returned / (4 * np.pi * (roughness * facets) ** 2 * np.cos(delta))
     scattered = lobe * np.cos(delta) ** 2.5 + 0.4 / np.pi
     closed = scattered * area * np.cos(delta) ** 4 / distance**2
-    assert found.sum() == pytest.approx(closed, rel=2e-3, abs=0)
+    assert result.sum() == pytest.approx(closed, rel=2e-3, abs=0)
 
 
-@pytest.mark.parametrize("most", [1, MAX_VERTICES])
-def test_a_pane_weakens_both_ways_by_its_transmittance(most):
+@pytest.mark.parametrize("maximum", [1, MAX_VERTICES])
+def test_a_pane_weakens_both_ways_by_its_transmittance(maximum):
     """It is no vertex: light that the wall behind it scatters once passes it twice."""
     # Tilted, or it would mirror the projector into the detector
     pane = sheet(made_of(ThinPane(1.5)), distance=2.0, half_size=5, tilt=0.1)
@@ -182,8 +186,8 @@ def test_a_pane_weakens_both_ways_by_its_transmittance(most):
     glazed = replace(bare, objects=(*bare.objects, pane))
     view, eye = worlds.projector(1.0, (2, 2)), worlds.detector(half_angle_deg=1.0)
     with_pane, without = (
-        worlds.image(build_world(place), view, eye, 256, SEEDS[0], max_vertices=most)
-        for place in (glazed, bare)
+        worlds.image(build_world(position), view, eye, 256, SEEDS[0], max_vertices=maximum)
+        for position in (glazed, bare)
     )
     reflected = 0.04
     transmitted = 1 - 2 * reflected / (1 + reflected)

@@ -87,10 +87,10 @@ def test_captures_say_whose_light_is_in_them(tmp_path):
     for light, marked in (("surrogate", True), ("traced", False)):
         capture = simulate(wall, PAPER, light=light, spp=1, seed=1).capture
         write_capture(capture, tmp_path / f"{light}.h5")
-        found = read_capture(tmp_path / f"{light}.h5")
-        assert found.provenance.is_surrogate is marked
-        assert load_yaml(found.provenance.settings, "settings")["light"]["source"] == light
-        assert any("surrogate's" in each for each in capture_warnings(found)) is marked
+        result = read_capture(tmp_path / f"{light}.h5")
+        assert result.provenance.is_surrogate is marked
+        assert load_yaml(result.provenance.settings, "settings")["light"]["source"] == light
+        assert any("surrogate's" in each for each in capture_warnings(result)) is marked
 
 
 def test_scenes_of_another_wavelength_are_refused():

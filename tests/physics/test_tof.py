@@ -34,9 +34,9 @@ def with_tof(instrument: Instrument, **changes: object):
 
 def light(range_m: float, echo_per_s: float, steady_per_s: float, frames: int = FRAMES):
     histogram = np.zeros(PATHS.size)
-    place = 2 * range_m / 0.02
-    low = int(place)
-    histogram[low : low + 2] = np.array([low + 1 - place, place - low]) * echo_per_s
+    position = 2 * range_m / 0.02
+    low = int(position)
+    histogram[low : low + 2] = np.array([low + 1 - position, position - low]) * echo_per_s
     return SpotLight(
         PATHS,
         np.broadcast_to(histogram, (frames, 4, PATHS.size)),
@@ -47,9 +47,9 @@ def light(range_m: float, echo_per_s: float, steady_per_s: float, frames: int = 
 
 def ranges_of(tof, given: SpotLight, seed: int = 7):
     spots = tof.record(given, OPTICS, np.random.default_rng(seed))
-    found = measure_ranges(in_one_frame(spots))
-    assert set(found.status) == {"ok"}
-    return found.range_m, found.sigma_m
+    result = measure_ranges(in_one_frame(spots))
+    assert set(result.status) == {"ok"}
+    return result.range_m, result.sigma_m
 
 
 def in_one_frame(spots: Spots) -> Spots:
@@ -65,10 +65,10 @@ def in_one_frame(spots: Spots) -> Spots:
     )
 
 
-def check(found: np.ndarray, true: float, sigma: float, within: float) -> None:
-    mean_error = (found.mean() - true) / (found.std() / np.sqrt(found.size))
+def check(result: np.ndarray, true: float, sigma: float, within: float) -> None:
+    mean_error = (result.mean() - true) / (result.std() / np.sqrt(result.size))
     assert abs(mean_error) < 3
-    assert found.std(ddof=1) == pytest.approx(sigma, rel=within)
+    assert result.std(ddof=1) == pytest.approx(sigma, rel=within)
 
 
 @cache
@@ -82,14 +82,14 @@ def test_four_phase(name: str) -> None:
     tof = with_tof(preset(name))
     frequency = tof.modulation.frequencies_hz[0]
     echo, steady, range_m = 2e10, 8e10, 4.21
-    found, stated = ranges_of(tof, light(range_m, echo, steady))
+    result, stated = ranges_of(tof, light(range_m, echo, steady))
     detector, time_s = tof.detector, tof.tap_time_s(frequency)
     contrast = tof.modulation.demodulation_contrast(frequency, detector.amplifier.response)
     noise = detector.electronics_noise_electrons(time_s)
     signal, background = echo * time_s, steady * time_s
     variance = detector.sensor.excess_noise_factor * (signal + background) + noise**2
     sigma = c / (4 * np.pi * frequency) * np.sqrt(variance / 2) / (contrast * signal)
-    check(found, range_m, sigma, 0.03)
+    check(result, range_m, sigma, 0.03)
     assert stated.mean() == pytest.approx(sigma, rel=0.03)
 
 
@@ -102,19 +102,19 @@ def test_equation_3_of_the_paper() -> None:
     tof = tof.model_copy(update={"detector": detector, "periods": 10_000})
     period_s = 1 / tof.modulation.frequencies_hz[0]
     peak, background, range_m = 800.0, 500.0, 3.0  # electrons per period
-    found, _ = ranges_of(tof, light(range_m, peak / 2 / period_s, background / period_s))
+    result, _ = ranges_of(tof, light(range_m, peak / 2 / period_s, background / period_s))
     width = tof.modulation.taps.width
     shape = np.sqrt(width) * np.sinc(width)
     sigma = 10 / peak * np.sqrt((peak + 2 * background) / 10_000) / (2 * np.pi * shape)
-    check(found, range_m, sigma, 0.03)
+    check(result, range_m, sigma, 0.03)
 
 
 def test_two_frequencies_range_beyond_the_ambiguity_of_either() -> None:
     tof: CwTof = with_tof(preset("paper"))
     modulation = tof.modulation.model_copy(update={"frequencies_hz": (c / 14, c / 10)})
     tof = tof.model_copy(update={"modulation": modulation})
-    found, stated = ranges_of(tof, light(8.4, 2e10, 8e10, 200))
-    z = (found - 8.4) / stated
+    result, stated = ranges_of(tof, light(8.4, 2e10, 8e10, 200))
+    z = (result - 8.4) / stated
     assert abs(z.mean()) < 4 / np.sqrt(z.size)
     assert abs((z**2).mean() - 1) < 4 * np.sqrt(2 / z.size)
 
@@ -125,7 +125,7 @@ def test_two_frequencies_weigh_by_their_precision() -> None:
     modulation = tof.modulation.model_copy(update={"frequencies_hz": (5e6, 20e6)})
     tof = tof.model_copy(update={"modulation": modulation})
     echo, steady, range_m = 2e10, 8e10, 4.21
-    found, stated = ranges_of(tof, light(range_m, echo, steady))
+    result, stated = ranges_of(tof, light(range_m, echo, steady))
     precision = 0.0
     for frequency in modulation.frequencies_hz:
         time_s = tof.tap_time_s(frequency)
@@ -134,7 +134,7 @@ def test_two_frequencies_weigh_by_their_precision() -> None:
         variance = (echo + steady) * time_s + noise**2
         sigma = c / (4 * np.pi * frequency) * np.sqrt(variance / 2) / (contrast * echo * time_s)
         precision += 1 / sigma**2
-    check(found, range_m, precision**-0.5, 0.03)
+    check(result, range_m, precision**-0.5, 0.03)
     assert stated.mean() == pytest.approx(precision**-0.5, rel=0.03)
 
 
@@ -164,15 +164,15 @@ def test_pulses_in_two_windows(name: str) -> None:
     tof = hybrid.model_copy(update={"detector": detector, "rise_time_s": 0.0})
     echo, steady, range_m = 8e11, 8e10, 4.21
     given = light(range_m, echo, steady)
-    found, stated = ranges_of(tof, given)
+    result, stated = ranges_of(tof, given)
     time_s = tof.pulses * tof.pulse_width_s
-    share = 2 * range_m / c / tof.pulse_width_s
+    fraction = 2 * range_m / c / tof.pulse_width_s
     signal, excess = echo * time_s, detector.sensor.excess_noise_factor
     window = excess * steady * time_s + detector.electronics_noise_electrons(time_s) ** 2
-    weight = (1 - share) ** 2 + share**2 + (1 - 2 * share) ** 2
-    variance = excess * share * (1 - share) / signal + window * weight / signal**2
+    weight = (1 - fraction) ** 2 + fraction**2 + (1 - 2 * fraction) ** 2
+    variance = excess * fraction * (1 - fraction) / signal + window * weight / signal**2
     sigma = c * tof.pulse_width_s / 2 * np.sqrt(variance)
-    check(found, range_m, sigma, 0.03)
+    check(result, range_m, sigma, 0.03)
     assert stated.mean() == pytest.approx(sigma, rel=0.03)
 
 
@@ -206,7 +206,7 @@ def test_single_photons_reach_the_cramer_rao_bound(
     )
     area_s = tof.pulse_sigma_s * np.sqrt(2 * np.pi)
     range_m = 4.21
-    found, stated = ranges_of(tof, light(range_m, signal / area_s, background, frames))
+    result, stated = ranges_of(tof, light(range_m, signal / area_s, background, frames))
 
     def rates(delay_s: float) -> np.ndarray:
         edges = (
@@ -220,7 +220,7 @@ def test_single_photons_reach_the_cramer_rao_bound(
     watched = tof.pulses * np.exp(-np.concatenate([[0.0], np.cumsum(mean)[:-1]]))
     information = (watched * slope**2 / np.expm1(mean)).sum()
     sigma = c / 2 / np.sqrt(information)
-    check(found, range_m, sigma, 0.10)
+    check(result, range_m, sigma, 0.10)
     assert stated.mean() == pytest.approx(sigma, rel=0.10)
 
 
@@ -233,7 +233,7 @@ def test_crossings_of_a_threshold_scatter_as_noise_over_slope(frames: int) -> No
     detector = apd.detector.model_copy(update={"amplifier": fast})
     tof = spad.model_copy(update={"detector": detector} | changes)
     range_m, peak = 4.21, 2e12
-    found, stated = ranges_of(tof, light(range_m, peak, 0.0, frames))
+    result, stated = ranges_of(tof, light(range_m, peak, 0.0, frames))
     sigma_s = np.hypot(tof.pulse_sigma_s, np.sqrt(np.log(2)) / (2 * np.pi * 1e9))
     height = peak * tof.pulse_sigma_s / sigma_s
     floor = detector.amplifier_noise_electrons(1.0) * np.sqrt(2e9)
@@ -243,9 +243,9 @@ def test_crossings_of_a_threshold_scatter_as_noise_over_slope(frames: int) -> No
     # A stamp is rounded to a bin.
     per_stamp = np.sqrt(edge**2 / 2 + tof.bin_width_s**2 / 12)
     sigma = c / 2 * per_stamp / np.sqrt(tof.pulses)
-    error = (found.mean() - range_m) / (found.std() / np.sqrt(found.size))
+    error = (result.mean() - range_m) / (result.std() / np.sqrt(result.size))
     assert abs(error) < 3
-    assert found.std() == pytest.approx(sigma, rel=0.10)
+    assert result.std() == pytest.approx(sigma, rel=0.10)
     assert stated.mean() == pytest.approx(sigma, rel=0.10)
 
 

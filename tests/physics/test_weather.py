@@ -48,24 +48,24 @@ def test_ballistic_return_through_mie_fog(kind):
         assert mean["histogram_orders"][0, 0].sum() / closed == pytest.approx(1, rel=1e-4)
 
 
-def expected_echo(medium, baseline_m, bins, tan_half_field, reach_m=30.0):
+def expected_echo(medium, baseline_m, bins, tan_half_field, max_range_m=30.0):
     """Light scattered once (bins,), of a detector at (baseline, 0, 0) that looks along z.
 
     A ∫ σs p(θ) cosα / d² exp(-σ (r + d)) dr, with d back from r on the beam, θ between beam and
     way back, α between that and the axis; shared between the bins left and right of r + d.
     """
-    r = np.geomspace(1e-3, reach_m, 400_001)
+    r = np.geomspace(1e-3, max_range_m, 400_001)
     d = np.hypot(r, baseline_m)
     seen = baseline_m < tan_half_field * r
     density = medium.scattering_per_m * medium.phase.density(-r / d) * seen * r / d**3
     density *= AREA * np.exp(-medium.extinction_per_m * (r + d))
-    share = (density[1:] + density[:-1]) / 2 * np.diff(r)
-    place = ((r + d)[1:] + (r + d)[:-1]) / 2 / bins.width_m
-    low = place.astype(int)
+    fraction = (density[1:] + density[:-1]) / 2 * np.diff(r)
+    position = ((r + d)[1:] + (r + d)[:-1]) / 2 / bins.width_m
+    low = position.astype(int)
     inside = low < bins.count - 1
-    low, share, upper = low[inside], share[inside], (place - low)[inside]
-    echo = np.bincount(low, share * (1 - upper), bins.count)
-    return echo + np.bincount(low + 1, share * upper, bins.count)
+    low, fraction, upper = low[inside], fraction[inside], (position - low)[inside]
+    echo = np.bincount(low, fraction * (1 - upper), bins.count)
+    return echo + np.bincount(low + 1, fraction * upper, bins.count)
 
 
 @pytest.mark.parametrize("kind", ["heavy-advection", "moderate-radiation"])
@@ -79,12 +79,12 @@ def test_profile_of_single_scattering(kind, baseline_m, half_angle_deg):
     runs = [
         traced(world, detector, bins, 2**16, seed, max_vertices=1)["histogram"][0] for seed in SEEDS
     ]
-    shown = slice(4, -1)  # the nearest light has no end at zero baseline, the last bin the rest
+    displayed = slice(4, -1)  # the nearest light has no end at zero baseline, the last bin the rest
     closed, smooth = (
-        expected_echo(air, baseline_m, bins, tan_half_field)[shown]
+        expected_echo(air, baseline_m, bins, tan_half_field)[displayed]
         for air in (medium, fog(30, kind, phase="hg"))
     )
-    runs = np.array(runs)[:, shown]
+    runs = np.array(runs)[:, displayed]
     dark = closed == 0
     assert np.all(runs[:, dark] == 0)
     t = worlds.z_score_exact(runs[:, ~dark], closed[~dark])

@@ -55,9 +55,9 @@ def fly_and_receive(address):
         *("reconstruction", "live", f"tcp://{address}", "--quiet", "--json"),
         *(word for sink in sinks for word in ("--to", sink)),
     )
-    told = finished(drone), finished(receiver)
+    reported = finished(drone), finished(receiver)
     assert all(Path(sink).exists() for sink in sinks)
-    return told
+    return reported
 
 
 def replay(address):
@@ -95,9 +95,9 @@ def read_by_ros(path):
 
 def compare_with_truth(ranges, logged):
     """Messages tell what the log has, and both are near what was there."""
-    told = [line["range_m"][0] for line in logged]
-    assert len(ranges) == len(told)
-    for message, line in zip(ranges, told, strict=True):
+    reported = [line["range_m"][0] for line in logged]
+    assert len(ranges) == len(reported)
+    for message, line in zip(ranges, reported, strict=True):
         ranged = line is not None and math.isfinite(line)
         assert math.isclose(message, line, rel_tol=1e-6) if ranged else not message > 0
     print(f"of {len(ranges)} messages {np.isfinite(ranges).sum()} hold a range")
@@ -117,9 +117,9 @@ def start(module, *words):
 
 def finished(process):
     """What it printed as JSON."""
-    told, _ = process.communicate(timeout=300)
+    reported, _ = process.communicate(timeout=300)
     assert process.returncode == 0, f"{' '.join(process.args[2:5])} ended with {process.returncode}"
-    return json.loads(told)
+    return json.loads(reported)
 
 
 def free_port():

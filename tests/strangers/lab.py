@@ -48,8 +48,8 @@ def image_of_own_patterns(rng: np.random.Generator) -> None:
     )
     run("reconstruction image.h5 -o image")
     result = reconstruction.read_result("image/result.h5")
-    name = next(name for name in result.images if name in result.deviations)
-    image, sigma = result.images[name], result.deviations[name]
+    name = next(name for name in result.images if name in result.sigmas)
+    image, sigma = result.images[name], result.sigmas[name]
     # Random patterns with no all-on reading do not tell the mean.
     error = (image - image.mean()) - (truth - truth.mean())
     correlation = np.corrcoef(image.ravel(), truth.ravel())[0, 1]

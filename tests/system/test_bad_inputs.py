@@ -28,7 +28,9 @@ def desk(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Iterator
 
 
 def _refused(of: Iterable[Row], desk: Path) -> None:
-    wrong = [f"{row}\n    {told}" for row in of if (told := complaint(row, desk)) is not None]
+    wrong = [
+        f"{row}\n    {reported}" for row in of if (reported := complaint(row, desk)) is not None
+    ]
     assert not wrong, "\n".join([f"{len(wrong)} are not refused as they should be", *wrong])
 
 

@@ -122,8 +122,8 @@ def test_what_another_program_writes_into_is_refused(
     trimesh.creation.box().export(place / "wall.ply")
     with held(place / lock):
         before = snapshot(place)
-        told = mistake(*command.split())
-        assert "process 123 on there is writing into it; wait for it or end it" in told
+        reported = mistake(*command.split())
+        assert "process 123 on there is writing into it; wait for it or end it" in reported
         assert snapshot(place) == before
 
 

@@ -44,8 +44,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     plan = write_plan(folder)
     done = run(plan, "-o", folder / "set", "--workers", "1", "--json")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["samples"], told["done"], told["failed"]) == (SAMPLES, SAMPLES, 0)
+    fields = json.loads(done.stdout)
+    assert (fields["samples"], fields["done"], fields["failed"]) == (SAMPLES, SAMPLES, 0)
     return plan, folder / "set"
 
 
@@ -54,11 +54,11 @@ def test_the_captures_tell_where_they_belong(whole: tuple[Path, Path]) -> None:
     assert captures(folder) == SAMPLES
     assert len(files(folder)) == 3 * SAMPLES
     capture = read_capture(folder / "samples" / "000" / "000004.h5")
-    told = yaml.safe_load(capture.provenance.settings)["data_set"]
+    reported = yaml.safe_load(capture.provenance.settings)["data_set"]
     with closing(sqlite3.connect(folder / "manifest.sqlite")) as connection:
         meta = dict(connection.execute("SELECT key, value FROM meta"))
-    assert (told["plan"], told["index"]) == (meta["plan_digest"], 4)
-    assert set(told["sidecars"]) == {".exr", ".npz"}
+    assert (reported["plan"], reported["index"]) == (meta["plan_digest"], 4)
+    assert set(reported["sidecars"]) == {".exr", ".npz"}
     assert capture.provenance.created == ""
     assert capture.plan.shape == (16, 16)
     assert capture.truth is not None
@@ -67,10 +67,10 @@ def test_the_captures_tell_where_they_belong(whole: tuple[Path, Path]) -> None:
     parameters, sha256, sidecars, seconds, stages, peak, size = rows(folder, columns)[4]
     visibility = json.loads(parameters)["scene.fog.visibility_m"]
     assert yaml.safe_load(capture.provenance.scene)["fog"]["visibility_m"] == visibility
-    found = files(folder)
-    assert found["samples/000/000004.h5"] == sha256
+    result = files(folder)
+    assert result["samples/000/000004.h5"] == sha256
     for name, beside in json.loads(sidecars).items():
-        assert found[name] == beside["sha256"] == told["sidecars"][Path(name).suffix]
+        assert result[name] == beside["sha256"] == reported["sidecars"][Path(name).suffix]
     assert seconds > sum(json.loads(stages).values()) * 0.99 > 0
     assert 50 < peak < 2000
     assert size == (folder / "samples/000/000004.h5").stat().st_size
@@ -112,9 +112,9 @@ def test_a_worker_that_is_killed(whole: tuple[Path, Path], tmp_path: Path) -> No
         os.kill(children(process.pid)[0], signal.SIGKILL)
         assert process.wait(SAFETY_S) == 0
     assert files(tmp_path / "set") == files(folder)
-    told = rows(tmp_path / "set")
-    assert [row[1] for row in told] == ["done"] * SAMPLES
-    assert sorted(row[3] for row in told) == [1] * (SAMPLES - 1) + [2]  # one twice
+    reported = rows(tmp_path / "set")
+    assert [row[1] for row in reported] == ["done"] * SAMPLES
+    assert sorted(row[3] for row in reported) == [1] * (SAMPLES - 1) + [2]  # one twice
 
 
 @linux
@@ -144,9 +144,9 @@ def test_one_sample_that_cannot_be_made(tmp_path: Path) -> None:
     plan = write_plan(tmp_path, samples=3, seed=5, vary=vary)
     done = run(plan, "-o", tmp_path / "set", "--workers", "1", "--json")
     assert done.exit_code == 1, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["done"], told["failed"]) == (2, 1)
-    reason = told["failures"]["1"]
+    fields = json.loads(done.stdout)
+    assert (fields["done"], fields["failed"]) == (2, 1)
+    reason = fields["failures"]["1"]
     assert "is inside object 'block'" in reason
     assert "\n" not in reason
     assert "Traceback" in (tmp_path / "set/errors/000001.txt").read_text()
@@ -231,8 +231,8 @@ def test_a_disk_that_stays_full_ends_the_run(tmp_path: Path) -> None:
     done = rows(tmp_path / "after", "file, sha256")
     assert 0 < len(done) < 10
     assert run(plan, "-o", tmp_path / "after", "--workers", "2").exit_code == 0
-    found = files(tmp_path / "after")
-    assert all(found[name] == sha256 for name, sha256 in done)
+    result = files(tmp_path / "after")
+    assert all(result[name] == sha256 for name, sha256 in done)
 
 
 CLUSTER = """
@@ -300,15 +300,15 @@ def test_the_dry_run_tells_what_it_would_cost(whole: tuple[Path, Path]) -> None:
     plan, folder = whole
     done = run(plan, "--dry-run", "--json", "--workers", "2", "--samples", "100")
     assert done.exit_code == 0, done.stderr
-    told = json.loads(done.stdout)
-    assert told["samples"] == 100
+    fields = json.loads(done.stdout)
+    assert fields["samples"] == 100
     sizes = [path.stat().st_size for path in (folder / "samples").rglob("*.*")]
-    assert told["bytes"] / 100 == pytest.approx(sum(sizes) / SAMPLES, rel=0.1)
-    assert told["seconds"] == pytest.approx(told["cost"]["mean_s"] * 100 / 2)
-    assert told["cost"]["samples"] == 12
-    assert len(told["first"]) == 10
+    assert fields["bytes"] / 100 == pytest.approx(sum(sizes) / SAMPLES, rel=0.1)
+    assert fields["seconds"] == pytest.approx(fields["cost"]["mean_s"] * 100 / 2)
+    assert fields["cost"]["samples"] == 12
+    assert len(fields["first"]) == 10
     first = json.loads(rows(folder, "parameters")[0][0])
-    assert told["first"][0]["parameters"] == first
+    assert fields["first"][0]["parameters"] == first
 
 
 def test_the_dry_run_lists_what_differs_and_costs(
@@ -316,13 +316,13 @@ def test_the_dry_run_lists_what_differs_and_costs(
 ) -> None:
     def estimated(planned: PlannedSet, folder: Path, *others: object, **more: object) -> Preview:
         assert not any(folder.iterdir())
-        shown = [planned.sample(index) for index in range(2)]
+        displayed = [planned.sample(index) for index in range(2)]
         costs = [
             GroupCost(Group("targets", "fog"), 0.75, Cost(4, 1.5, 2.5, 3.5, 2.0)),
             GroupCost(Group("targets", "clear"), 0.25, None),
         ]
         cost, failures = Cost(4, 1.5, 2.5, 3.5, 2.0), {5: "no luck"}
-        return Preview(SAMPLES, shown, costs, cost, 30.0, 20_000, failures, workers=2)
+        return Preview(SAMPLES, displayed, costs, cost, 30.0, 20_000, failures, workers=2)
 
     monkeypatch.setattr(preview, "preview", estimated)
     plan = write_plan(tmp_path)

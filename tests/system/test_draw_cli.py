@@ -54,7 +54,7 @@ def test_older_files_stay_unless_they_may_go(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         (["target"], "did you mean 'targets'"),
         (["targets", "--set", "target"], "should be NAME=VALUE"),
@@ -65,12 +65,12 @@ def test_older_files_stay_unless_they_may_go(tmp_path: Path) -> None:
     ],
 )
 def test_what_cannot_be_drawn_leaves_nothing(
-    tmp_path: Path, arguments: list[str], told: str
+    tmp_path: Path, arguments: list[str], reported: str
 ) -> None:
     done = run("draw", *arguments, "-o", tmp_path / "new" / "a.yaml")
     assert done.exit_code == 2, done.stdout
     assert "Traceback" not in done.stderr
-    assert told in done.stderr
+    assert reported in done.stderr
     assert list(tmp_path.iterdir()) == []
 
 
@@ -79,8 +79,8 @@ def test_parameters_of_a_family_are_told(name: str) -> None:
     done = run("list", name)
     assert done.exit_code == 0, done.stderr
     parameters = ranges(FAMILIES[name].parameters)
-    told = {line.split()[0] for line in done.stdout.splitlines() if line.strip()}
-    assert set(parameters) <= told
+    reported = {line.split()[0] for line in done.stdout.splitlines() if line.strip()}
+    assert set(parameters) <= reported
     assert json.loads(run("list", name, "--json").stdout)["parameters"] == parameters
 
 

@@ -65,9 +65,9 @@ def test_captures_know_pose_and_motion_of_their_instant(folder: Path, flown: Pat
     flight = load_trajectory(folder / "path.csv")
     for number in range(3):
         capture = read_capture(flown / f"capture-{number:04d}.h5")
-        place = make_scene(capture.provenance.scene, folder, "capture")
-        assert place.drone_pose == pytest.approx(flight.pose(number), abs=1e-9)
-        assert place.drone_velocity_m_s == pytest.approx(flight.velocity(number), abs=1e-12)
+        position = make_scene(capture.provenance.scene, folder, "capture")
+        assert position.drone_pose == pytest.approx(flight.pose(number), abs=1e-9)
+        assert position.drone_velocity_m_s == pytest.approx(flight.velocity(number), abs=1e-12)
         assert capture.provenance.seed == number
     truth = [read_capture(flown / f"capture-{n:04d}.h5").truth.at(0) for n in (0, 1)]
     moved = truth[0].depth_m[:, -1] - truth[1].depth_m[:, -1]  # the wall, right of the post
@@ -116,14 +116,14 @@ def test_the_page_has_every_capture(flown: Path) -> None:
 def test_an_interrupted_flight_goes_on(folder: Path, flown: Path) -> None:
     before = {path.name: path.read_bytes() for path in flown.iterdir()}
     first = flown / "capture-0000.h5"
-    kept_time = first.stat().st_mtime_ns
+    retained_time = first.stat().st_mtime_ns
     for name in ("capture-0001.h5", "flight.gif"):
         (flown / name).unlink()
         (flown / f".{name}.0123abcd.tmp").write_bytes(before[name][:100])
     run = fly(folder, flown, "--json")
     assert run.exit_code == 0, run.output
     assert json.loads(run.stdout)["kept"] == 2
-    assert first.stat().st_mtime_ns == kept_time
+    assert first.stat().st_mtime_ns == retained_time
     assert {path.name: path.read_bytes() for path in flown.iterdir()} == before
 
 

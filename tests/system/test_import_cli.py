@@ -28,9 +28,9 @@ def dae(tmp_path: Path) -> Path:
 def test_report_for_people(dae: Path, tmp_path: Path) -> None:
     done = run(dae, "-o", tmp_path / "hall.yaml")
     assert done.exit_code == 0, done.stderr
-    told = ["2, 8 triangles", "0.001 m (unit of the file: millimeter", "y (up_axis", "proposed"]
-    told += ["Rusty Steel", "steel-rusty", "guess", "gone.png", "not used"]
-    for word in told:
+    reported = ["2, 8 triangles", "0.001 m (unit of the file: millimeter", "y (up_axis", "proposed"]
+    reported += ["Rusty Steel", "steel-rusty", "guess", "gone.png", "not used"]
+    for word in reported:
         assert word in done.stdout
     assert "Wrote" in done.stderr
     assert len(load_scene(tmp_path / "hall.yaml").objects) == 2

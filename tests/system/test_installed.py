@@ -119,6 +119,6 @@ while (word := complete("{package}.", len(words))) is not None:
     words.append(word)
 print(*words)
 """
-    told = {word.rstrip("()") for word in said(python, "-c", ask, folder=tmp_path).split()}
+    reported = {word.rstrip("()") for word in said(python, "-c", ask, folder=tmp_path).split()}
     names = set(importlib.import_module(package).__all__) - {"__version__"}
-    assert {f"{package}.{name}" for name in names} <= told
+    assert {f"{package}.{name}" for name in names} <= reported

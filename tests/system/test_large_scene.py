@@ -9,7 +9,7 @@ from large import in_a_process, write_scenes
 @pytest.mark.slow
 def test_a_million_triangles(tmp_path: Path) -> None:
     for path in write_scenes(tmp_path).values():
-        found = in_a_process(path, spp=64)
-        assert found.triangles > 1_000_000
-        assert found.processor_s < 60  # 30 s on two cores
-        assert found.peak_gb < 3
+        result = in_a_process(path, spp=64)
+        assert result.triangles > 1_000_000
+        assert result.processor_s < 60  # 30 s on two cores
+        assert result.peak_gb < 3

@@ -9,18 +9,18 @@ import pytest
 
 from stream_mutations import SINKS, fly
 
-LONGEST_S, MOST_MIB = 5.0, 300
+LONGEST_S, MAX_MIB = 5.0, 300
 """Of processor time for a setup and its frames; of the whole process."""
 
 
-def judge(told):
+def judge(reported):
     """Nothing crashes, hangs or fills memory; what came is accounted for, and no sink is gone."""
-    counts = told["counts"]
-    assert told["alive"] == [*SINKS, "messages"]
-    assert told["longest_s"] < LONGEST_S
+    counts = reported["counts"]
+    assert reported["alive"] == [*SINKS, "messages"]
+    assert reported["longest_s"] < LONGEST_S
     assert counts["received"] == counts["reconstructed"] + counts.get("failed", 0)
     assert counts["refused"] > 0
-    assert counts.get("sink_failures", 0) >= sum(told["lost"].values())
+    assert counts.get("sink_failures", 0) >= sum(reported["lost"].values())
 
 
 def test_some_changed_streams_do_no_harm(tmp_path):
@@ -34,6 +34,6 @@ def test_ten_thousand_changed_streams_do_no_harm():
         [sys.executable, str(program), "10000"], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr[-2000:]
-    told = json.loads(done.stdout)
-    judge(told)
-    assert told["memory_mib"] < MOST_MIB
+    fields = json.loads(done.stdout)
+    judge(fields)
+    assert fields["memory_mib"] < MAX_MIB

@@ -29,7 +29,7 @@ for line in sys.stdin:
 """
 
 
-class Shown:
+class NetworkInput:
     """A folder in which the blocks of one page run."""
 
     def __init__(self, folder: Path) -> None:
@@ -59,9 +59,9 @@ class Shown:
 
     def shell(self, text: str) -> None:
         """Run commands, the first that fails ends them; what they export stays."""
-        kept = self.folder / ".environment"
+        retained = self.folder / ".environment"
         done = subprocess.run(
-            ["bash", "-e", "-o", "pipefail", "-c", f"{text}\nenv -0 > '{kept}'"],
+            ["bash", "-e", "-o", "pipefail", "-c", f"{text}\nenv -0 > '{retained}'"],
             cwd=self.folder,
             env=self.environment,
             capture_output=True,
@@ -70,7 +70,7 @@ class Shown:
             check=False,
         )
         assert done.returncode == 0, f"{text}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
-        self.environment = _read(kept.read_text(encoding="utf-8"))
+        self.environment = _read(retained.read_text(encoding="utf-8"))
 
     def exec(self, text: str) -> None:
         """Run Python after what ran before it."""
@@ -113,12 +113,12 @@ def _read(text: str) -> dict[str, str]:
 @pytest.mark.slow
 @pytest.mark.parametrize("page", RUN, ids=lambda page: str(page.relative_to(ROOT)))
 def test_every_block_runs_as_it_is_printed(page, tmp_path):
-    found = blocks(page)
-    if not any(block.language in (*SHELLS, "python") for block in found):
+    result = blocks(page)
+    if not any(block.language in (*SHELLS, "python") for block in result):
         pytest.skip("nothing to run")
-    shown = Shown(tmp_path)
+    displayed = NetworkInput(tmp_path)
     try:
-        for block in found:
-            shown.run(block)
+        for block in result:
+            displayed.run(block)
     finally:
-        shown.end()
+        displayed.end()

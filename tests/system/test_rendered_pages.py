@@ -16,7 +16,7 @@ from spisim.dataset.study.evaluation import Evaluation
 from spisim.dataset.study.results import results_of
 from spisim.report.capture import write_report
 from spisim.report.contact_sheet import write_contact_sheet
-from spisim.report.flight import Sighting
+from spisim.report.flight import EvaluatedFrame
 from spisim.report.flight_page import write_flight
 from spisim.report.study import write_study
 from studies import planned
@@ -99,7 +99,7 @@ def _flight(path: Path, capture: Capture) -> None:
         pose[:3] = [[1, 0, 0, 0.3 * number], [0, 0, 1, 0], [0, -1, 0, 1]]
         scene = SimpleNamespace(drone_pose=pose)
         instant = SimpleNamespace(file=f"capture-{number:04}.h5", time_s=0.5 * number, scene=scene)
-        flight.append(Sighting(instant, capture, result, evaluate(result, capture)))
+        flight.append(EvaluatedFrame(instant, capture, result, evaluate(result, capture)))
     write_flight(path, "wall", flight, 2.0)
 
 
@@ -114,8 +114,8 @@ def test_a_page_can_be_read(
     assert browser.said == []
     dark_paper = browser.run("getComputedStyle(document.body).backgroundColor") < "rgb(2"
     assert dark_paper == dark
-    shown = browser.run("[...document.images].every((image) => image.naturalWidth > 0)")
-    assert shown
+    displayed = browser.run("[...document.images].every((image) => image.naturalWidth > 0)")
+    assert displayed
 
 
 def test_what_is_wrong_with_a_page_is_found(browser: Browser, tmp_path: Path) -> None:
@@ -126,22 +126,22 @@ def test_what_is_wrong_with_a_page_is_found(browser: Browser, tmp_path: Path) ->
         "<p style='width:2000px;text-align:right'>far away</p>"
     )
     browser.open(page, PHONE)
-    found = "\n".join(browser.run(RENDERED))
-    assert 'of "pale"' in found
-    assert 'cut off at the side: "far away"' in found
-    assert "scrolls sideways" in found
-    assert '"another line of words" overlaps "pale"' in found
+    result = "\n".join(browser.run(RENDERED))
+    assert 'of "pale"' in result
+    assert 'cut off at the side: "far away"' in result
+    assert "scrolls sideways" in result
+    assert '"another line of words" overlaps "pale"' in result
 
 
 def test_pictures_are_large_and_stay_pixels(browser: Browser, folder: Path) -> None:
-    for width_px, least_px in ((DESKTOP, 240), (PHONE, 150)):
+    for width_px, min_px in ((DESKTOP, 240), (PHONE, 150)):
         browser.open(folder / "report.html", width_px)
         sizes, looks = browser.run(
             "(() => { const all = [...document.querySelectorAll('[data-kind] img')];"
             "return [all.map((each) => each.clientWidth),"
             "all.map((each) => getComputedStyle(each).imageRendering)]; })()"
         )
-        assert min(sizes) >= least_px
+        assert min(sizes) >= min_px
         assert set(looks) == {"pixelated"}
 
 
@@ -149,24 +149,24 @@ def test_values_are_read_below_the_pointer(browser: Browser, folder: Path) -> No
     browser.open(folder / "report.html", DESKTOP)
     x, y = _middle(browser, "[data-kind=depth][data-method=true] .frame")
     browser.mouse("mouseMoved", x, y)
-    told = browser.run(
+    reported = browser.run(
         "[...document.querySelectorAll('[data-kind=depth] output')].map((each) => each.innerText)"
     )
-    assert told[0] == "4.50 m"  # column 8 of 16 on the slanted wall
-    assert all(words.endswith("m") for words in told)
+    assert reported[0] == "4.50 m"  # column 8 of 16 on the slanted wall
+    assert all(words.endswith("m") for words in reported)
 
 
 def test_the_map_tells_all_of_a_pixel_and_the_cloud_turns(browser: Browser, folder: Path) -> None:
     browser.open(folder / "report.html", DESKTOP)
     x, y = _middle(browser, ".large .frame")
     browser.mouse("mouseMoved", x, y)
-    told = browser.run(
+    reported = browser.run(
         "Object.fromEntries([...document.querySelectorAll('.pixel div')].map((each) =>"
         "[...each.children].map((child) => child.textContent)))"
     )
-    assert told["Pixel"] == "8, 8"
-    assert told["True range"] == "4.50 m"
-    assert {"Range", "Error"} <= told.keys()
+    assert reported["Pixel"] == "8, 8"
+    assert reported["True range"] == "4.50 m"
+    assert {"Range", "Error"} <= reported.keys()
     clouds = [_cloud(browser)]
     browser.run("document.querySelector('[name=truth]').click()")
     clouds.append(_cloud(browser))
@@ -184,13 +184,13 @@ def test_sliders_show_what_comes_one_after_the_other(browser: Browser, folder: P
         ("flight", ".flight-player", "0.00 s · mean depth error"),
     ):
         browser.open(folder / f"{page}.html", PHONE)
-        told = browser.run(
+        reported = browser.run(
             f"(() => {{ const part = document.querySelector('{part}');"
             "const slider = part.querySelector('input[type=range]'); slider.value = 0;"
             "slider.dispatchEvent(new Event('input'));"
             "return part.querySelector('.step output').textContent; })()"
         )
-        assert told.startswith(first)
+        assert reported.startswith(first)
 
 
 def _middle(browser: Browser, selector: str) -> tuple[float, float]:

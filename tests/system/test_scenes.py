@@ -34,12 +34,12 @@ def go_through(scene: Scene) -> None:
     simulation = spisim.simulate(scene, INSTRUMENT, spp=8, seed=1)
     warned = simulation_warnings(INSTRUMENT, simulation.transport)
     # Tape may throw the projector's light into the detector of the spot that falls onto it.
-    known = ("true image", "light's own noise", "every reading saturates")
-    assert [each for each in warned if not any(words in each for words in known)] == []
+    given = ("true image", "light's own noise", "every reading saturates")
+    assert [each for each in warned if not any(words in each for words in given)] == []
     # A plain wall has hardly an image, nor has what dense smoke leaves of a tunnel. Spots on edges
     # have two echoes, far ones may as well lie beyond the wrap, and fog may leave one unsure.
     lost = may_be_bare(scene)
-    known = (
+    given = (
         "hardly an image",
         "further echoes bias it",
         "several ranges explain it",
@@ -48,7 +48,7 @@ def go_through(scene: Scene) -> None:
         *(f"spot {number} " for number in lost),
     )
     warned = capture_warnings(simulation.capture)
-    assert [each for each in warned if not any(words in each for words in known)] == []
+    assert [each for each in warned if not any(words in each for words in given)] == []
     metrics = evaluate(reconstruct(simulation.capture), simulation.capture)
     assert metrics["images"]["pursuit"]["nrmse"] is not None
     assert metrics["depths"]["anchored"]["mae_m"] is not None

@@ -70,20 +70,20 @@ def approach(port: int, step_m: float) -> list[Message]:
 def fly(folder: Path, step_m: float, *options: str):
     """The messages that came, and what the command said."""
     port = free_port()
-    found: list[Message] = []
-    pilot = threading.Thread(target=lambda: found.extend(approach(port, step_m)))
+    result: list[Message] = []
+    pilot = threading.Thread(target=lambda: result.extend(approach(port, step_m)))
     pilot.start()
     address = f"tcp-listen://127.0.0.1:{port}"
-    told = run(*arguments(folder, "--lockstep", "--to", address, "--json", *options))
+    reported = run(*arguments(folder, "--lockstep", "--to", address, "--json", *options))
     pilot.join()
-    assert told.exit_code == 0, told.stderr
-    return found, told
+    assert reported.exit_code == 0, reported.stderr
+    return result, reported
 
 
 def test_a_drone_goes_where_it_is_told_the_same_way_each_time(folder):
     record = folder / "flight.h5"
-    came, told = fly(folder, 0.02, "--record", str(record), "--truths", "4")
-    report = json.loads(told.stdout)
+    came, reported = fly(folder, 0.02, "--record", str(record), "--truths", "4")
+    report = json.loads(reported.stdout)
     assert (report["frames"], report["commands"], report["stops"]) == (FRAMES, FRAMES, 0)
     stream = StreamSetup(came[0].payload)
     assert stream.provenance.is_surrogate
@@ -109,18 +109,18 @@ def test_a_drone_goes_where_it_is_told_the_same_way_each_time(folder):
 
 
 def test_a_drone_that_is_told_into_a_wall_stops_and_says_so(folder):
-    came, told = fly(folder, 5.0, "--pose", "4.7,0,1")
+    came, reported = fly(folder, 5.0, "--pose", "4.7,0,1")
     assert len([each for each in came if each.kind == Kind.FRAME]) == FRAMES
-    assert json.loads(told.stdout)["stops"] == 1
-    assert "the drone stays here: object 'wall' is less than 0.2 m away" in told.stderr
+    assert json.loads(reported.stdout)["stops"] == 1
+    assert "the drone stays here: object 'wall' is less than 0.2 m away" in reported.stderr
 
 
 def test_a_path_is_sent_frame_by_frame_to_a_file(folder):
     stream = folder / "path.stream"
     options = ("--path", str(folder / "path.csv"), "--to", str(stream), "--duration", "0.05")
-    told = run(*arguments(folder, *options, "--speed", "2", "--spacing", "0.1", "--json"))
-    assert told.exit_code == 0, told.stderr
-    report = json.loads(told.stdout)
+    reported = run(*arguments(folder, *options, "--speed", "2", "--spacing", "0.1", "--json"))
+    assert reported.exit_code == 0, reported.stderr
+    report = json.loads(reported.stdout)
     came = Parser().feed(stream.read_bytes())
     assert [came[0].kind, came[-1].kind] == [Kind.SETUP, Kind.END]
     assert report["frames"] == len(came) - 2 == round(0.05 * 15_000 / 64)

@@ -46,9 +46,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("study")
     run = study(folder, folder / "out", "--json")
     assert run.exit_code == 0, run.output
-    told = json.loads(run.stdout)
-    assert (told["samples"], told["made"], told["evaluated"], told["failed"]) == (4, 4, 4, 0)
-    assert all(Path(path).is_file() for path in told["written"])
+    fields = json.loads(run.stdout)
+    assert (fields["samples"], fields["made"], fields["evaluated"], fields["failed"]) == (
+        4,
+        4,
+        4,
+        0,
+    )
+    assert all(Path(path).is_file() for path in fields["written"])
     return folder
 
 
@@ -88,11 +93,11 @@ def test_what_is_random_is_equal_within_a_round(folder: Path) -> None:
         float(samples[k + 1]["range_bias_m[cw]"]) - float(samples[k]["range_bias_m[cw]"])
         for k in (0, 2)
     ]
-    told = next(
+    reported = next(
         row for row in rows(folder / "out/differences.csv") if row["metric"] == "range_bias_m[cw]"
     )
-    assert float(told["mean"]) == pytest.approx(sum(differences) / 2)
-    assert (float(told["low"]), float(told["high"])) == pytest.approx(of_two(differences))
+    assert float(reported["mean"]) == pytest.approx(sum(differences) / 2)
+    assert (float(reported["low"]), float(reported["high"])) == pytest.approx(of_two(differences))
 
 
 def test_dense_fog_pulls_ranges_of_a_near_wall_closer(folder: Path) -> None:

@@ -31,32 +31,32 @@ def report(*arguments: str) -> dict[str, Any]:
 
 
 def test_weather_is_what_the_media_are() -> None:
-    found = report(*WEATHER, "--rain", "10", "--snow", "1", "--smoke", "30")
+    result = report(*WEATHER, "--rain", "10", "--snow", "1", "--smoke", "30")
     parts = [fog(50, "heavy-radiation"), fog(30, "glycol"), rain(10), snow(1)]
     for key, value in combine(parts).summary().items():
-        assert found[key] == (pytest.approx(value) if isinstance(value, float) else value), key
-    assert [part["kind"] for part in found["media"]] == [part.kind for part in parts]
-    assert found["empirical"]["al-naboulsi-advection"] == pytest.approx(0.0803, abs=1e-4)
-    assert "kruse" not in found["empirical"]  # which is for haze
-    assert "ijaz-smoke" not in found["empirical"]  # which is for smoke
-    assert set(found["empirical_smoke"]) == {"ijaz-smoke"}
-    assert found["wavelength_nm"] == 1550
-    assert found["warnings"] == []
+        assert result[key] == (pytest.approx(value) if isinstance(value, float) else value), key
+    assert [part["kind"] for part in result["media"]] == [part.kind for part in parts]
+    assert result["empirical"]["al-naboulsi-advection"] == pytest.approx(0.0803, abs=1e-4)
+    assert "kruse" not in result["empirical"]  # which is for haze
+    assert "ijaz-smoke" not in result["empirical"]  # which is for smoke
+    assert set(result["empirical_smoke"]) == {"ijaz-smoke"}
+    assert result["wavelength_nm"] == 1550
+    assert result["warnings"] == []
 
 
 def test_rain_tells_what_a_narrow_link_loses() -> None:
     """Links in the literature lose 5.0 to 6.8 dB/km at 10 mm/h; this camera sees the diffracted."""
-    found = report("weather", "--rain", "10")
-    assert found["extinction_db_per_km"] < 4
-    assert 5.0 <= found["rain_with_diffraction"]["extinction_db_per_km"] <= 7.0
+    result = report("weather", "--rain", "10")
+    assert result["extinction_db_per_km"] < 4
+    assert 5.0 <= result["rain_with_diffraction"]["extinction_db_per_km"] <= 7.0
     assert "a narrow link loses it" in " ".join(spisim("weather", "--rain", "10").stdout.split())
     assert report(*WEATHER)["rain_with_diffraction"] is None
 
 
 def test_comparison_of_wavelengths() -> None:
-    found = report(*WEATHER, "--compare")["compare"]
-    assert [row["wavelength_nm"] for row in found] == [850, 905, 940, 1460, 1550]
-    for row in found:
+    result = report(*WEATHER, "--compare")["compare"]
+    assert [row["wavelength_nm"] for row in result] == [850, 905, 940, 1460, 1550]
+    for row in result:
         expected = fog(50, "heavy-radiation", wavelength_nm=row["wavelength_nm"])
         assert row["extinction_per_m"] == pytest.approx(expected.extinction_per_m)
         assert row["visibility_m"] == 50
@@ -210,9 +210,9 @@ def test_single_drops_go_with_what_falls() -> None:
 
 @pytest.mark.parametrize("command", ["simulate", "transport", "picture", "fly", "serve"])
 def test_all_commands_that_send_light_have_all_weather(command: str) -> None:
-    told = {name for each in get_command(app).commands[command].params for name in each.opts}
-    assert {"--visibility", "--fog", "--rain", "--snow", "--smoke", "--clear"} <= told
-    assert ("--drops" in told) == (command in ("simulate", "fly", "serve"))
+    reported = {name for each in get_command(app).commands[command].params for name in each.opts}
+    assert {"--visibility", "--fog", "--rain", "--snow", "--smoke", "--clear"} <= reported
+    assert ("--drops" in reported) == (command in ("simulate", "fly", "serve"))
 
 
 # Another wavelength
@@ -235,10 +235,10 @@ def test_an_instrument_moved_to_905_nm_by_its_budget() -> None:
 
 def test_a_scene_is_loaded_at_the_instrument_s_wavelength(scene_file: Path) -> None:
     scene_file.write_text(SCENE)
-    found, _ = scene_with(str(scene_file), 905, Weather(visibility=50, fog="haze-l"))
-    assert found.wavelength_nm == 905
+    result, _ = scene_with(str(scene_file), 905, Weather(visibility=50, fog="haze-l"))
+    assert result.wavelength_nm == 905
     expected = fog(50, "haze-l", wavelength_nm=905)
-    assert found.atmosphere.extinction_per_m == expected.extinction_per_m
+    assert result.atmosphere.extinction_per_m == expected.extinction_per_m
 
 
 @pytest.mark.parametrize("command", ["simulate", "transport", "picture", "budget"])

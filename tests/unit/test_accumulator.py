@@ -49,9 +49,9 @@ def added(values: list[float], length_m: float = 0.0) -> Sums:
 
 
 def test_sums_are_exact_up_to_the_limit() -> None:
-    found = added([2.0**14, 2.0**13, 2.0**-48])
-    np.testing.assert_array_equal(found.values["image"], [[0, 2.0**13 + 2.0**12 + 2.0**-49]])
-    assert found.dropped == 0
+    result = added([2.0**14, 2.0**13, 2.0**-48])
+    np.testing.assert_array_equal(result.values["image"], [[0, 2.0**13 + 2.0**12 + 2.0**-49]])
+    assert result.dropped == 0
 
 
 @pytest.mark.parametrize(
@@ -65,16 +65,16 @@ def test_a_sum_beyond_the_limit_is_an_error(values: list[float]) -> None:
 
 
 def test_what_is_not_finite_is_left_out_and_counted() -> None:
-    found = added([1.0, np.nan, np.inf, -np.inf, 2.0])
-    np.testing.assert_array_equal(found.values["image"], [[0, 1.5]])
-    assert found.dropped == 3
+    result = added([1.0, np.nan, np.inf, -np.inf, 2.0])
+    np.testing.assert_array_equal(result.values["image"], [[0, 1.5]])
+    assert result.dropped == 3
 
 
 @pytest.mark.parametrize("length_m", [np.nan, np.inf])
 def test_light_of_no_path_length_is_left_out_and_counted(length_m: float) -> None:
-    found = added([1.0, 2.0], length_m)
-    assert found.dropped == 2
-    for values in found.values.values():
+    result = added([1.0, 2.0], length_m)
+    assert result.dropped == 2
+    for values in result.values.values():
         np.testing.assert_array_equal(values, np.zeros_like(values))
 
 
@@ -82,22 +82,26 @@ def test_what_was_left_out_is_told_once() -> None:
     def launch(samples: int, seeds: object, replicas: int) -> Sums:
         return added([1.0, np.nan])
 
-    with pytest.warns(TransportWarning, match="^8 contributions of light were not finite") as told:
-        found = repeat(launch, Paths(8), 2, SEED, None)
-    assert len(told) == 1
-    assert found.dropped == 8
-    np.testing.assert_array_equal(found.mean["image"], [0, 0.5])
+    with pytest.warns(
+        TransportWarning, match="^8 contributions of light were not finite"
+    ) as reported:
+        result = repeat(launch, Paths(8), 2, SEED, None)
+    assert len(reported) == 1
+    assert result.dropped == 8
+    np.testing.assert_array_equal(result.mean["image"], [0, 0.5])
 
 
 def test_a_material_without_a_reflectance_is_told() -> None:
     sheet = worlds.plane(3.0)
     material = Material("m", np.nan, "test")
-    place = worlds.scene(*worlds.room(), replace(sheet, material=material))
+    position = worlds.scene(*worlds.room(), replace(sheet, material=material))
     with pytest.warns(TransportWarning, match="not finite"):
-        worlds.image(build_world(place), worlds.projector(), worlds.detector(), 8, SEED)
+        worlds.image(build_world(position), worlds.projector(), worlds.detector(), 8, SEED)
 
 
 def test_a_wall_right_before_the_instrument_is_refused() -> None:
-    place = worlds.scene(worlds.plane(1e-3, 1.0, half_size_m=0.1))
+    position = worlds.scene(worlds.plane(1e-3, 1.0, half_size_m=0.1))
     with pytest.raises(InputError, match="too close to source and detector"):
-        worlds.image(build_world(place), worlds.projector(1.0, (2, 2)), worlds.detector(), 8, SEED)
+        worlds.image(
+            build_world(position), worlds.projector(1.0, (2, 2)), worlds.detector(), 8, SEED
+        )

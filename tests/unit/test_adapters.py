@@ -18,10 +18,10 @@ def test_pylops_inverts_it():
     operator = linear_operator(OPERATOR)
     pylops.utils.dottest(operator, 100, 256)
     np.testing.assert_allclose(operator @ IMAGE.ravel(), VALUES)
-    found = pylops.optimization.leastsquares.regularized_inversion(
+    result = pylops.optimization.leastsquares.regularized_inversion(
         operator, VALUES, [], iter_lim=50
     )[0]
-    np.testing.assert_allclose(found.reshape(16, 16), OPERATOR.least_energy(VALUES), atol=1e-8)
+    np.testing.assert_allclose(result.reshape(16, 16), OPERATOR.min_norm(VALUES), atol=1e-8)
 
 
 def test_deepinv_inverts_it():
@@ -35,8 +35,8 @@ def test_deepinv_inverts_it():
     coefficients = physics.A(image)
     np.testing.assert_allclose(coefficients[0].numpy() * OPERATOR.row_length, VALUES)
     assert float(physics.adjointness_test(image)) == pytest.approx(0, abs=1e-8)
-    found = physics.A_dagger(coefficients)[0, 0].numpy()
-    np.testing.assert_allclose(found, OPERATOR.least_energy(VALUES), atol=1e-3)
+    result = physics.A_dagger(coefficients)[0, 0].numpy()
+    np.testing.assert_allclose(result, OPERATOR.min_norm(VALUES), atol=1e-3)
 
 
 def test_spyrit_inverts_it():
@@ -51,9 +51,9 @@ def test_spyrit_inverts_it():
     coefficients = measure(image)
     scaled = coefficients[0, 0].numpy() * OPERATOR.row_length
     np.testing.assert_allclose(scaled, VALUES, atol=1e-4 * VALUES.max())
-    least = OPERATOR.least_energy(VALUES)
-    np.testing.assert_allclose(PseudoInverse(measure)(coefficients)[0, 0], least, atol=1e-4)
+    minimum = OPERATOR.min_norm(VALUES)
+    np.testing.assert_allclose(PseudoInverse(measure)(coefficients)[0, 0], minimum, atol=1e-4)
     white = Tikhonov(measure, torch.eye(256))(coefficients, torch.eye(100))[0, 0]
-    np.testing.assert_allclose(white, least / 2, atol=1e-4)
+    np.testing.assert_allclose(white, minimum / 2, atol=1e-4)
     noisy = linear(OPERATOR, noise=0.5)(torch.zeros(50, 16, 16))
     assert noisy.std() == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(2 * 5000))

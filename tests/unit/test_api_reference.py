@@ -16,15 +16,15 @@ BESIDE = {"spisim_formats": ROOT / "formats"}
 
 def public_names() -> dict[str, list[str]]:
     """Names of each `__all__`, by package."""
-    found = {}
+    result = {}
     for root in PAGES:
         for path in sorted((ROOT / root).rglob("*.py")):
             for statement in ast.parse(path.read_text(encoding="utf-8")).body:
                 if isinstance(statement, ast.Assign) and "__all__" in ast.unparse(statement):
                     assert path.name == "__init__.py", path
                     package = ".".join(path.parent.relative_to(ROOT).parts)
-                    found[package] = ast.literal_eval(statement.value)
-    return found
+                    result[package] = ast.literal_eval(statement.value)
+    return result
 
 
 def test_names_of_the_two_packages_are_on_the_page_of_python() -> None:
@@ -78,6 +78,6 @@ def test_every_public_name_is_on_a_page_of_the_site() -> None:
         for each in re.findall(r'id="([^"]+)"', page.read_text(encoding="utf-8"))
     }
     for package, names in public_names().items():
-        told_apart = {each.rpartition(".")[0] for each in namesakes(package, names)}
-        expected = {f"{package}.{name}" for name in names if name != "__version__"} - told_apart
+        resolved = {each.rpartition(".")[0] for each in namesakes(package, names)}
+        expected = {f"{package}.{name}" for name in names if name != "__version__"} - resolved
         assert expected | set(namesakes(package, names)) <= ids

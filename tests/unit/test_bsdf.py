@@ -156,13 +156,13 @@ def test_sampling_agrees_with_quadrature(bsdf: Bsdf, cosine: float) -> None:
 
     # What is drawn is as dense as it says: above all, in each hemisphere that light reaches.
     drawn = weights > 0
-    told = plugin.pdf(context(), si, wo).numpy()
-    np.testing.assert_allclose(told[drawn], density[drawn], rtol=1e-3, atol=1e-6)  # float32
+    reported = plugin.pdf(context(), si, wo).numpy()
+    np.testing.assert_allclose(reported[drawn], density[drawn], rtol=1e-3, atol=1e-6)  # float32
     for above in (True, False):
         if value[int(above)] > 0:
-            share = np.mean(drawn & ((wo.z.numpy() > 0) == above))
-            spread = np.sqrt(share * (1 - share) / SAMPLES)
-            assert abs(share - expected[int(above)]) < 4 * spread + 1e-3
+            fraction = np.mean(drawn & ((wo.z.numpy() > 0) == above))
+            spread = np.sqrt(fraction * (1 - fraction) / SAMPLES)
+            assert abs(fraction - expected[int(above)]) < 4 * spread + 1e-3
 
 
 @pytest.mark.parametrize("bsdf", ROUGH, ids=name)
@@ -258,11 +258,11 @@ def test_tape_is_what_the_norm_asks_for() -> None:
     """EN ISO 20471 (2013), class 2, at an entrance angle of 5°, to a quarter."""
     wi = np.array([np.sin(np.radians(5)), 0, np.cos(np.radians(5))])
     plugin = mi.load_dict(bsdf_dict(find_material("retroreflective-tape")))
-    for observation_deg, least in ((0.2, 330), (1 / 3, 250), (1.0, 25), (1.5, 10)):
+    for observation_deg, minimum in ((0.2, 330), (1 / 3, 250), (1.0, 25), (1.5, 10)):
         turn = np.radians(5 + observation_deg)
         wo = mi.Vector3f(float(np.sin(turn)), 0.0, float(np.cos(turn)))
         value = plugin.eval(context(), arriving(wi[2], 1), wo).x.numpy()[0]
-        assert value * wi[2] == pytest.approx(least, rel=0.25)
+        assert value * wi[2] == pytest.approx(minimum, rel=0.25)
 
 
 def test_mask_lets_the_rest_straight_through() -> None:
@@ -305,16 +305,16 @@ def test_texture_lies_on_the_mesh_the_right_way_up() -> None:
     def albedo(bsdf, si) -> np.ndarray:
         return bsdf.eval(mi.BSDFContext(), si, mi.Vector3f(0, 0, 1)).x.numpy() * np.pi
 
-    found = at_corners(material(Diffuse(), 0.5, texture=PICTURE), albedo)
-    np.testing.assert_allclose(found, 0.5 * PICTURE, rtol=1e-5)
+    result = at_corners(material(Diffuse(), 0.5, texture=PICTURE), albedo)
+    np.testing.assert_allclose(result, 0.5 * PICTURE, rtol=1e-5)
 
 
 def test_opacity_lies_on_the_mesh_the_right_way_up() -> None:
     def opacity(bsdf, si) -> np.ndarray:
         return 1 - bsdf.eval_null_transmission(si).x.numpy()
 
-    found = at_corners(material(Diffuse(), opacity=PICTURE), opacity)
-    np.testing.assert_allclose(found, PICTURE, rtol=1e-5)
+    result = at_corners(material(Diffuse(), opacity=PICTURE), opacity)
+    np.testing.assert_allclose(result, PICTURE, rtol=1e-5)
 
 
 @pytest.mark.parametrize(

@@ -115,10 +115,10 @@ def test_avalanche_multiplies_shot_noise() -> None:
 def test_noise_of_the_paper_s_image_is_its_amplifier() -> None:
     paper = load_instrument("paper")
     noise = bucket_noise(paper, bucket_link(paper, Target(5.0, 0.5, 100.0)))
-    source, share = noise.dominating
+    source, fraction = noise.dominating
     amplifier = 0.2e-12 / elementary_charge * np.sqrt(paper.exposure_time_s / 2)
     assert source == "amplifier"
-    assert share == pytest.approx(amplifier**2 / noise.total_electrons**2)
+    assert fraction == pytest.approx(amplifier**2 / noise.total_electrons**2)
 
 
 # Ranging

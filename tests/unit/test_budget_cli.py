@@ -28,8 +28,8 @@ def test_the_table_has_the_figures_of_the_report_in_its_units() -> None:
         for line in table.splitlines()
         if "  " in line.strip()
     }
-    told = float(rows["time of a frame, ms"])
-    assert told == pytest.approx(1e3 * ranges["frame_time_s"], rel=0.01)
+    reported = float(rows["time of a frame, ms"])
+    assert reported == pytest.approx(1e3 * ranges["frame_time_s"], rel=0.01)
     assert float(rows["standard deviation, cm"]) == pytest.approx(1e2 * ranges["sigma_m"], rel=0.05)
     assert float(rows["unambiguous up to, m"]) == pytest.approx(ranges["unambiguous_m"], rel=0.01)
 

@@ -9,7 +9,7 @@ from scipy.constants import elementary_charge
 from instruments import flood
 from reconstruction.base.errors import InputError
 from spisim.budget.equations import eq1, eq1_as_printed, eq2
-from spisim.budget.integration import common_integration_time_s, integration_time_s, reach_m
+from spisim.budget.integration import common_integration_time_s, integration_time_s, max_range_m
 
 GOALS = {0.2: 2.8, 0.5: 5.0, 0.8: 8.0}
 
@@ -52,7 +52,7 @@ def test_search_for_the_integration_time_ends_at_its_goal() -> None:
     light = flood(6.4, 10)
     for criterion in ("signal", "total"):
         time_s = integration_time_s(light, 0.2, 2.8, criterion)
-        assert reach_m(light, time_s, 0.2, criterion) == pytest.approx(2.8, rel=1e-5)
+        assert max_range_m(light, time_s, 0.2, criterion) == pytest.approx(2.8, rel=1e-5)
     assert integration_time_s(light, 0.2, 5.6, "signal") > integration_time_s(
         light, 0.2, 2.8, "signal"
     )
@@ -60,13 +60,17 @@ def test_search_for_the_integration_time_ends_at_its_goal() -> None:
 
 def test_signal_alone_reaches_with_the_root_of_the_reflectance() -> None:
     light = flood(6.4, 10)
-    reach = reach_m(light, common_integration_time_s(light, GOALS, "signal"), list(GOALS), "signal")
+    reach = max_range_m(
+        light, common_integration_time_s(light, GOALS, "signal"), list(GOALS), "signal"
+    )
     assert reach == pytest.approx([3.28, 5.19, 6.57], rel=2e-3)
 
 
 def test_with_daylight_s_shot_noise_alone_it_reaches_with_the_fourth_root() -> None:
     light = replace(flood(6.4, 10, noise=0.0), dark_per_s=0.0)
-    reach = reach_m(light, common_integration_time_s(light, GOALS, "signal"), list(GOALS), "signal")
+    reach = max_range_m(
+        light, common_integration_time_s(light, GOALS, "signal"), list(GOALS), "signal"
+    )
     assert reach == pytest.approx([3.98, 5.00, 5.63], rel=2e-3)
 
 
@@ -83,7 +87,9 @@ def test_daylight_taken_as_signal(
     power_w: float, half_angle_deg: float, expected: list[float]
 ) -> None:
     light = flood(power_w, half_angle_deg)
-    reach = reach_m(light, common_integration_time_s(light, GOALS, "total"), list(GOALS), "total")
+    reach = max_range_m(
+        light, common_integration_time_s(light, GOALS, "total"), list(GOALS), "total"
+    )
     assert reach == pytest.approx(expected, rel=5e-3)
 
 

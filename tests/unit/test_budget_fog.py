@@ -24,7 +24,7 @@ def test_share_and_bias_are_those_of_the_phasors() -> None:
     """Y = wall + echo at 15 MHz; the phase of the sum against that of the wall."""
     paper = load_instrument("paper")
     there, per_m = target(4.0, FOG), 2 * np.pi * 15e6 / c
-    found = fog_budget(paper, there, FOG, LIMIT_M)
+    result = fog_budget(paper, there, FOG, LIMIT_M)
     link = spot_link(paper, there)
     z = 4.0 / paper.lasers.directions[0, 2]
     edges = np.linspace(0.2, z, 4001)
@@ -33,11 +33,11 @@ def test_share_and_bias_are_those_of_the_phasors() -> None:
     echo = coefficient * weight * np.exp(-FOG.extinction_per_m * path_m) * np.diff(edges)
     echo *= paper.lasers.power_w * paper.spot_optics.electrons_per_joule
     wall = link.echo_per_s[0]
-    assert found.echo_share == pytest.approx(echo.sum() / (echo.sum() + wall), rel=0.01)
+    assert result.echo_fraction == pytest.approx(echo.sum() / (echo.sum() + wall), rel=0.01)
     phasor = wall + (echo * np.exp(1j * per_m * (path_m - link.path_m[0]))).sum()
     bias_m = np.angle(phasor) / per_m * link.range_per_path[0]
     assert bias_m < -0.3
-    assert found.plain_bias_m == pytest.approx(bias_m, rel=0.01)
+    assert result.plain_bias_m == pytest.approx(bias_m, rel=0.01)
 
 
 @pytest.mark.parametrize("name", ["paper", "hybrid"])
@@ -46,10 +46,10 @@ def test_fog_that_only_absorbs_has_no_echo(name: str) -> None:
     instrument = load_instrument(name)
     dark = Atmosphere(0.05, 0.0, henyey_greenstein(0.8), "absorbing")
     there = target(3.0, dark)
-    found = fog_budget(instrument, there, dark, LIMIT_M)
-    assert found.echo_share == 0
-    assert found.plain_bias_m == pytest.approx(0, abs=2e-3)
-    assert found.sigma_m == pytest.approx(range_sigma_m(instrument, there).max(), rel=1e-3)
+    result = fog_budget(instrument, there, dark, LIMIT_M)
+    assert result.echo_fraction == 0
+    assert result.plain_bias_m == pytest.approx(0, abs=2e-3)
+    assert result.sigma_m == pytest.approx(range_sigma_m(instrument, there).max(), rel=1e-3)
 
 
 def test_at_the_longest_range_the_bound_is_the_limit() -> None:
@@ -86,10 +86,10 @@ def test_strong_fog_is_the_strongest_pulse() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list_presets())
 def test_every_preset_has_one(name: str) -> None:
-    found = asdict(fog_budget(load_instrument(name), target(4.0, FOG), FOG, LIMIT_M))
-    assert 0 < found["echo_share"] < 1
-    assert found["sigma_m"] > 0
-    assert found["longest_m"] >= 0
+    result = asdict(fog_budget(load_instrument(name), target(4.0, FOG), FOG, LIMIT_M))
+    assert 0 < result["echo_share"] < 1
+    assert result["sigma_m"] > 0
+    assert result["longest_m"] >= 0
 
 
 def thresholded(sigmas: float) -> Instrument:
@@ -111,9 +111,9 @@ def thresholded(sigmas: float) -> Instrument:
 def test_stamps_of_thresholds_have_no_bound() -> None:
     """They do not show how much light the fog sends back."""
     stamps = thresholded(5.0)
-    found = fog_budget(stamps, target(4.0, FOG), FOG, LIMIT_M)
-    assert found.sigma_m is None
-    assert found.longest_m is None
+    result = fog_budget(stamps, target(4.0, FOG), FOG, LIMIT_M)
+    assert result.sigma_m is None
+    assert result.longest_m is None
 
 
 def test_false_alarms_of_a_threshold_take_cycles_away_at_the_rate_of_rice() -> None:

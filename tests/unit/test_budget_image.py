@@ -28,9 +28,9 @@ def small(**plan):
 
 def typical_images(shape, mean, rng):
     """Images (n, H, W) of 1/f² spectrum and the budget's contrast, Gaussian."""
-    deviation = DICTIONARY.deviation(shape)
-    deviation *= CONTRAST * mean * np.sqrt(np.prod(shape) / np.sum(deviation**2))
-    spectra = deviation * rng.standard_normal((IMAGES, *shape))
+    sigma = DICTIONARY.sigma(shape)
+    sigma *= CONTRAST * mean * np.sqrt(np.prod(shape) / np.sum(sigma**2))
+    spectra = sigma * rng.standard_normal((IMAGES, *shape))
     return mean + idctn(spectra, axes=(1, 2), norm="ortho")
 
 
@@ -65,7 +65,7 @@ def test_signal_and_noise_of_coefficients_are_those_of_recordings(plan):
     expected = variance * budget.coefficient_snr**2
     power = np.mean(signal[:, varying] ** 2, axis=1)  # images are independent, rows are not
     assert abs(power.mean() - expected) < 4 * power.std() / np.sqrt(IMAGES)
-    noise = operator.least_energy(errors)
+    noise = operator.min_norm(errors)
     assert abs(z_of_power(noise, budget.pixel_noise_electrons**2)) < 4
 
 
@@ -83,10 +83,10 @@ def test_correlation_and_frames_are_those_of_recordings():
     operator, signal, errors = recorded(instrument, images, rng)
     more = [recorded(instrument, images, rng)[2] for _ in range(3)]
     for frames, noise in ((1, errors), (4, np.mean([errors, *more], axis=0))):
-        found = operator.least_energy(signal + noise)
+        result = operator.min_norm(signal + noise)
         covariance, power, truth = (
             np.sum((a - a.mean((1, 2), keepdims=True)) * (b - b.mean((1, 2), keepdims=True)))
-            for a, b in ((found, images), (found, found), (images, images))
+            for a, b in ((result, images), (result, result), (images, images))
         )
         pooled = covariance / np.sqrt(power * truth)  # over all images: sums, not means of ratios
         assert pooled == pytest.approx(budget.averaged_correlation(frames), abs=0.015)
@@ -107,7 +107,7 @@ def test_the_mtf_is_what_is_left_of_a_grating():
         for phase in np.pi * np.arange(8) / 8:
             wave = np.cos(2 * np.pi * cycles * pixel / 16 + phase)
             for grating in (np.tile(wave, (16, 1)), np.tile(wave[:, None], 16)):
-                back = operator.least_energy(operator.forward(grating))
+                back = operator.min_norm(operator.forward(grating))
                 left.append([np.sum(back * grating), np.sum(grating**2)])
         across, down = (np.array(left)[first::2].sum(axis=0) for first in (0, 1))
         assert budget.across.mtf[cycles - 1] == pytest.approx(across[0] / across[1])

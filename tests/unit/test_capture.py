@@ -92,8 +92,8 @@ def test_what_only_fog_needs_may_be_absent_and_is_then_nan(capture, path, method
         expected = getattr(make_spots(method), name)
         if name in absent:
             sizes = tuple(4 if axis == "spots" else axis for axis in stored.axes)
-            known = all(isinstance(size, int) for size in sizes)
-            expected = np.full(sizes if known else (), np.nan)
+            given = all(isinstance(size, int) for size in sizes)
+            expected = np.full(sizes if given else (), np.nan)
         assert np.array_equal(getattr(copy, name), expected, equal_nan=True), name
 
 
@@ -198,8 +198,8 @@ def test_the_digest_follows_readings_and_patterns_and_nothing_else(capture, path
     assert digests(others[0])[0] == digests(capture)[0]  # the other frame is changed
     patterns = np.random.default_rng(0).random((32, 4, 8))
     dense = [
-        replace(capture, plan=replace(capture.plan, patterns=Dense(shown)))
-        for shown in (patterns, 1 - patterns)
+        replace(capture, plan=replace(capture.plan, patterns=Dense(displayed)))
+        for displayed in (patterns, 1 - patterns)
     ]
     assert len({digests(c) for c in [capture, *dense]}) == 3
 

@@ -196,10 +196,10 @@ def test_other_ways_to_pack_are_named(path, compression):
 def test_a_flipped_bit_anywhere_is_refused(path):
     content = path.read_bytes()
     rng = np.random.default_rng(0)
-    places = [*range(80), 110, 511, *rng.integers(0, len(content), 200)]
-    for place in places:
+    positions = [*range(80), 110, 511, *rng.integers(0, len(content), 200)]
+    for position in positions:
         copy = bytearray(content)
-        copy[place] ^= 1 << rng.integers(8)
+        copy[position] ^= 1 << rng.integers(8)
         path.write_bytes(copy)
         with pytest.raises(InputError, match=r"capture\.h5: .*(damaged|digest)"):
             read_capture(path)
@@ -234,8 +234,8 @@ def test_the_head_is_what_the_page_says(path):
     assert is_marked(path, "simulated capture")
     if shutil.which("sha256sum"):
         command = f"tail -c +73 '{path}' | sha256sum"
-        told = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
-        assert told.stdout.split()[0].encode() == lines[0][7:]
+        reported = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+        assert reported.stdout.split()[0].encode() == lines[0][7:]
 
 
 def test_a_recorder_can_make_the_digest(path, monkeypatch):

@@ -73,12 +73,12 @@ def as_version_2(path):
         file.attrs["version"] = "2.0"
 
 
-def assert_equal_parts(found, expected):
+def assert_equal_parts(result, expected):
     """Of frames: the same parts with the same values in the same types."""
-    assert len(found) == len(expected)
-    assert found.first == expected.first
+    assert len(result) == len(expected)
+    assert result.first == expected.first
     for group in ("buckets", "spots", "pattern_taps"):
-        one, other = getattr(found, group), getattr(expected, group)
+        one, other = getattr(result, group), getattr(expected, group)
         assert type(one) is type(other)
         for name, _ in stored_fields(type(one)):
             values = [np.asarray(getattr(part, name)) for part in (one, other)]
@@ -140,8 +140,8 @@ def test_what_is_wrong_with_another_frame_does_no_harm(capture, path, name):
     values[0].flat[3] = np.nan
     change(path, name, values)
     with open_capture(path) as file:
-        found = getattr(getattr(file.frame(1), group), field)
-        np.testing.assert_array_equal(found, values[1:])
+        result = getattr(getattr(file.frame(1), group), field)
+        np.testing.assert_array_equal(result, values[1:])
         with pytest.raises(InputError, match=f"{name} holds values that are not finite"):
             file.frame(0)
     with pytest.raises(InputError, match=f"{name} holds values that are not finite"):
@@ -188,8 +188,8 @@ def test_the_truth_of_a_frame_is_its_own(capture, path):
     for frame in (0, 1):
         assert truth.knows(frame)
         for field in fields(FrameTruth):
-            found = getattr(truth.at(frame), field.name)
-            np.testing.assert_array_equal(found, getattr(capture.truth, field.name)[frame])
+            result = getattr(truth.at(frame), field.name)
+            np.testing.assert_array_equal(result, getattr(capture.truth, field.name)[frame])
     assert not truth.knows(2)
     with pytest.raises(InputError, match="frame 2: the capture holds the truth of frames 0, 1 al"):
         truth.at(2)
@@ -220,8 +220,8 @@ def test_files_of_version_2_hold_the_truth_of_their_first_frame(capture, path):
     assert not copy.truth.still
     assert copy.truth.frame.tolist() == [0]
     for field in fields(FrameTruth):
-        found, expected = (getattr(c.truth.at(0), field.name) for c in (copy, capture))
-        np.testing.assert_array_equal(found, expected, strict=True)
+        result, expected = (getattr(c.truth.at(0), field.name) for c in (copy, capture))
+        np.testing.assert_array_equal(result, expected, strict=True)
     evaluate(reconstruct(copy, 0), copy)
     with pytest.raises(InputError, match="frame 1: the capture holds the truth of frames 0 alone"):
         evaluate(reconstruct(copy, 1), copy)

@@ -76,13 +76,13 @@ def attempts(bases, kind, folder):
         rng = np.random.default_rng(seed)
         base = bases[kind][seed % len(bases[kind])]
         path.write_bytes(change(base, rng, secret))
-        told = ""
+        text = ""
         try:
-            found = contents(read(path))
+            result = contents(read(path))
         except InputError as error:
-            found, told = b"", str(error)
-        assert attacks.SECRET not in found + told.encode()
-        assert not told or told.startswith(str(path))
+            result, text = b"", str(error)
+        assert attacks.SECRET not in result + text.encode()
+        assert not text or text.startswith(str(path))
 
     return attempt
 
@@ -90,8 +90,8 @@ def attempts(bases, kind, folder):
 def plainly_mutated(base, rng, _):
     """A copy with other bytes in some places, or fewer."""
     copy = bytearray(base)
-    for place in rng.integers(0, len(copy), rng.integers(1, 9)):
-        copy[place] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, *rng.bytes(5)])
+    for position in rng.integers(0, len(copy), rng.integers(1, 9)):
+        copy[position] = rng.choice([0, 1, 0x7F, 0x80, 0xFF, *rng.bytes(5)])
     return bytes(copy[: rng.integers(len(copy))] if rng.random() < 0.2 else copy)
 
 

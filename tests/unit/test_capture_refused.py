@@ -113,10 +113,10 @@ def test_a_missing_dataset_is_named(path, name):
 
 def replace_dataset(path, name, value, units=None):
     with changed(path) as file:
-        kept = file[name].attrs["units"]
+        retained = file[name].attrs["units"]
         del file[name]
         file[name] = value
-        file[name].attrs["units"] = kept if units is None else units
+        file[name].attrs["units"] = retained if units is None else units
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from pathlib import Path
 import intervals
 import numpy as np
 import pytest
-from intervals import of_figure, of_fraction, of_least, of_quantile, of_size
+from intervals import of_figure, of_fraction, of_minimum, of_quantile, of_size
 from numpy.typing import NDArray
 from options import finish
 from scipy.stats import binomtest, t
@@ -148,7 +148,7 @@ def test_the_interval_of_a_quantile_is_of_ordered_samples() -> None:
 def test_intervals_of_sizes_and_of_the_least() -> None:
     assert of_size(between(-1, 2))(0.95) == (0, 2)
     assert of_size(between(-3, -1))(0.95) == (1, 3)
-    assert of_least([between(0.4, 0.8), between(0.5, 0.6)])(0.8) == (0.4, 0.6)
+    assert of_minimum([between(0.4, 0.8), between(0.5, 0.6)])(0.8) == (0.4, 0.6)
 
 
 def test_times_are_those_of_the_reference() -> None:

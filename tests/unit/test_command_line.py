@@ -25,7 +25,7 @@ def test_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ("simulate warehouse -o c.h5 --spp x", "x is not a whole number"),
         ("simulate warehouse", "Missing option '--output'"),
@@ -35,21 +35,21 @@ def test_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
         ("materials brik", "unknown material 'brik': did you mean 'brick'"),
     ],
 )
-def test_an_error_is_one_line_and_with_json_an_object_too(arguments: str, told: str) -> None:
+def test_an_error_is_one_line_and_with_json_an_object_too(arguments: str, reported: str) -> None:
     run = spisim(*arguments.split())
     assert (run.exit_code, run.stdout) == (2, "")
     assert run.stderr.startswith("error: ")
     assert run.stderr.count("\n") == 1
-    assert told in run.stderr
+    assert reported in run.stderr
     run = spisim(*arguments.split(), "--json")
     report = json.loads(run.stdout)
     assert report["status"] == run.exit_code == 2
-    if "No such" not in told:
-        assert told in report["error"]
+    if "No such" not in reported:
+        assert reported in report["error"]
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "reported"),
     [
         ("c.h5 -o r --frame x", "argument --frame: invalid int value: 'x'"),
         ("c.h5", "the following arguments are required: -o/--output"),
@@ -57,15 +57,15 @@ def test_an_error_is_one_line_and_with_json_an_object_too(arguments: str, told: 
     ],
 )
 def test_the_rig_tells_errors_alike(
-    arguments: str, told: str, capsys: pytest.CaptureFixture[str]
+    arguments: str, reported: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit, match="2"):
         raise SystemExit(rig([*arguments.split(), "--json"]))
     out, error = capsys.readouterr()
     assert error.startswith("error: ")
     assert error.count("\n") == 1
-    assert told in error
-    assert told in json.loads(out)["error"]
+    assert reported in error
+    assert reported in json.loads(out)["error"]
 
 
 @pytest.mark.parametrize("arguments", ["materials {}", "doctor --{}", "simulate {} -o c.h5"])
@@ -79,15 +79,15 @@ def test_what_is_wrong_is_told_in_a_few_words_however_long_it_is(arguments: str)
 
 def test_the_rig_does_not_echo_endless_names(capsys: pytest.CaptureFixture[str]) -> None:
     assert rig(["a" * 70_000, "-o", "r"]) == 2
-    assert "a" * 100 in (told := capsys.readouterr().err)
-    assert len(told) < 1000
+    assert "a" * 100 in (messages := capsys.readouterr().err)
+    assert len(messages) < 1000
 
 
 def test_of_an_endless_message_beginning_and_end_are_told() -> None:
-    told = shortened(f"first {'word ' * 10_000} last")
-    assert len(told) < 5000
-    assert told.startswith("first word")
-    assert told.endswith("word  last")
+    reported = shortened(f"first {'word ' * 10_000} last")
+    assert len(reported) < 5000
+    assert reported.startswith("first word")
+    assert reported.endswith("word  last")
     assert shortened("as it is") == "as it is"
 
 
@@ -130,8 +130,8 @@ def test_the_rigs_table_is_told_row_by_row_where_it_is_narrow(
     monkeypatch.setenv("COLUMNS", "40")
     arguments = [str(tmp_path / "c.h5"), "-o", str(tmp_path / "r"), "--image", "zero-filled"]
     assert rig(arguments) == 0
-    told = capsys.readouterr().out
-    assert "cw: spot 3\n  range / m: 4.800\n" in told
+    messages = capsys.readouterr().out
+    assert "cw: spot 3\n  range / m: 4.800\n" in messages
 
 
 def test_a_shell_completes_commands_and_names() -> None:

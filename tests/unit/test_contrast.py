@@ -34,10 +34,10 @@ def test_errors_of_images_of_the_prior_have_the_variance_that_is_told(components
     excess, errors = [], []
     for seed in range(400):
         signal, measured = drawn(seed, components, noise, 2.0)
-        known = contrasts(measured, spectra(components), noise**2, 2.0)
-        found = shrunk(known, spectra(components), noise**2)
-        error = (found.gain * measured - signal) ** 2
-        excess.append((error - found.by_noise - found.between * measured**2).sum())
+        given = contrasts(measured, spectra(components), noise**2, 2.0)
+        result = shrunk(given, spectra(components), noise**2)
+        error = (result.gain * measured - signal) ** 2
+        excess.append((error - result.by_noise - result.between * measured**2).sum())
         errors.append(error.sum())
     assert abs(np.mean(excess)) < 4 * np.std(excess) / np.sqrt(len(excess))
     assert np.mean(excess) < 0.25 * np.mean(errors)
@@ -49,7 +49,7 @@ def test_errors_of_images_of_the_prior_have_the_variance_that_is_told(components
 def test_a_few_contrasts_are_the_integral_over_all(components, noise, expected):
     _, measured = drawn(1, components, noise, 2.0)
     spread = spectra(components)[:1]
-    known = contrasts(measured, spread, noise**2, expected)
+    given = contrasts(measured, spread, noise**2, expected)
     logs = np.linspace(-40, 25, 20_001)
     variance = np.exp(logs)[:, None] * spread[0] + noise**2
     density = -(np.log(variance) + measured**2 / variance).sum(axis=1) / 2
@@ -61,16 +61,16 @@ def test_a_few_contrasts_are_the_integral_over_all(components, noise, expected):
     weight = np.exp(density - density.max())
     weight /= weight.sum()
     exact = weight @ (np.exp(logs)[:, None] * spread[0] / variance)
-    found = shrunk(known, spread, noise**2).gain
-    np.testing.assert_allclose(found, exact, rtol=0.1 if expected is None else 0.03)
+    result = shrunk(given, spread, noise**2).gain
+    np.testing.assert_allclose(result, exact, rtol=0.1 if expected is None else 0.03)
 
 
 def test_what_is_told_of_the_level_hardly_matters_where_noise_is_weak():
     _, measured = drawn(0, 300, 1e-3, 2.0)
-    found = [
+    result = [
         contrasts(measured, spectra(300), 1e-6, expected).given[0] for expected in (None, 0.2, 20.0)
     ]
-    np.testing.assert_allclose(found, found[0], rtol=0.03)
+    np.testing.assert_allclose(result, result[0], rtol=0.03)
 
 
 def test_contrasts_have_the_unit_of_what_is_measured():
@@ -86,8 +86,8 @@ def test_contrasts_have_the_unit_of_what_is_measured():
 @pytest.mark.parametrize("noise", [0.0, np.zeros(30)])
 def test_without_noise_nothing_is_shrunk(noise):
     _, measured = drawn(0, 30, 1.0, 2.0)
-    known = contrasts(measured, spectra(30), noise, None)
-    np.testing.assert_allclose(shrunk(known, spectra(30), noise).gain, 1)
+    given = contrasts(measured, spectra(30), noise, None)
+    np.testing.assert_allclose(shrunk(given, spectra(30), noise).gain, 1)
 
 
 def test_the_level_tells_what_contrast_to_expect():
@@ -96,8 +96,8 @@ def test_the_level_tells_what_contrast_to_expect():
     expect = ContrastByLevel(operator, 3.0)
     values, noise = operator.forward(image), np.full(40, 2.0)
     square = image.mean() ** 2 + (2.0 / image.size) ** 2
-    found = expect(Coefficients(values, noise))
-    assert found == pytest.approx(RELATIVE**2 * square / 3.0)
+    result = expect(Coefficients(values, noise))
+    assert result == pytest.approx(RELATIVE**2 * square / 3.0)
     noise[operator.level] = np.inf
     assert expect(Coefficients(values, noise)) is None
     assert expect(Coefficients(0 * values, np.zeros(40))) is None
@@ -116,8 +116,8 @@ def test_levels_of_noise_are_averaged_over():
     """Means and mean squares over the levels are those of each level by itself."""
     _, measured = drawn(3, 20, 1.0, 2.0)
     levels = NoiseLevels(np.array([0.5, 1.0, 2.0]), np.array([0.2, 0.5, 0.3]))
-    known = contrasts(measured, spectra(20), 1.0, 2.0, levels)
-    found = shrunk(known, spectra(20), 1.0, levels)
+    given = contrasts(measured, spectra(20), 1.0, 2.0, levels)
+    result = shrunk(given, spectra(20), 1.0, levels)
     each = [
         shrunk(contrasts(measured, spectra(20), variance, 2.0), spectra(20), variance)
         for variance in levels.sigma**2
@@ -126,7 +126,7 @@ def test_levels_of_noise_are_averaged_over():
         levels.probability @ np.array([part(one) for one in each])
         for part in (lambda one: one.gain, lambda one: one.gain**2 + one.between)
     )
-    np.testing.assert_allclose(found.gain, gain, rtol=1e-9)
-    np.testing.assert_allclose(found.between, square - gain**2, rtol=1e-6, atol=1e-12)
+    np.testing.assert_allclose(result.gain, gain, rtol=1e-9)
+    np.testing.assert_allclose(result.between, square - gain**2, rtol=1e-6, atol=1e-12)
     by_noise = levels.probability @ np.array([one.by_noise for one in each])
-    np.testing.assert_allclose(found.by_noise, by_noise, rtol=1e-9)
+    np.testing.assert_allclose(result.by_noise, by_noise, rtol=1e-9)

@@ -9,7 +9,7 @@ from scipy.special import ndtr
 from reconstruction import Reconstructor
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics
-from reconstruction.depth import DISTANCES_M, REACH_M, Corridor, nearest_obstacle_m, pixel_rays
+from reconstruction.depth import DISTANCES_M, MAX_RANGE_M, Corridor, nearest_obstacle_m, pixel_rays
 from reconstruction.depth.obstacle import NEAREST_M, CorridorPrior, corridor_prior
 
 SHAPE = (32, 32)
@@ -18,11 +18,11 @@ PLAIN = CorridorPrior(bias=0.0, scale=1.0, sigma=0.1, outlier=0.0, map_sigma=0.2
 WALL = np.full(SHAPE, 5.0)
 
 
-@pytest.mark.parametrize("deviation", [0.05, 0.2, 0.4])
-def test_a_wall_is_as_near_as_its_normal_error_of_ln_depth(deviation):
-    free = CORRIDOR.free(WALL, PLAIN, np.full(SHAPE, deviation))
-    sigma = np.hypot(deviation, PLAIN.sigma)
-    expected = 1 - ndtr(np.log(DISTANCES_M / 5.0) / sigma)
+@pytest.mark.parametrize("sigma", [0.05, 0.2, 0.4])
+def test_a_wall_is_as_near_as_its_normal_error_of_ln_depth(sigma):
+    free = CORRIDOR.free(WALL, PLAIN, np.full(SHAPE, sigma))
+    combined = np.hypot(sigma, PLAIN.sigma)
+    expected = 1 - ndtr(np.log(DISTANCES_M / 5.0) / combined)
     # Eleven quantiles lack tails; half of the last of them is 1 / 22.
     np.testing.assert_allclose(free, expected, atol=1 / 22)
 
@@ -37,15 +37,15 @@ def test_a_bias_moves_obstacles():
     assert nearest_obstacle_m(free, 0.5) == pytest.approx(6.0, rel=0.01)
 
 
-@pytest.mark.parametrize("nothing", [0.0, 1 / 3, 0.5, 1.0])
-def test_where_nothing_is_as_likely_everywhere_so_is_a_free_corridor(nothing):
-    free = CORRIDOR.free(WALL, PLAIN, np.full(SHAPE, 0.1), np.full(SHAPE, nothing))
-    assert free[-1] == pytest.approx(nothing, abs=1e-6)
+@pytest.mark.parametrize("no_return", [0.0, 1 / 3, 0.5, 1.0])
+def test_where_nothing_is_as_likely_everywhere_so_is_a_free_corridor(no_return):
+    free = CORRIDOR.free(WALL, PLAIN, np.full(SHAPE, 0.1), np.full(SHAPE, no_return))
+    assert free[-1] == pytest.approx(no_return, abs=1e-6)
 
 
 def test_a_map_that_tells_nothing_leaves_the_obstacle_anywhere():
     free = CORRIDOR.free(WALL, replace(PLAIN, outlier=1.0))
-    expected = 1 - np.log(DISTANCES_M / NEAREST_M) / np.log(REACH_M / NEAREST_M)
+    expected = 1 - np.log(DISTANCES_M / NEAREST_M) / np.log(MAX_RANGE_M / NEAREST_M)
     np.testing.assert_allclose(free, np.clip(expected, 0, 1), atol=1e-12)
 
 
@@ -55,8 +55,8 @@ def test_probabilities_never_rise_with_distance(prior, seed):
     rng = np.random.default_rng(seed)
     depth_m = np.exp(rng.normal(1.5, 0.8, SHAPE))
     depth_m[rng.random(SHAPE) < 0.2] = np.nan
-    deviation, nothing = rng.uniform(0.02, 1, SHAPE), rng.random(SHAPE)
-    free = CORRIDOR.free(depth_m, corridor_prior(prior), deviation, nothing)
+    sigma, no_return = rng.uniform(0.02, 1, SHAPE), rng.random(SHAPE)
+    free = CORRIDOR.free(depth_m, corridor_prior(prior), sigma, no_return)
     assert free.shape == DISTANCES_M.shape
     assert ((free >= 0) & (free <= 1)).all()
     assert (np.diff(free) <= 1e-12).all()

@@ -13,9 +13,9 @@ from spisim.dataset.folder import Layout
 from spisim.dataset.planned import PlannedSet
 
 
-def flip(path: Path, place: int) -> None:
+def flip(path: Path, position: int) -> None:
     content = bytearray(path.read_bytes())
-    content[place] ^= 1
+    content[position] ^= 1
     path.write_bytes(content)
 
 
@@ -46,10 +46,10 @@ def test_verify_does_not_take_it_for_a_capture(tmp_path: Path, capture: Capture)
     path = folder / "samples/000/000001.h5"
     path.rename(folder / "samples/000/000007.h5")
     path = folder / "samples/000/000007.h5"
-    for place in np.random.default_rng(0).integers(0, path.stat().st_size, 20):
-        flip(path, int(place))
-        told = {finding.file: finding.detail for finding in verify(folder)}
-        assert told["samples/000/000007.h5"] == "not a capture that can be read"
+    for position in np.random.default_rng(0).integers(0, path.stat().st_size, 20):
+        flip(path, int(position))
+        reported = {finding.file: finding.detail for finding in verify(folder)}
+        assert reported["samples/000/000007.h5"] == "not a capture that can be read"
         with pytest.raises(InputError):
             read_capture(path)
-        flip(path, int(place))
+        flip(path, int(position))

@@ -155,7 +155,7 @@ def test_manifests(place: Path, capture: Capture, seeds: range) -> None:
             assert sample.path.parent == folder / "samples/000"
             with suppress(InputError):
                 sample.array("x")
-        data.where(lambda told: True).split(1, 0, 0)
+        data.where(lambda reported: True).split(1, 0, 0)
         for shard in write_shards(data, folder.parent / "shards"):
             assert b"secret" not in shard.read_bytes()
 

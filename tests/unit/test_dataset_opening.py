@@ -47,19 +47,19 @@ def test_more_samples_extend_and_fewer_are_refused(planned: PlannedSet, tmp_path
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "shown"),
+    ("old", "new", "displayed"),
     [
         ("name: some", "name: some\nseed: 5", ["+seed: 5"]),
         ("90.0", "80.0", ["-    - 90.0", "+    - 80.0"]),
     ],
 )
 def test_another_plan_is_refused_and_what_changed_shown(
-    planned: PlannedSet, tmp_path: Path, old: str, new: str, shown: list[str]
+    planned: PlannedSet, tmp_path: Path, old: str, new: str, displayed: list[str]
 ) -> None:
     Run(planned, tmp_path / "set")
     with pytest.raises(InputError, match="holds samples of another plan") as caught:
         Run(write_plan(tmp_path, PLAN.replace(old, new)), tmp_path / "set")
-    for line in shown:
+    for line in displayed:
         assert line in str(caught.value).splitlines()
     assert (tmp_path / "set" / "plan.yaml").read_text() == PLAN
 

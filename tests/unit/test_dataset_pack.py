@@ -60,11 +60,11 @@ def test_rows_are_read_one_by_one_also_elsewhere(made: Path, folder: str) -> Non
     assert len(rows) == 3
     assert [int(row["index"]) for row in rows] == [2, 3, 7]
     assert [int(row["index"]) for row in rows[1:]] == [3, 7]
-    for place, row in enumerate(rows):
+    for position, row in enumerate(rows):
         assert row.keys() == {*NAMES, "index"}
         for name in NAMES:
-            np.testing.assert_array_equal(row[name], part[place].array(name))
-            assert row[name].dtype == part[place].array(name).dtype
+            np.testing.assert_array_equal(row[name], part[position].array(name))
+            assert row[name].dtype == part[position].array(name).dtype
 
 
 def test_captures_are_not_read_again(own: Path) -> None:
@@ -98,19 +98,23 @@ def make_again(own: Path) -> None:
     change(own / "walls", f"UPDATE samples SET sha256 = '{'0' * 64}' WHERE \"index\" = 3")
 
 
-@pytest.mark.parametrize(("happen", "told"), [(grow, "13 now"), (make_again, "12 now, and others")])
+@pytest.mark.parametrize(
+    ("happen", "reported"), [(grow, "13 now"), (make_again, "12 now, and others")]
+)
 def test_a_pack_whose_data_set_has_other_samples_is_refused(
-    own: Path, happen: Callable[[Path], None], told: str
+    own: Path, happen: Callable[[Path], None], reported: str
 ) -> None:
     happen(own)
-    with pytest.raises(InputError, match=rf"pack was packed when .*walls had 12 .*{told}: pack it"):
+    with pytest.raises(
+        InputError, match=rf"pack was packed when .*walls had 12 .*{reported}: pack it"
+    ):
         spisim.open_dataset(own / "pack")
     moved = (own / "pack").rename(own.parent / "moved")
     assert len(spisim.open_dataset(moved)) == 12
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "told"),
+    ("old", "new", "reported"),
     [
         ('"format":1', '"format":2', "no index of a pack of format 1: format"),
         ('"001.npy"', '"../x.npy"', "no index of a pack of format 1: arrays.true_depth_m.file"),
@@ -118,12 +122,12 @@ def test_a_pack_whose_data_set_has_other_samples_is_refused(
         ('"001.npy"', '"000.npy"', "000.npy: true_depth_m is not as it was written"),
     ],
 )
-def test_an_index_that_cannot_be_is_refused(own: Path, old: str, new: str, told: str) -> None:
+def test_an_index_that_cannot_be_is_refused(own: Path, old: str, new: str, reported: str) -> None:
     index = own / "pack" / INDEX
     text = json.dumps(json.loads(index.read_text()), separators=(",", ":"))
     assert old in text
     index.write_text(text.replace(old, new))
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         spisim.open_dataset(own / "pack")
 
 
@@ -182,8 +186,8 @@ def test_a_run_into_a_pack_is_refused(own: Path) -> None:
 
 
 def test_the_command_packs_what_is_named(own: Path) -> None:
-    told = ["--array", "spot_directions", "--array", "true_depth_known", "--json"]
-    command = ["dataset", "pack", str(own / "walls"), "-o", str(own / "pack"), *told]
+    reported = ["--array", "spot_directions", "--array", "true_depth_known", "--json"]
+    command = ["dataset", "pack", str(own / "walls"), "-o", str(own / "pack"), *reported]
     result = CliRunner().invoke(app, command)
     assert result.exit_code == 0
     assert json.loads(result.stdout)["arrays"] == ["spot_directions", "true_depth_known"]

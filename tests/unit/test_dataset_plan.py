@@ -42,7 +42,7 @@ def mistake(folder: Path, text: str = PLAN, **changes: Any) -> str:
     return str(caught.value)
 
 
-def told(plan: PlannedSet, name: str) -> list[Any]:
+def reported(plan: PlannedSet, name: str) -> list[Any]:
     return [plan.sample(index).parameters.get(name) for index in range(plan.plan.size)]
 
 
@@ -81,7 +81,7 @@ def test_the_texts_say_what_the_parameters_say(tmp_path: Path) -> None:
 
 
 def test_weights_say_how_often_a_scene_comes(tmp_path: Path) -> None:
-    scenes = told(planned(tmp_path), "scene")
+    scenes = reported(planned(tmp_path), "scene")
     assert 24 <= scenes.count("targets") <= 36  # 30 expected, sigma 2.7
     assert scenes.count("targets") + scenes.count("warehouse") == 40
 
@@ -100,7 +100,9 @@ def test_another_open_field_leaves_the_others(tmp_path: Path) -> None:
 
 def test_another_seed_is_another_set(tmp_path: Path) -> None:
     name = "scene.fog.visibility_m"
-    assert not set(told(planned(tmp_path), name)) & set(told(planned(tmp_path, seed=1), name))
+    assert not set(reported(planned(tmp_path), name)) & set(
+        reported(planned(tmp_path, seed=1), name)
+    )
 
 
 def test_grids_run_through_all_combinations(tmp_path: Path) -> None:
@@ -135,7 +137,7 @@ def test_every_scene_is_an_axis_and_the_size_follows(tmp_path: Path) -> None:
     vary = {"scene.fog.visibility_m": {"grid": [20, 50]}}
     plan = planned(tmp_path, samples=None, every_scene=True, vary=vary)
     assert plan.plan.size == 4
-    assert told(plan, "scene") == ["targets", "targets", "warehouse", "warehouse"]
+    assert reported(plan, "scene") == ["targets", "targets", "warehouse", "warehouse"]
 
 
 def test_values_of_a_grid_may_be_drawn_themselves(tmp_path: Path) -> None:
@@ -151,7 +153,7 @@ def test_values_of_a_choice_may_be_drawn_themselves(tmp_path: Path) -> None:
         {"kind": "glycol", "visibility_m": {"uniform": [20.0, 30.0]}},
         {"kind": "haze-l", "visibility_m": {"choice": [{"log_uniform": [50.0, 60.0]}]}},
     ]
-    values = told(planned(tmp_path, vary={"scene.fog": {"choice": fogs}}), "scene.fog")
+    values = reported(planned(tmp_path, vary={"scene.fog": {"choice": fogs}}), "scene.fog")
     glycol = [fog["visibility_m"] for fog in values if fog["kind"] == "glycol"]
     haze = [fog["visibility_m"] for fog in values if fog["kind"] == "haze-l"]
     assert len({*glycol, *haze}) == len(values) == 40
@@ -162,7 +164,7 @@ def test_values_of_a_choice_may_be_drawn_themselves(tmp_path: Path) -> None:
 def test_instrument_and_scene_move_to_another_wavelength(tmp_path: Path) -> None:
     vary = {"instrument.lasers.power_w": 3e-3, "scene.drone.turn_deg": [0, 0, {"normal": [0, 3]}]}
     plan = planned(tmp_path, samples=4, vary=vary, wavelength_nm={"grid": [905, 1550]})
-    assert told(plan, "wavelength_nm") == [905, 1550, 905, 1550]
+    assert reported(plan, "wavelength_nm") == [905, 1550, 905, 1550]
     for index, wavelength_nm in enumerate([905, 1550]):
         scene, instrument = load(plan.sample(index))
         assert scene.wavelength_nm == instrument.wavelength_nm == wavelength_nm

@@ -76,8 +76,8 @@ def test_poses_fill_the_range_that_is_told() -> None:
     for name in ("offset_m", "turn_deg"):
         drawn, widest = np.array([drone[name] for drone in drones]), getattr(spread, name)
         assert (np.abs(drawn) <= widest).all()
-        deviation = np.std(drawn / widest, axis=0)
-        np.testing.assert_allclose(deviation, 1 / np.sqrt(3), rtol=0.2)
+        sigma = np.std(drawn / widest, axis=0)
+        np.testing.assert_allclose(sigma, 1 / np.sqrt(3), rtol=0.2)
         assert np.abs(np.mean(drawn / widest, axis=0)).max() < 4 / np.sqrt(3 * len(drones))
 
 
@@ -127,7 +127,7 @@ def test_a_moment_of_a_flight_has_one_pose() -> None:
 
 
 @pytest.mark.parametrize(
-    ("poses", "told"),
+    ("poses", "reported"),
     [
         (0, "poses: should be"),
         (20_000, "poses: should be"),
@@ -138,8 +138,8 @@ def test_a_moment_of_a_flight_has_one_pose() -> None:
         ({"counts": 2}, "poses: unknown field 'counts': did you mean 'count'"),
     ],
 )
-def test_poses_that_cannot_be(tmp_path: Path, poses: Any, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_poses_that_cannot_be(tmp_path: Path, poses: Any, reported: str) -> None:
+    with pytest.raises(InputError, match=reported):
         planned(tmp_path, poses=poses)
 
 

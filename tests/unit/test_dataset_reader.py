@@ -100,11 +100,11 @@ def test_more_samples_move_no_scene(data: DataSet) -> None:
 
 
 def test_shares_are_kept_on_average() -> None:
-    shares = Split(0.7, 0.2, 0.1)
-    found = Counter(part_of(f"scene-{k}", shares, 0) for k in range(10_000))
-    for part, share in shares._asdict().items():
-        deviation = np.sqrt(10_000 * share * (1 - share))
-        assert abs(found[part] - 10_000 * share) < 3.5 * deviation
+    fractions = Split(0.7, 0.2, 0.1)
+    result = Counter(part_of(f"scene-{k}", fractions, 0) for k in range(10_000))
+    for part, fraction in fractions._asdict().items():
+        sigma = np.sqrt(10_000 * fraction * (1 - fraction))
+        assert abs(result[part] - 10_000 * fraction) < 3.5 * sigma
 
 
 def test_a_part_of_no_share_is_empty(data: DataSet) -> None:

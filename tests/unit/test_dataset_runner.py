@@ -28,11 +28,11 @@ def test_all_is_made_and_noted(planned: PlannedSet, tmp_path: Path) -> None:
     run = Run(planned, folder)
     assert (run.state.done, run.state.failed, run.state.missing) == (5, 0, 0)
     assert [state.done for state in run.states] == [0, 1, 2, 3, 4, 5]
-    assert run.states[2].share == 0.4
+    assert run.states[2].fraction == 0.4
     assert (folder / "plan.yaml").read_text() == PLAN
-    told = rows(folder, '"index", status, scene, parameters, file, bytes, attempts, error')
+    reported = rows(folder, '"index", status, scene, parameters, file, bytes, attempts, error')
     text = json.dumps({"x": 1})
-    assert told[1] == (1, "done", "scene 1", text, "samples/000/000001.h5", 8, 1, None)
+    assert reported[1] == (1, "done", "scene 1", text, "samples/000/000001.h5", 8, 1, None)
     assert rows(folder, "sha256")[1] == (hashlib.sha256(b"sample 1").hexdigest(),)
     with Manifest.open(folder / "manifest.sqlite") as manifest:
         assert manifest.meta["schema_version"] == "1"

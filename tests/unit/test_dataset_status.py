@@ -172,11 +172,11 @@ def test_options_may_stand_before_the_plan(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("count", "limit", "places"),
+    ("count", "limit", "positions"),
     [(5, 100, [0, 1, 2, 3, 4]), (101, 3, [0, 50, 100]), (10, 1, [0]), (1, 1, [0])],
 )
-def test_samples_are_chosen_evenly(count: int, limit: int, places: list[int]) -> None:
-    assert evenly(count, limit) == places
+def test_samples_are_chosen_evenly(count: int, limit: int, positions: list[int]) -> None:
+    assert evenly(count, limit) == positions
 
 
 def test_the_sheet_is_one_page_of_pictures_and_words(folder: Path, tmp_path: Path) -> None:

@@ -56,14 +56,15 @@ def contents(folder: Path) -> dict[str, bytes | None]:
     }
 
 
-TOLD = '{"bytes": 1, "sha256": "' + "0" * 64 + '"}'
+REPORTED = '{"bytes": 1, "sha256": "' + "0" * 64 + '"}'
 ROWS = {
-    "a sidecar elsewhere": f"""UPDATE samples SET sidecars = '{{"../id_rsa": {TOLD}}}'""",
-    "a sidecar by its whole path": f"""UPDATE samples SET sidecars = '{{"/etc/passwd": {TOLD}}}'""",
+    "a sidecar elsewhere": f"""UPDATE samples SET sidecars = '{{"../id_rsa": {REPORTED}}}'""",
+    "a sidecar by its whole path": f"""UPDATE samples SET
+        sidecars = '{{"/etc/passwd": {REPORTED}}}'""",
     "a sidecar of another sample": f"""UPDATE samples SET sidecars =
-        '{{"samples/000/000002.npz": {TOLD}}}' WHERE "index" = 0""",
+        '{{"samples/000/000002.npz": {REPORTED}}}' WHERE "index" = 0""",
     "a sidecar of another kind": f"""UPDATE samples SET sidecars =
-        '{{"samples/000/000000.txt": {TOLD}}}' WHERE "index" = 0""",
+        '{{"samples/000/000000.txt": {REPORTED}}}' WHERE "index" = 0""",
     "a sidecar without a size": """UPDATE samples SET sidecars =
         '{"samples/000/000000.npz": {}}' WHERE "index" = 0""",
     "sidecars as a list": "UPDATE samples SET sidecars = '[1]'",
@@ -134,7 +135,7 @@ def journal_of(database: Path, other: Path) -> None:
     magic, page = bytes.fromhex("d9d505f920a163d7"), database.read_bytes()[:4096]
     pages, name = database.stat().st_size // 4096, str(other).encode()
     head = (magic + struct.pack(">5I", 1, 0, pages, 512, 4096)).ljust(512, b"\0")
-    checksum = sum(page[place] for place in range(4096 - 200, 0, -200))
+    checksum = sum(page[position] for position in range(4096 - 200, 0, -200))
     record = struct.pack(">I", 1) + page + struct.pack(">I", checksum)
     tail = struct.pack(">I", 2**30 // 4096 + 1) + name + struct.pack(">2I", len(name), sum(name))
     journal = database.with_name(f"{database.name}-journal")
@@ -328,8 +329,8 @@ def test_plans_that_grow_are_refused(tmp_path: Path) -> None:
 
 def test_settings_that_grow_tell_nothing(capture: Capture) -> None:
     levels = "".join(f"a{k}: &a{k} [{f'*a{k - 1},' * 9}]\n" for k in range(1, 9))
-    told = "data_set: {plan: abc, index: 1}\nmedia: [{name: fog}]\n"
-    for settings, belongs in ((told, True), (f"a0: &a0 [{'x,' * 9}]\n{levels}{told}", False)):
+    text = "data_set: {plan: abc, index: 1}\nmedia: [{name: fog}]\n"
+    for settings, belongs in ((text, True), (f"a0: &a0 [{'x,' * 9}]\n{levels}{text}", False)):
         one = replace(capture, provenance=replace(capture.provenance, settings=settings))
         assert (origin_of(one) is not None) is belongs
         assert bool(media_of(one)) is belongs

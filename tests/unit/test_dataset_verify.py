@@ -25,7 +25,7 @@ def own(folder: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(folder, tmp_path / "walls"))
 
 
-def found(folder: Path) -> list[tuple[str, str]]:
+def result(folder: Path) -> list[tuple[str, str]]:
     return [(finding.file, finding.problem) for finding in verify(folder)]
 
 
@@ -50,7 +50,7 @@ def test_every_kind_of_damage_is_named(own: Path, capture: Capture) -> None:
     (samples / "broken.h5").write_bytes(b"no HDF5")
     (samples / ".000010.h5.0123abcd.tmp").write_bytes(b"half")
     (own / "plan.yaml").unlink()
-    assert found(own) == [
+    assert result(own) == [
         ("plan.yaml", "missing"),
         ("samples/000/.000010.h5.0123abcd.tmp", "unfinished"),
         ("samples/000/000000.h5", "missing"),
@@ -68,12 +68,12 @@ def test_every_kind_of_damage_is_named(own: Path, capture: Capture) -> None:
 def test_a_capture_without_origin_is_foreign(own: Path, capture: Capture, settings: str) -> None:
     alone = replace(capture, provenance=replace(capture.provenance, settings=settings))
     write_capture(alone, own / "samples/000/alone.h5")
-    assert found(own) == [("samples/000/alone.h5", "foreign")]
+    assert result(own) == [("samples/000/alone.h5", "foreign")]
 
 
 def test_a_file_of_a_failed_sample_is_extra(own: Path) -> None:
     change(own, "UPDATE samples SET status = 'failed', file = NULL, sidecars = '{}' WHERE rowid=2")
-    assert found(own) == [("samples/000/000002.h5", "extra"), ("samples/000/000002.npz", "extra")]
+    assert result(own) == [("samples/000/000002.h5", "extra"), ("samples/000/000002.npz", "extra")]
 
 
 def test_shards_hold_captures_and_what_was_drawn(
@@ -89,8 +89,8 @@ def test_shards_hold_captures_and_what_was_drawn(
         tar.extractall(tmp_path / "out", filter="data")
     unpacked = read_capture(tmp_path / "out/000005.h5")
     assert unpacked.frame().digest(unpacked.setup) == capture.frame().digest(capture.setup)
-    told = json.loads((tmp_path / "out/000005.json").read_text())
-    assert told == {
+    fields = json.loads((tmp_path / "out/000005.json").read_text())
+    assert fields == {
         "index": 5,
         "scene_name": "walls-5",
         "parameters": {"scene": "walls", "power_w": 0.5, "scene.fog.visibility_m": 60.0},
@@ -99,8 +99,8 @@ def test_shards_hold_captures_and_what_was_drawn(
 
 def test_equal_sets_give_equal_shards(folder: Path, own: Path, tmp_path: Path) -> None:
     one, two = (
-        write_shards(spisim.dataset.open(place), tmp_path / str(k))
-        for k, place in enumerate((folder, own))
+        write_shards(spisim.dataset.open(position), tmp_path / str(k))
+        for k, position in enumerate((folder, own))
     )
     assert one[0].read_bytes() == two[0].read_bytes()
     again = write_shards(spisim.dataset.open(own), tmp_path / "1")

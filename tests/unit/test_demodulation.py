@@ -34,14 +34,14 @@ def test_correlation_against_brute_force(light: str, shape: str, width: float) -
         window = np.abs(moved) < np.pi * width if shape == "rectangular" else sine
         delayed = [np.roll(power, step) for step in steps]
         expected = [np.mean(wave * window) for wave in delayed]
-        found = tested.correlation(phases, FREQUENCY_HZ, IDEAL)[tap]
-        np.testing.assert_allclose(found, expected, atol=2e-3 * tested.taps.share)
+        result = tested.correlation(phases, FREQUENCY_HZ, IDEAL)[tap]
+        np.testing.assert_allclose(result, expected, atol=2e-3 * tested.taps.fraction)
 
 
 def test_square_light_and_windows_wiggle_by_11_cm_on_10_m() -> None:
     phases = np.linspace(0, 2 * np.pi, 721)
-    found = four_phase(modulation("square").correlation(phases, FREQUENCY_HZ, IDEAL))
-    error = (found - phases + np.pi) % (2 * np.pi) - np.pi
+    result = four_phase(modulation("square").correlation(phases, FREQUENCY_HZ, IDEAL))
+    error = (result - phases + np.pi) % (2 * np.pi) - np.pi
     assert np.degrees(np.abs(error).max()) == pytest.approx(4.07, abs=0.02)
     assert np.abs(error).max() / (2 * np.pi) * 10 == pytest.approx(0.113, abs=5e-4)
     worst = np.degrees(phases[np.abs(error).argmax()]) % 45
@@ -51,8 +51,8 @@ def test_square_light_and_windows_wiggle_by_11_cm_on_10_m() -> None:
 @pytest.mark.parametrize("pair", [("sine", "rectangular"), ("square", "sine")])
 def test_one_sine_is_enough_to_end_the_wiggling(pair: tuple[str, str]) -> None:
     phases = np.linspace(0.01, 2 * np.pi - 0.01, 100)
-    found = four_phase(modulation(*pair).correlation(phases, FREQUENCY_HZ, IDEAL))
-    np.testing.assert_allclose(found, phases, atol=1e-9)
+    result = four_phase(modulation(*pair).correlation(phases, FREQUENCY_HZ, IDEAL))
+    np.testing.assert_allclose(result, phases, atol=1e-9)
 
 
 def test_amplifier_delays_and_weakens_as_one_pole() -> None:

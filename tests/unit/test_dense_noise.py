@@ -18,7 +18,7 @@ SIDE = 8
 KINDS = ("binary", "sparse", "gaussian", "hadamard", "cosine")
 
 
-def shown(kind, patterns, rng):
+def displayed(kind, patterns, rng):
     """Transmittances (patterns, SIDE, SIDE) from 0 to 1."""
     shape = (patterns, SIDE, SIDE)
     if kind == "binary":
@@ -66,7 +66,7 @@ def test_an_image_of_stated_noise_is_no_worse_than_a_ridge_regression(polarity):
                 rng = np.random.default_rng(seed)
                 truth = smooth_image(seed)
                 sequence = [1] * patterns if polarity == "+1" else polarity
-                basis = Dense(shown(kind, patterns, rng))
+                basis = Dense(displayed(kind, patterns, rng))
                 plan = plan_of_rows(basis, np.arange(patterns), sequence)
                 light = expose(plan, truth)
                 sigma = float(np.std(light)) / snr
@@ -85,7 +85,7 @@ def test_an_image_of_stated_noise_is_no_worse_than_a_ridge_regression(polarity):
 def test_white_noise_of_readings_makes_independent_errors_of_the_usual_size(polarity):
     patterns = 40
     sequence = [1] * patterns if polarity == "+1" else polarity
-    basis = Dense(shown("binary", patterns, np.random.default_rng(0)))
+    basis = Dense(displayed("binary", patterns, np.random.default_rng(0)))
     decoder = decoder_for(plan_of_rows(basis, np.arange(patterns), sequence))
     rows = decoder.operator.matrix
     np.testing.assert_allclose(rows @ rows.T, np.eye(len(rows)), atol=1e-10)
@@ -97,11 +97,11 @@ def test_white_noise_of_readings_makes_independent_errors_of_the_usual_size(pola
 def test_total_variation_agrees_within_noise_of_any_sizes():
     rng = np.random.default_rng(2)
     truth = smooth_image(2)
-    basis = Dense(shown("binary", 50, rng))
+    basis = Dense(displayed("binary", 50, rng))
     operator = decoder_for(plan_of_rows(basis, np.arange(50), "signed")).operator
     noise = 0.02 * operator.usual_noise / np.median(operator.usual_noise)
     values = operator.forward(truth) + noise * rng.standard_normal(noise.shape)
-    found = image_method("total-variation").compile(operator)(Coefficients(values, noise)).image
-    misfit = ((operator.forward(found) - values) / noise)[operator.varying]
+    result = image_method("total-variation").compile(operator)(Coefficients(values, noise)).image
+    misfit = ((operator.forward(result) - values) / noise)[operator.varying]
     assert np.linalg.norm(misfit) <= 1.01 * np.sqrt(misfit.size)
-    assert correlation(found, truth) > 0.8
+    assert correlation(result, truth) > 0.8

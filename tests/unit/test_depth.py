@@ -26,8 +26,8 @@ ANCHORS = np.array([[15.5, 15.5], [15.5, 47.5], [47.5, 15.5], [47.5, 47.5]])
 
 
 def anchored_depth(image, anchors, depth_m, sigma_m):
-    found = kriging.anchored_depth(image, anchors, depth_m, sigma_m, PRIOR)
-    return None if found is None else found.depth_m
+    result = kriging.anchored_depth(image, anchors, depth_m, sigma_m, PRIOR)
+    return None if result is None else result.depth_m
 
 
 class View:
@@ -189,9 +189,9 @@ def test_nearest_takes_the_closest_spot_in_pixels():
 
 def test_inverse_distance_is_the_range_at_a_spot_and_their_mean_between():
     anchors = np.array([[0, 0], [0, 4], [4, 0], [4, 4]])
-    found = INVERSE_DISTANCE.ranges((5, 5), anchors, np.arange(1.0, 5))
-    np.testing.assert_allclose(found[[0, 0, 4, 4], [0, 4, 0, 4]], [1, 2, 3, 4], rtol=1e-6)
-    assert found[2, 2] == pytest.approx(2.5)
+    result = INVERSE_DISTANCE.ranges((5, 5), anchors, np.arange(1.0, 5))
+    np.testing.assert_allclose(result[[0, 0, 4, 4], [0, 4, 0, 4]], [1, 2, 3, 4], rtol=1e-6)
+    assert result[2, 2] == pytest.approx(2.5)
     # 1 / 1 and 1 / 9 of two at distances 1 and 3
     pair = INVERSE_DISTANCE.ranges((1, 5), anchors[:2], np.array([1.0, 2.0]))
     assert pair[0, 1] == pytest.approx((1 + 2 / 9) / (1 + 1 / 9))
@@ -201,13 +201,13 @@ def test_inverse_distance_is_the_range_at_a_spot_and_their_mean_between():
 
 
 def test_a_map_is_the_surer_the_nearer_its_anchors_and_the_less_they_differ():
-    def deviation(depth_m):
-        found = kriging.anchored_depth(
+    def sigma(depth_m):
+        result = kriging.anchored_depth(
             np.ones((SIDE, SIDE)), ANCHORS, np.array(depth_m), np.full(4, 0.01), PRIOR
         )
-        return found.deviation
+        return result.sigma
 
-    flat, steep = deviation([4.0, 4.0, 4.0, 4.0]), deviation([2.0, 4.0, 4.0, 8.0])
+    flat, steep = sigma([4.0, 4.0, 4.0, 4.0]), sigma([2.0, 4.0, 4.0, 8.0])
     assert (steep > flat).all()
     rows, columns = ANCHORS.round().astype(int).T
     assert flat[rows, columns].max() < flat[0, 0]
@@ -216,36 +216,36 @@ def test_a_map_is_the_surer_the_nearer_its_anchors_and_the_less_they_differ():
 
 def test_deviations_are_those_of_kriging():
     """Against the variance of a Gaussian process with an unknown mean, in closed form."""
-    prior = replace(PRIOR, nugget=0.1, correlation_length=0.3, doubt=1.0)
+    prior = replace(PRIOR, nugget=0.1, correlation_length=0.3, sigma_factor=1.0)
     sigma = np.array([0.05, 0.1, 0.2, 0.4])
     depth_m = np.array([3.0, 4.0, 5.0, 6.0])
     image = np.ones((SIDE, SIDE))
-    found = kriging.anchored_depth(image, ANCHORS, depth_m, sigma * depth_m, prior)
-    weight = 1 / (1 + (sigma / prior.log_depth_deviation) ** 2)
+    result = kriging.anchored_depth(image, ANCHORS, depth_m, sigma * depth_m, prior)
+    weight = 1 / (1 + (sigma / prior.log_depth_sigma) ** 2)
     logs = np.log(depth_m)
     scatter = weight @ (logs - weight @ logs / weight.sum()) ** 2
-    variance = (prior.log_depth_deviation**2 + scatter) / max(weight.sum(), 1.0)
-    share = 4 * variance / (4 * variance + prior.log_reflectance_deviation**2)
-    variance *= 1 - share
+    variance = (prior.log_depth_sigma**2 + scatter) / max(weight.sum(), 1.0)
+    fraction = 4 * variance / (4 * variance + prior.log_reflectance_sigma**2)
+    variance *= 1 - fraction
     pixel = np.array([[20.0, 30.0]])
-    places = np.concatenate([ANCHORS, pixel])
-    apart = ((places[:, None] - places) ** 2).sum(axis=-1)
+    positions = np.concatenate([ANCHORS, pixel])
+    apart = ((positions[:, None] - positions) ** 2).sum(axis=-1)
     covariance = variance * np.exp(-apart / (2 * (0.3 * SIDE) ** 2))
     inverse = np.linalg.inv(covariance[:4, :4] + np.diag(sigma**2 + 0.1 * variance))
     cross, ones = covariance[:4, 4], np.ones(4)
     simple = 1.1 * variance - cross @ inverse @ cross
     of_mean = (1 - ones @ inverse @ cross) ** 2 / (ones @ inverse @ ones)
-    assert found.deviation[20, 30] == pytest.approx(np.sqrt(simple + of_mean))
+    assert result.sigma[20, 30] == pytest.approx(np.sqrt(simple + of_mean))
 
 
 def test_the_prior_rests_on_other_families_than_those_that_judge_it():
-    told = json.loads(FITTED.read_text())
-    learn, judge = (set(told[part]["families"]) for part in ("learn", "judge"))
+    fields = json.loads(FITTED.read_text())
+    learn, judge = (set(fields[part]["families"]) for part in ("learn", "judge"))
     assert learn
     assert judge
     assert not learn & judge
-    assert told["taken"] == (told["judge"]["error_fitted"] < told["judge"]["error_before"])
-    assert 0.92 <= told["judge"]["within_2_sigma"] <= 0.99
+    assert fields["taken"] == (fields["judge"]["error_fitted"] < fields["judge"]["error_before"])
+    assert 0.92 <= fields["judge"]["within_2_sigma"] <= 0.99
 
 
 def test_rays_and_pixels_are_each_others_inverse():
@@ -271,7 +271,7 @@ def test_point_cloud_is_read_by_other_software(tmp_path):
 @pytest.mark.parametrize("shape", [(1, 1), (1, 5), (7, 4)])
 def test_means_and_values_between_pixels_are_those_of_scipy(shape):
     rng = np.random.default_rng(3)
-    image, places = rng.random(shape), (np.array(shape) + 2) * rng.random((20, 2)) - 1.5
+    image, positions = rng.random(shape), (np.array(shape) + 2) * rng.random((20, 2)) - 1.5
     np.testing.assert_allclose(around(image), ndimage.uniform_filter(image, 3))
-    expected = ndimage.map_coordinates(image, places.T, order=1, mode="nearest")
-    np.testing.assert_allclose(between(image, places), expected)
+    expected = ndimage.map_coordinates(image, positions.T, order=1, mode="nearest")
+    np.testing.assert_allclose(between(image, positions), expected)

@@ -34,27 +34,27 @@ def dense_range(readings, plan):
     """Range of every pixel along its ray; the method looks at nothing but these readings."""
     setup = Setup(plan, OPTICS, None, None, readings)
     solve = depth_method("dense", setup).compile(Context(setup, Imaging(plan)))
-    found = solve(View(None, None, Frames(0, None, None, readings)))
-    return found.depth_m * range_over_depth(OPTICS, SHAPE)
+    result = solve(View(None, None, Frames(0, None, None, readings)))
+    return result.depth_m * range_over_depth(OPTICS, SHAPE)
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
 @pytest.mark.parametrize("frequencies", [(15e6,), (30e6, 40e6)])
 def test_all_patterns_without_noise_give_every_lit_pixel_exactly(polarity, frequencies):
     plan = make_plan(SHAPE, polarity=polarity)
-    found = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan)
-    assert np.isnan(found[~LIT]).all()
-    np.testing.assert_allclose(found[LIT], RANGE_M[LIT], rtol=1e-6)
+    result = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan)
+    assert np.isnan(result[~LIT]).all()
+    np.testing.assert_allclose(result[LIT], RANGE_M[LIT], rtol=1e-6)
 
 
 @pytest.mark.parametrize("frequencies", [(15e6,), (30e6, 40e6)])
 def test_a_quarter_of_the_patterns_shows_the_room(frequencies):
     plan = make_plan(SHAPE, 256)
-    found = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan)
-    seen = np.isfinite(found)
+    result = dense_range(record(LIGHT, RANGE_M, plan, frequencies), plan)
+    seen = np.isfinite(result)
     assert seen[LIT].mean() > 0.7
     assert seen[~LIT].mean() < 0.1
-    error = (found - RANGE_M)[seen & LIT]
+    error = (result - RANGE_M)[seen & LIT]
     assert np.mean(error**2) < 0.25 * RANGE_M[seen & LIT].var()
 
 
@@ -63,8 +63,8 @@ def test_phasors_scatter_as_their_variance_says():
     model = {"noise_electrons": 400.0}
     clean, _ = phasors(record(LIGHT, RANGE_M, plan, **model), 15e6)
     noisy = record(LIGHT, RANGE_M, plan, rng=np.random.default_rng(0), **model)
-    found, variance = phasors(noisy, 15e6)
-    ratio = np.abs(found - clean) ** 2 / variance  # exponential, of mean and deviation 1
+    result, variance = phasors(noisy, 15e6)
+    ratio = np.abs(result - clean) ** 2 / variance  # exponential, of mean and deviation 1
     assert abs(ratio.mean() - 1) * np.sqrt(ratio.size) < 3.5
 
 
@@ -75,9 +75,9 @@ def test_the_error_of_a_pixel_is_that_of_its_coefficients():
     noise = rng.normal(0, 1, (1024, 2)) @ [1, 1j]
     plan = make_plan(SHAPE, order="natural", polarity="signed")
     coefficients = Coefficients(fwht(image.ravel()) + noise, np.full(1024, np.sqrt(2)))
-    found, error = phasor_image(everything(plan), coefficients)
+    result, error = phasor_image(everything(plan), coefficients)
     assert np.allclose(error, np.sqrt(2 / 1024), rtol=1e-3)
-    squares = np.abs(found - image) ** 2 / error**2
+    squares = np.abs(result - image) ** 2 / error**2
     assert abs(squares.mean() - 1) * np.sqrt(1024) < 3.5
 
 
@@ -103,8 +103,8 @@ def decode_all(plan):
 def test_noise_takes_the_dark_pixels_first_and_hardly_any_false_ones_are_left():
     plan = make_plan(SHAPE)
     rng = np.random.default_rng(2)
-    found = dense_range(record(LIGHT, RANGE_M, plan, rng=rng, noise_electrons=2e4), plan)
-    seen = np.isfinite(found)
+    result = dense_range(record(LIGHT, RANGE_M, plan, rng=rng, noise_electrons=2e4), plan)
+    seen = np.isfinite(result)
     false = int(seen[~LIT].sum())
     assert binomtest(false, int((~LIT).sum()), np.exp(-4.5), alternative="greater").pvalue > 1e-3
     missing = LIT & ~seen
@@ -117,10 +117,10 @@ def test_pixel_ranges_scatter_as_phase_noise_says():
     plan = make_plan(SHAPE)
     rng = np.random.default_rng(3)
     readings = record(light, RANGE_M, plan, rng=rng)
-    found = dense_range(readings, plan)
+    result = dense_range(readings, plan)
     noise = everything(plan).decode(*phasors(readings, 15e6)).noise.mean()
     sigma = c / (4 * np.pi * 15e6) * noise / np.sqrt(2 * 1024) / (CONTRAST * light)
-    ratio = np.std(found - RANGE_M) / sigma.mean()
+    ratio = np.std(result - RANGE_M) / sigma.mean()
     # The baseline makes dr/dL differ from 1/2 by less than a hundredth of this.
     assert abs(ratio**2 - 1) / np.sqrt(2 / 1023) < 3.5
 

@@ -25,28 +25,28 @@ from reconstruction.depth import (
 )
 from reconstruction.depth.methods import learned
 from reconstruction.depth.network import FEATURES, VERSION, DepthNetwork, features, load
-from reconstruction.depth.observer import Observer
-from reconstruction.depth.shown import (
+from reconstruction.depth.network_input import (
     MAPS,
     NUMBERS,
     VEIL_FROM_M,
     Anchors,
-    Shown,
+    NetworkInput,
     inputs_of,
-    places_of,
+    positions_of,
     veil,
 )
+from reconstruction.depth.observer import Observer
 from reconstruction.image import Imaging
 from reconstruction.ranging import FogOptics, measure_ranges
 from spisim.simulation import simulate
 
 OPTICS = Optics(tan_half_width=np.tan(np.radians(10)), tan_half_height=np.tan(np.radians(10)))
-NOTHING = Anchors(np.full(4, np.nan), np.full(4, np.nan))
+NO_RETURN = Anchors(np.full(4, np.nan), np.full(4, np.nan))
 
 
-def directions(places):
+def directions(positions):
     """Unit vectors (4, 3) at these shares of the half angles' tangents."""
-    towards = np.concatenate([np.array(places) * OPTICS.tan_half_width, np.ones((4, 1))], axis=1)
+    towards = np.concatenate([np.array(positions) * OPTICS.tan_half_width, np.ones((4, 1))], axis=1)
     return towards / np.linalg.norm(towards, axis=1, keepdims=True)
 
 
@@ -58,19 +58,19 @@ def seen(depth_m, image, **changes):
     height, width = image.shape
     rows = ((CENTRES[:, 1] / CENTRES[:, 2] / OPTICS.tan_half_height + 1) * height / 2).astype(int)
     columns = ((CENTRES[:, 0] / CENTRES[:, 2] / OPTICS.tan_half_width + 1) * width / 2).astype(int)
-    told = Anchors(np.log(depth_m[rows, columns]), np.full(4, 1e-3))
+    reported = Anchors(np.log(depth_m[rows, columns]), np.full(4, 1e-3))
     return replace(
-        Shown(
+        NetworkInput(
             image=image,
             optics=OPTICS,
             directions=CENTRES,
-            plain=told,
-            fitted=NOTHING,
+            plain=reported,
+            fitted=NO_RETURN,
             lost=np.zeros(4, dtype=bool),
             log_reflectance=np.full(4, np.log(0.3)),
             noise=0.05,
-            share=0.031,
-            reach_m=10.0,
+            fraction=0.031,
+            max_range_m=10.0,
         ),
         **changes,
     )
@@ -86,8 +86,8 @@ def plane(shape=(64, 64), reflectance=0.3):
 def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
     depth_m, image = plane()
     frame = seen(depth_m, image)
-    found = inputs_of(frame).maps[10] + frame.level
-    within = np.abs(found - np.log(depth_m))
+    result = inputs_of(frame).maps[10] + frame.level
+    within = np.abs(result - np.log(depth_m))
     # The mean of neighbours at the spots, and spots that fade away from where they are.
     assert within.max() < 0.08
     assert np.abs(inputs_of(frame).start - np.log(depth_m)).mean() > 2 * within.mean()
@@ -104,8 +104,8 @@ def test_neither_the_unit_of_the_image_nor_the_order_of_spots_matters():
         directions=frame.directions[order],
         plain=Anchors(*(values[order] for values in frame.plain)),
     )
-    found = inputs_of(shuffled_spots)
-    for each, other in zip(found, expected, strict=True):
+    result = inputs_of(shuffled_spots)
+    for each, other in zip(result, expected, strict=True):
         np.testing.assert_allclose(each, other, atol=1e-5)
 
 
@@ -117,8 +117,8 @@ def test_a_mirrored_frame_looks_mirrored():
     )
     first, second = inputs_of(frame), inputs_of(mirrored)
     np.testing.assert_allclose(second.start[:, ::-1], first.start, atol=1e-5)
-    kept = [number for number in range(MAPS) if number != MAPS - 3]  # all but x
-    np.testing.assert_allclose(second.maps[kept][..., ::-1], first.maps[kept], atol=1e-5)
+    retained = [number for number in range(MAPS) if number != MAPS - 3]  # all but x
+    np.testing.assert_allclose(second.maps[retained][..., ::-1], first.maps[retained], atol=1e-5)
     np.testing.assert_allclose(second.maps[-3], -first.maps[-3][:, ::-1], atol=1e-6)
 
 
@@ -129,13 +129,13 @@ def test_the_veil_of_a_fog_that_is_known_comes_off():
     image = np.full((32, 32), scale * (surface + in_fog))
     fog = {"extinction_per_m": alpha, "backscatter_per_m_sr": beta}
     frame = seen(np.full((32, 32), depth), image, **fog)
-    assert veil(frame, places_of(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
+    assert veil(frame, positions_of(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
     for unknown in (
         replace(frame, extinction_per_m=np.nan),
         replace(frame, log_reflectance=np.full(4, np.nan)),
-        replace(frame, plain=NOTHING),
+        replace(frame, plain=NO_RETURN),
     ):
-        assert veil(unknown, places_of(unknown)) == 0
+        assert veil(unknown, positions_of(unknown)) == 0
 
 
 @pytest.mark.parametrize("spots", range(5))
@@ -147,16 +147,16 @@ def test_any_number_of_spots_makes_inputs_and_an_answer(spots):
     inputs = inputs_of(replace(frame, plain=some, lost=unknown))
     assert inputs.maps.shape == (MAPS, 24, 40)
     assert inputs.numbers.shape == (len(NUMBERS),)
-    told = learned.shipped()(inputs)
-    for values in (told.log_depth, told.deviation, told.nothing):
+    reported = learned.shipped()(inputs)
+    for values in (reported.log_depth, reported.sigma, reported.no_return):
         assert values.shape == (24, 40)
         assert np.isfinite(values).all()
 
 
 @pytest.fixture(scope="module")
 def weights():
-    with np.load(learned.WEIGHTS, allow_pickle=False) as told:
-        return dict(told)
+    with np.load(learned.WEIGHTS, allow_pickle=False) as reported:
+        return dict(reported)
 
 
 def reference(inputs, weights):
@@ -173,25 +173,25 @@ def reference(inputs, weights):
 
     half = unshuffled(inputs.maps.astype(np.float64))
     constant = [np.full(half.shape[1:], number) for number in inputs.numbers]
-    kept = np.maximum(layer(np.concatenate([half, constant]), "enter"), 0)
-    kept = np.maximum(layer(kept, "before"), 0)
-    quarter = changed_by(np.maximum(layer(unshuffled(kept), "down"), 0), "middle", 1)
+    retained = np.maximum(layer(np.concatenate([half, constant]), "enter"), 0)
+    retained = np.maximum(layer(retained, "before"), 0)
+    quarter = changed_by(np.maximum(layer(unshuffled(retained), "down"), 0), "middle", 1)
     eighth = changed_by(np.maximum(layer(unshuffled(quarter), "deeper"), 0), "deep", 2)
     quarter = changed_by(np.maximum(quarter + shuffled(layer(eighth, "rise")), 0), "again", 1)
-    kept = np.maximum(kept + shuffled(layer(quarter, "up")), 0)
-    return shuffled(layer(np.maximum(layer(kept, "after"), 0), "leave"))
+    retained = np.maximum(retained + shuffled(layer(quarter, "up")), 0)
+    return shuffled(layer(np.maximum(layer(retained, "after"), 0), "leave"))
 
 
 def test_the_network_is_what_its_definition_says(weights):
     depth_m, image = plane((16, 32))
     inputs = inputs_of(seen(depth_m, image))
     change, log_sigma, logit, trust = reference(inputs, weights)
-    found = learned.shipped()(inputs)
+    result = learned.shipped()(inputs)
     start = inputs.start + expit(trust) * (inputs.plain - inputs.start)
-    np.testing.assert_allclose(found.log_depth, start + change, atol=1e-4)
+    np.testing.assert_allclose(result.log_depth, start + change, atol=1e-4)
     expected = np.exp(np.clip(log_sigma, -4.5, 1) + weights["calibration"][0])
-    np.testing.assert_allclose(found.deviation, expected, rtol=1e-3)
-    np.testing.assert_allclose(found.nothing, expit(logit), atol=1e-4)
+    np.testing.assert_allclose(result.sigma, expected, rtol=1e-3)
+    np.testing.assert_allclose(result.no_return, expit(logit), atol=1e-4)
 
 
 def test_the_file_is_small():
@@ -200,8 +200,8 @@ def test_the_file_is_small():
 
 @pytest.fixture(scope="module")
 def capture():
-    place = worlds.scene(worlds.plane(4.0, 0.5))
-    return simulate(place, changed("paper"), light="surrogate", seed=1).capture
+    position = worlds.scene(worlds.plane(4.0, 0.5))
+    return simulate(position, changed("paper"), light="surrogate", seed=1).capture
 
 
 def solved(capture: Capture, view=None, setup: Setup | None = None):
@@ -219,55 +219,55 @@ def view_of(capture, **changes):
 
 
 def test_a_wall_is_where_it_is(capture):
-    found, _ = solved(capture)
-    assert found.note is None
-    assert np.nanmedian(found.depth_m) == pytest.approx(4.0, rel=0.05)
-    assert np.mean(np.isfinite(found.depth_m)) > 0.99
-    assert found.deviation.shape == found.nothing.shape == found.depth_m.shape
-    assert ((found.nothing >= 0) & (found.nothing <= 1)).all()
+    result, _ = solved(capture)
+    assert result.note is None
+    assert np.nanmedian(result.depth_m) == pytest.approx(4.0, rel=0.05)
+    assert np.mean(np.isfinite(result.depth_m)) > 0.99
+    assert result.sigma.shape == result.no_return.shape == result.depth_m.shape
+    assert ((result.no_return >= 0) & (result.no_return <= 1)).all()
 
 
 def test_reflectance_is_that_of_the_wall(capture):
     view = view_of(capture)
-    found = Observer.of(capture.setup)(view)
+    result = Observer.of(capture.setup)(view)
     cosines = view.frame.spots.directions[:, 2]
     # By one frequency the air is not known to be clear, which takes ranges off by some per cent.
-    np.testing.assert_allclose(np.exp(found.log_reflectance), 0.5 * cosines, rtol=0.12)
-    assert found.reach_m == pytest.approx(10.0, rel=1e-3)
+    np.testing.assert_allclose(np.exp(result.log_reflectance), 0.5 * cosines, rtol=0.12)
+    assert result.max_range_m == pytest.approx(10.0, rel=1e-3)
 
 
 def test_light_lost_in_known_fog_is_put_back_on_the_way_out_and_back(capture):
     view = view_of(capture)
     plain = measure_ranges(capture.spots)
-    found = [
+    result = [
         Observer.of(capture.setup)(
             replace(view, ranges=replace(plain, fog=FogOptics(extinction_per_m, 1e-3, 0.1)))
         ).log_reflectance
         for extinction_per_m in (0.0, 0.05)
     ]
-    np.testing.assert_allclose(found[1] - found[0], 2 * 0.05 * plain.range_m, rtol=1e-6)
+    np.testing.assert_allclose(result[1] - result[0], 2 * 0.05 * plain.range_m, rtol=1e-6)
 
 
 def test_ranges_that_know_of_fog_are_not_made_again(capture):
     view = view_of(capture)
     fog = FogOptics(0.05, 1e-3, 0.1)
     plain = measure_ranges(capture.spots)
-    told = replace(plain, range_m=plain.range_m * 1.5, fog=fog)
-    found = Observer.of(capture.setup)(replace(view, ranges=told))
-    np.testing.assert_allclose(found.fitted.log_depth - found.plain.log_depth, np.log(1.5))
-    assert found.extinction_per_m == 0.05
-    unsure = replace(told, fog=fog._replace(log_sigma=0.6))
-    found = Observer.of(capture.setup)(replace(view, ranges=unsure))
-    assert np.isnan(found.extinction_per_m)
+    reported = replace(plain, range_m=plain.range_m * 1.5, fog=fog)
+    result = Observer.of(capture.setup)(replace(view, ranges=reported))
+    np.testing.assert_allclose(result.fitted.log_depth - result.plain.log_depth, np.log(1.5))
+    assert result.extinction_per_m == 0.05
+    unsure = replace(reported, fog=fog._replace(log_sigma=0.6))
+    result = Observer.of(capture.setup)(replace(view, ranges=unsure))
+    assert np.isnan(result.extinction_per_m)
 
 
 def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weights, monkeypatch):
     strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
     monkeypatch.setattr(learned, "shipped", lambda: strict)
-    found, plain = solved(capture)
-    assert "anchored on the spots, not learned: share = " in found.note
-    assert found.nothing is None
-    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+    result, plain = solved(capture)
+    assert "anchored on the spots, not learned: share = " in result.note
+    assert result.no_return is None
+    np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
 COLLINEAR = directions([[-0.6, 0.1], [-0.2, 0.1], [0.2, 0.1], [0.6, 0.1]])
@@ -280,9 +280,9 @@ OUTSIDE = directions([[-0.5, -0.5], [0.5, -0.5], [-0.5, 0.5], [1.6, 0.5]])
 def test_spots_in_a_line_or_outside_the_image_are_told(capture, towards, said):
     spots = replace(capture.spots, directions=towards)
     moved = replace(capture, spots=spots)
-    found, plain = solved(moved, view_of(moved))
-    assert f"not learned: {said}" in found.note
-    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+    result, plain = solved(moved, view_of(moved))
+    assert f"not learned: {said}" in result.note
+    np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
 @pytest.mark.parametrize(
@@ -291,41 +291,41 @@ def test_spots_in_a_line_or_outside_the_image_are_told(capture, towards, said):
 )
 def test_fields_that_it_never_saw_are_told(capture, change):
     wide = replace(capture, optics=replace(capture.optics, **change))
-    found, _ = solved(wide, view_of(wide))
-    assert "not learned: " in found.note
+    result, _ = solved(wide, view_of(wide))
+    assert "not learned: " in result.note
 
 
 def test_an_image_of_zeros_is_told(capture):
-    found, plain = solved(capture, view_of(capture, image=np.zeros((64, 64))))
+    result, plain = solved(capture, view_of(capture, image=np.zeros((64, 64))))
     assert plain is None
-    assert np.isnan(found.depth_m).all()
-    assert found.note == "no depth; not learned: the image is dark"
+    assert np.isnan(result.depth_m).all()
+    assert result.note == "no depth; not learned: the image is dark"
 
 
 def test_without_any_range_there_is_no_depth(capture):
     view = view_of(capture)
-    nothing = np.full(4, np.nan)
+    no_return = np.full(4, np.nan)
     lost = replace(
-        view.ranges, range_m=nothing, sigma_m=nothing, status=("no signal",) * 4, fog=None
+        view.ranges, range_m=no_return, sigma_m=no_return, status=("no signal",) * 4, fog=None
     )
     taps = np.full_like(view.frame.spots.taps, round(float(view.frame.spots.taps.mean())))
     frame = replace(view.frame, spots=replace(view.frame.spots, taps=taps))
-    found, _ = solved(capture, View(view.image, lost, frame))
-    assert np.isnan(found.depth_m).all()
-    assert "no depth" in found.note or "no spot has a range" in found.note
+    result, _ = solved(capture, View(view.image, lost, frame))
+    assert np.isnan(result.depth_m).all()
+    assert "no depth" in result.note or "no spot has a range" in result.note
 
 
 def test_there_is_none_without_spots(capture):
-    found, _ = solved(capture, view_of(capture, ranges=None))
-    assert found is None
+    result, _ = solved(capture, view_of(capture, ranges=None))
+    assert result is None
 
 
 def test_other_kinds_of_spots_get_the_anchored_map():
-    place = worlds.scene(worlds.plane(4.0, 0.5))
-    capture = simulate(place, changed("spad"), light="surrogate", seed=1).capture
-    found, plain = solved(capture)
-    assert "not learned: learned from spots of continuous wave alone" in found.note
-    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+    position = worlds.scene(worlds.plane(4.0, 0.5))
+    capture = simulate(position, changed("spad"), light="surrogate", seed=1).capture
+    result, plain = solved(capture)
+    assert "not learned: learned from spots of continuous wave alone" in result.note
+    np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
 @pytest.mark.parametrize("content", [None, b"weights"])
@@ -334,9 +334,9 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
     if content is not None:
         file.write_bytes(content)
     monkeypatch.setattr(learned, "shipped", lambda: load(file))
-    found, plain = solved(capture)
-    assert "holds no weights of a network" in found.note
-    np.testing.assert_array_equal(found.depth_m, plain.depth_m)
+    result, plain = solved(capture)
+    assert "holds no weights of a network" in result.note
+    np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
 @pytest.mark.parametrize(
@@ -349,8 +349,8 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
     ],
 )
 def test_weights_of_another_kind_are_refused(tmp_path, weights, change, said):
-    told = {name: value for name, value in (weights | change).items() if value is not None}
-    np.savez(tmp_path / "w.npz", **told)
+    reported = {name: value for name, value in (weights | change).items() if value is not None}
+    np.savez(tmp_path / "w.npz", **reported)
     with pytest.raises(InputError, match=said):
         load(tmp_path / "w.npz")
 
@@ -374,8 +374,8 @@ def test_it_is_the_usual_method_of_recordings_like_those_learned_from(capture, m
 def test_who_reconstructs_is_told_why_it_is_left_out(capture, tmp_path, capsys):
     spots = replace(capture.spots, directions=COLLINEAR)
     write_capture(replace(capture, spots=spots), tmp_path / "line.h5")
-    told = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
-    assert main(told) == 0
+    reported = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
+    assert main(reported) == 0
     assert "depth, learned: not of this recording (spots off a line = " in capsys.readouterr().out
     assert (
         main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told"), "--depth", "nearest"]) == 0
@@ -388,21 +388,21 @@ def test_measured_depths_join_by_inverse_variance():
         np.array([[2.0, 5.0, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
     )
     measured = DepthEstimate(np.array([[4.0, 5.0, np.nan]]), np.array([[0.1, 0.1, np.nan]]))
-    found = learned.joined(ours, measured)
+    result = learned.joined(ours, measured)
     total = 1 / 0.04 + 1 / 0.01
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / total
-    np.testing.assert_allclose(found.depth_m, [[np.exp(mean), 5.0, 3.0]])
-    np.testing.assert_allclose(found.deviation, [[total**-0.5, total**-0.5, 0.2]])
-    np.testing.assert_allclose(found.nothing, [[0.1, learned.LIKELY, 0.1]])
+    np.testing.assert_allclose(result.depth_m, [[np.exp(mean), 5.0, 3.0]])
+    np.testing.assert_allclose(result.sigma, [[total**-0.5, total**-0.5, 0.2]])
+    np.testing.assert_allclose(result.no_return, [[0.1, learned.LIKELY, 0.1]])
 
 
 def test_the_corridor_is_judged_by_all_depths_and_their_deviations(capture):
-    found, plain = solved(capture)
+    outcome, plain = solved(capture)
     assert plain.free is None
-    assert found.free.shape == DISTANCES_M.shape
+    assert outcome.free.shape == DISTANCES_M.shape
     result = Reconstructor(capture.setup, image="edge-preserving")(capture.frame(0))
-    np.testing.assert_allclose(result.free_probability, found.free, rtol=1e-6)
-    assert result.obstacle_m == pytest.approx(nearest_obstacle_m(found.free))
-    corridor = Corridor(pixel_rays(capture.setup.optics, found.depth_m.shape))
-    map_m = corridor.nearest_m(np.exp(np.log(found.depth_m)))
-    assert nearest_obstacle_m(found.free, 0.5) == pytest.approx(map_m, rel=0.3)
+    np.testing.assert_allclose(result.free_probability, outcome.free, rtol=1e-6)
+    assert result.obstacle_m == pytest.approx(nearest_obstacle_m(outcome.free))
+    corridor = Corridor(pixel_rays(capture.setup.optics, outcome.depth_m.shape))
+    map_m = corridor.nearest_m(np.exp(np.log(outcome.depth_m)))
+    assert nearest_obstacle_m(outcome.free, 0.5) == pytest.approx(map_m, rel=0.3)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.capture import Optics
-from reconstruction.depth import REACH_M, pixel_rays
+from reconstruction.depth import MAX_RANGE_M, pixel_rays
 from reconstruction.depth.obstacle import CORRIDOR_M, DISTANCES_M, OBSTACLE_M2, Corridor
 from reconstruction.evaluation import depth_metrics
 
@@ -22,8 +22,8 @@ def with_box(depth_m, side, row=32, column=32, behind=WALL):
     return np.where(inside, depth_m, behind)
 
 
-def of(depth_m, true_m, **known):
-    return depth_metrics(depth_m, true_m, rays=RAYS, **known)
+def of(depth_m, true_m, **given):
+    return depth_metrics(depth_m, true_m, rays=RAYS, **given)
 
 
 def test_relative_errors_are_those_of_the_literature():
@@ -37,38 +37,40 @@ def test_relative_errors_are_those_of_the_literature():
 def test_honest_deviations_hold_their_shares():
     rng = np.random.default_rng(1)
     sigma = rng.uniform(0.05, 0.4, (100, 100))
-    found = depth_metrics(5 * np.exp(sigma * rng.normal(size=sigma.shape)), 5 + 0 * sigma,
-                          deviation=sigma)  # fmt: skip
-    for sigmas, share in ((1, 0.6827), (2, 0.9545)):
-        z = (found[f"within_{sigmas}_sigma"] - share) / np.sqrt(share * (1 - share) / sigma.size)
+    result = depth_metrics(5 * np.exp(sigma * rng.normal(size=sigma.shape)), 5 + 0 * sigma,
+                          sigma=sigma)  # fmt: skip
+    for sigmas, fraction in ((1, 0.6827), (2, 0.9545)):
+        z = (result[f"within_{sigmas}_sigma"] - fraction) / np.sqrt(
+            fraction * (1 - fraction) / sigma.size
+        )
         assert abs(z) < 4
-    proud = depth_metrics(5 * np.exp(sigma), 5 + 0 * sigma, deviation=sigma / 3)
+    proud = depth_metrics(5 * np.exp(sigma), 5 + 0 * sigma, sigma=sigma / 3)
     assert proud["within_1_sigma"] == proud["within_2_sigma"] == 0
     assert depth_metrics(WALL, WALL)["within_1_sigma"] is None
 
 
 def test_what_is_beyond_reach_counts_as_nothing():
-    true_m = np.array([5.0, REACH_M + 1, 3000.0, np.nan])
-    found = depth_metrics(np.array([5.0, 20.0, np.nan, REACH_M + 9]), true_m)
-    assert found["coverage"] == found["within_25_percent"] == 1
-    assert found["mae_m"] == 0
-    assert found["nothing_share"] == 0.75
-    assert found["invented"] == pytest.approx(1 / 3)  # what is told farther than that is nothing
+    true_m = np.array([5.0, MAX_RANGE_M + 1, 3000.0, np.nan])
+    result = depth_metrics(np.array([5.0, 20.0, np.nan, MAX_RANGE_M + 9]), true_m)
+    assert result["coverage"] == result["within_25_percent"] == 1
+    assert result["mae_m"] == 0
+    assert result["nothing_share"] == 0.75
+    assert result["invented"] == pytest.approx(1 / 3)  # what is told farther than that is nothing
     assert depth_metrics(WALL, WALL)["invented"] is None
 
 
 def test_the_brier_score_of_the_base_rate_is_its_variance():
     true_m = np.where(COLUMNS < 16, np.nan, WALL)
-    share = 0.25
-    score = of(WALL, true_m, nothing=np.full(SHAPE, share))["nothing_brier"]
-    assert score == pytest.approx(share * (1 - share))
-    assert of(WALL, true_m, nothing=np.isnan(true_m).astype(float))["nothing_brier"] == 0
-    assert of(WALL, true_m, nothing=(~np.isnan(true_m)).astype(float))["nothing_brier"] == 1
+    fraction = 0.25
+    score = of(WALL, true_m, no_return=np.full(SHAPE, fraction))["nothing_brier"]
+    assert score == pytest.approx(fraction * (1 - fraction))
+    assert of(WALL, true_m, no_return=np.isnan(true_m).astype(float))["nothing_brier"] == 0
+    assert of(WALL, true_m, no_return=(~np.isnan(true_m)).astype(float))["nothing_brier"] == 1
     assert of(WALL, true_m)["nothing_brier"] is None
 
 
 @pytest.mark.parametrize(
-    ("told", "true", "missed", "false"),
+    ("reported", "true", "missed", "false"),
     [
         (4.0, 4.0, 0, 0),
         (4.9, 4.0, 0, 0),
@@ -78,19 +80,19 @@ def test_the_brier_score_of_the_base_rate_is_its_variance():
         (2.9, 4.0, 0, 1),
     ],
 )
-def test_obstacles_ahead_are_missed_or_seen_where_there_are_none(told, true, missed, false):
-    found = of(with_box(told, 12), with_box(true, 12))
-    assert found["obstacle_error"] == pytest.approx(told / true - 1)
-    assert (found["obstacle_missed"], found["obstacle_false"]) == (missed, false)
+def test_obstacles_ahead_are_missed_or_seen_where_there_are_none(reported, true, missed, false):
+    result = of(with_box(reported, 12), with_box(true, 12))
+    assert result["obstacle_error"] == pytest.approx(reported / true - 1)
+    assert (result["obstacle_missed"], result["obstacle_false"]) == (missed, false)
 
 
 def test_without_an_obstacle_one_is_neither_missed_nor_off():
     seen = of(with_box(4.0, 12, behind=SKY), SKY)
     assert seen["obstacle_missed"] is seen["obstacle_error"] is None
     assert seen["obstacle_false"] == 1
-    nothing_told = of(SKY, with_box(4.0, 12, behind=SKY))
-    assert (nothing_told["obstacle_missed"], nothing_told["obstacle_false"]) == (1, 0)
-    assert nothing_told["obstacle_error"] is None
+    no_return_reported = of(SKY, with_box(4.0, 12, behind=SKY))
+    assert (no_return_reported["obstacle_missed"], no_return_reported["obstacle_false"]) == (1, 0)
+    assert no_return_reported["obstacle_error"] is None
     assert of(SKY, SKY)["obstacle_false"] == 0
 
 
@@ -110,14 +112,14 @@ def test_only_what_is_in_the_corridor_is_an_obstacle():
 def test_an_obstacle_has_a_size_whatever_the_pixels(depth_m, pixels):
     rays = pixel_rays(Optics(TAN, TAN), (pixels, pixels))
     pixel_m2 = (2 * TAN * depth_m / pixels) ** 2
-    least = int(np.ceil(OBSTACLE_M2 / pixel_m2 - 1e-9))
+    minimum = int(np.ceil(OBSTACLE_M2 / pixel_m2 - 1e-9))
     inside = np.abs(rays[..., :2]).max(axis=-1) * depth_m <= CORRIDOR_M / 2
     order = np.flatnonzero(inside)
-    for count, seen in ((least, True), (least - 1, False)):
+    for count, seen in ((minimum, True), (minimum - 1, False)):
         depth = np.full(pixels**2, np.nan)
         depth[order[:count]] = depth_m
-        found = Corridor(rays).nearest_m(depth.reshape(pixels, pixels))
-        assert (found == depth_m) if seen else np.isnan(found)
+        result = Corridor(rays).nearest_m(depth.reshape(pixels, pixels))
+        assert (result == depth_m) if seen else np.isnan(result)
 
 
 def test_free_space_is_told_up_to_the_surface():
@@ -131,11 +133,11 @@ def test_free_space_is_told_up_to_the_surface():
 
 
 def test_where_nothing_is_told_all_is_free_within_reach():
-    sky = of(SKY, SKY, nothing=np.ones(SHAPE))
+    sky = of(SKY, SKY, no_return=np.ones(SHAPE))
     assert (sky["free_precision"], sky["free_recall"]) == (1, 1)
-    wrong = of(SKY, WALL, nothing=np.ones(SHAPE))
-    assert wrong["free_precision"] == pytest.approx(8 / REACH_M)
-    assert of(SKY, SKY, nothing=np.zeros(SHAPE))["free_recall"] == 0
+    wrong = of(SKY, WALL, no_return=np.ones(SHAPE))
+    assert wrong["free_precision"] == pytest.approx(8 / MAX_RANGE_M)
+    assert of(SKY, SKY, no_return=np.zeros(SHAPE))["free_recall"] == 0
 
 
 def test_a_map_of_one_row_has_its_obstacles():

@@ -7,7 +7,7 @@ torch = pytest.importorskip("torch")
 
 import depth_network  # noqa: E402
 from reconstruction.depth.network import FEATURES, DepthNetwork  # noqa: E402
-from reconstruction.depth.shown import MAPS, NUMBERS, Inputs  # noqa: E402
+from reconstruction.depth.network_input import MAPS, NUMBERS, Inputs  # noqa: E402
 
 SHAPE = 16, 24
 
@@ -37,11 +37,11 @@ def evaluated(net, inputs):
 def test_numpy_evaluates_what_was_trained(net, inputs):
     weights = {name: value.numpy() for name, value in net.state_dict().items()}
     limits = np.zeros((2, len(FEATURES)), np.float32)
-    told = DepthNetwork(weights | {"limits": limits, "calibration": np.zeros(1)})(inputs)
+    reported = DepthNetwork(weights | {"limits": limits, "calibration": np.zeros(1)})(inputs)
     change, log_sigma, logit, trust = evaluated(net, inputs).numpy()
-    np.testing.assert_allclose(told.log_depth, change + 1 / (1 + np.exp(-trust)), atol=1e-4)
-    np.testing.assert_allclose(np.log(told.deviation), np.clip(log_sigma, -4.5, 1), atol=1e-4)
-    np.testing.assert_allclose(told.nothing, 1 / (1 + np.exp(-logit)), atol=1e-4)
+    np.testing.assert_allclose(reported.log_depth, change + 1 / (1 + np.exp(-trust)), atol=1e-4)
+    np.testing.assert_allclose(np.log(reported.sigma), np.clip(log_sigma, -4.5, 1), atol=1e-4)
+    np.testing.assert_allclose(reported.no_return, 1 / (1 + np.exp(-logit)), atol=1e-4)
 
 
 def test_the_graph_is_the_network(net, inputs, tmp_path):
@@ -52,8 +52,8 @@ def test_the_graph_is_the_network(net, inputs, tmp_path):
     graph = onnx.load(tmp_path / "learned.onnx")
     onnx.checker.check_model(graph)
     given = {"maps": inputs.maps[None], "numbers": inputs.numbers[None]}
-    (found,) = ReferenceEvaluator(graph).run(None, given)
-    np.testing.assert_allclose(found[0], evaluated(net, inputs).numpy(), atol=1e-4)
+    (result,) = ReferenceEvaluator(graph).run(None, given)
+    np.testing.assert_allclose(result[0], evaluated(net, inputs).numpy(), atol=1e-4)
 
 
 def test_the_loss_is_least_at_the_truth_and_at_the_deviation_of_the_errors():
@@ -62,13 +62,13 @@ def test_the_loss_is_least_at_the_truth_and_at_the_deviation_of_the_errors():
     noise = torch.distributions.Laplace(0.0, 0.1).sample((1, 64, 64))
     start = torch.stack([log_depth + noise] * 2, dim=1)
 
-    def loss(shift=0.0, deviation=0.141):
+    def loss(shift=0.0, sigma=0.141):
         out = torch.zeros(1, 4, 64, 64)
-        out[:, 0], out[:, 1], out[:, 2] = shift, np.log(deviation), -9.0
+        out[:, 0], out[:, 1], out[:, 2] = shift, np.log(sigma), -9.0
         return float(depth_network.loss_of(out, start, log_depth)[0])
 
     assert loss() < min(loss(shift=0.05), loss(shift=-0.05))
-    assert loss() < min(loss(deviation=0.1), loss(deviation=0.2))
+    assert loss() < min(loss(sigma=0.1), loss(sigma=0.2))
 
 
 def test_what_is_nothing_counts_for_its_probability_alone():

@@ -9,7 +9,7 @@ from reconstruction import Capture, capture_warnings, reconstruct
 from reconstruction.capture import PatternTaps
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.operators import PatternPlan, decoder_for, expose
-from reconstruction.ranging import FogOptics, measure_ranges, range_doubts
+from reconstruction.ranging import FogOptics, measure_ranges, range_consistency
 
 
 def test_a_good_capture_has_none(capture: Capture) -> None:
@@ -84,8 +84,8 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
 def test_a_range_where_there_is_nothing_is_told(capture: Capture) -> None:
     assert capture.truth is not None
     truth = replace(capture.truth, spot_range_m=np.array([[4.2, np.nan, 4.3, 4.8]]))
-    told = "spot 1 meets nothing: its range is that of noise or fog"
-    assert capture_warnings(replace(capture, truth=truth)) == [told]
+    text = "spot 1 meets nothing: its range is that of noise or fog"
+    assert capture_warnings(replace(capture, truth=truth)) == [text]
 
 
 def test_dense_ranges_beyond_the_unambiguous_range_are_told(capture: Capture) -> None:
@@ -136,8 +136,8 @@ def test_more_noise_than_image_is_told(capture: Capture) -> None:
     (warning,) = capture_warnings(noisy_capture(capture, 0.7))
     assert warning.startswith("there is hardly an image: signal over noise is about 0.")
     assert "a flat image is nearer to the truth than the zero-filled one" in warning
-    told = float(warning.partition("about ")[2].split()[0])
-    assert abs(told**2 - 0.7**2) < 4 * np.sqrt(2 / 255) * (1 + 0.7**2)
+    reported = float(warning.partition("about ")[2].split()[0])
+    assert abs(reported**2 - 0.7**2) < 4 * np.sqrt(2 / 255) * (1 + 0.7**2)
     (warning,) = capture_warnings(noisy_capture(capture, 0.5, frames=3))
     assert warning.startswith("in 3 of 3 frames there is hardly an image")
 
@@ -224,22 +224,22 @@ def test_a_range_that_a_better_method_does_not_tell_is_perhaps_biased(capture: C
     fog = FogOptics(0.01, 0.001, 0.1)
     same = replace(plain, fog=fog)
     other = replace(plain, fog=fog, range_m=plain.range_m + np.array([0, 0, 1, 0]))
-    assert range_doubts({"cw": plain, "fog": same}, capture.spots) == {}
-    doubts = range_doubts({"cw": plain, "fog": other}, capture.spots)
-    assert list(doubts) == ["cw"]
-    assert doubts["cw"].endswith("at spot 2 (5.30 m by fog)")
+    assert range_consistency({"cw": plain, "fog": same}, capture.spots) == {}
+    warnings = range_consistency({"cw": plain, "fog": other}, capture.spots)
+    assert list(warnings) == ["cw"]
+    assert warnings["cw"].endswith("at spot 2 (5.30 m by fog)")
 
 
 def test_an_image_that_is_hardly_above_noise_says_so_noise_told_or_not(capture: Capture) -> None:
     for unknown in (False, True):
-        for snr, told in ((10.0, False), (0.2, True)):
+        for snr, reported in ((10.0, False), (0.2, True)):
             noisy = noisy_capture(capture, snr)
             if unknown:
                 buckets = replace(noisy.buckets, electrons_per_count=np.nan)
                 noisy = replace(noisy, buckets=buckets)
             notes = reconstruct(noisy, image="least-squares").notes
-            assert ("frame 0" in notes) == told
-            assert not told or notes["frame 0"].startswith("hardly above its noise")
+            assert ("frame 0" in notes) == reported
+            assert not reported or notes["frame 0"].startswith("hardly above its noise")
 
 
 def test_a_constant_image_says_so(capture: Capture) -> None:

@@ -34,17 +34,17 @@ def atoms(name, shape):
     bands = DICTIONARIES[name].bands(shape)
     images = [np.einsum("ha,wb->abhw", band.vertical, band.horizontal) for band in bands]
     flat = [each.reshape(-1, *shape) for each in images]
-    return np.concatenate(flat), np.concatenate([band.deviation.ravel() for band in bands])
+    return np.concatenate(flat), np.concatenate([band.sigma.ravel() for band in bands])
 
 
 @pytest.mark.parametrize("shape", SHAPES)
 def test_images_of_every_shape_have_atoms(name, shape):
     for band in DICTIONARIES[name].bands(shape):
         assert (len(band.vertical), len(band.horizontal)) == shape
-        assert band.deviation.shape == (band.vertical.shape[1], band.horizontal.shape[1])
+        assert band.sigma.shape == (band.vertical.shape[1], band.horizontal.shape[1])
         assert np.isfinite(band.vertical).all()
         assert np.isfinite(band.horizontal).all()
-        assert (band.deviation >= 0).all()
+        assert (band.sigma >= 0).all()
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (16, 4), (12, 20), (7, 9)])
@@ -70,28 +70,28 @@ def test_daubechies_wavelets_do_not_see_cubic_slopes():
     """Four vanishing moments, where the edge does not cut them off."""
     pytest.importorskip("pywt")
     finest = DICTIONARIES["db4"].bands((32, 32))[0].horizontal
-    place = np.linspace(-1, 1, 32)
+    position = np.linspace(-1, 1, 32)
     inside = np.flatnonzero((np.abs(finest) > 0).sum(axis=0) == 8)
     assert inside.size > 8
     for power in range(4):
-        assert np.abs(place**power @ finest[:, inside]).max() < 1e-9
-    assert np.abs(place**4 @ finest[:, inside]).max() > 1e-6
+        assert np.abs(position**power @ finest[:, inside]).max() < 1e-9
+    assert np.abs(position**4 @ finest[:, inside]).max() > 1e-6
 
 
 def test_atoms_are_as_strong_as_in_a_field_of_independent_cosines(name):
     shape = (8, 16)
     tall, wide = (COSINES.atoms(side) for side in shape)
     cosines = np.einsum("ha,wb->abhw", tall, wide)
-    power = COSINES.deviation(shape) ** 2
-    images, deviation = atoms(name, shape)
+    power = COSINES.sigma(shape) ** 2
+    images, sigma = atoms(name, shape)
     products = np.einsum("khw,abhw->kab", images, cosines)
-    np.testing.assert_allclose(deviation**2, np.einsum("kab,ab->k", products**2, power), atol=1e-9)
+    np.testing.assert_allclose(sigma**2, np.einsum("kab,ab->k", products**2, power), atol=1e-9)
 
 
 def test_what_is_constant_has_no_strength(name):
-    images, deviation = atoms(name, (16, 16))
+    images, sigma = atoms(name, (16, 16))
     even = np.ptp(images.reshape(len(images), -1), axis=1) < 1e-12
-    assert deviation[even] == pytest.approx(0, abs=1e-6)
+    assert sigma[even] == pytest.approx(0, abs=1e-6)
 
 
 def test_wavelets_that_another_package_tells_are_asked_for(monkeypatch):
@@ -114,8 +114,8 @@ class TestLearned:
         assert manifest["atoms"] == np.load(learned.FILE, allow_pickle=False).shape[1]
         assert all(len(digest) == 64 for digest in manifest["images"].values())
         for families in ("fitted", "other"):
-            found = manifest[f"left_of_{families}_families"]
-            assert found["learned"] < 0.8 * found["cosines"]
+            result = manifest[f"left_of_{families}_families"]
+            assert result["learned"] < 0.8 * result["cosines"]
 
     def test_neighbouring_squares_add_up(self):
         window = learned.WINDOW**2
@@ -142,23 +142,23 @@ class TestStrongestAtoms:
         return MatrixOperator(hadamard(128)[plan.distinct] / np.sqrt(128), self.SHAPE)
 
     def test_they_are_those_that_rows_see_most_of(self, name, operator):
-        found = StrongestAtoms(operator, DICTIONARIES[name], 40)
-        images, deviation = atoms(name, self.SHAPE)
+        result = StrongestAtoms(operator, DICTIONARIES[name], 40)
+        images, sigma = atoms(name, self.SHAPE)
         seen = operator.forward(images)[:, operator.varying] / operator.row_length
-        energy = (seen * deviation[:, None]) ** 2
-        np.testing.assert_allclose(found.expected, energy.sum(axis=0), atol=1e-9)
+        energy = (seen * sigma[:, None]) ** 2
+        np.testing.assert_allclose(result.expected, energy.sum(axis=0), atol=1e-9)
         strongest = np.sort(energy.sum(axis=1))[:-41:-1]
-        assert found.columns.shape == (29, 40)
-        np.testing.assert_allclose((found.columns**2).sum(axis=0), strongest, atol=1e-9)
+        assert result.columns.shape == (29, 40)
+        np.testing.assert_allclose((result.columns**2).sum(axis=0), strongest, atol=1e-9)
 
     def test_their_images_are_what_the_rows_see(self, name, operator):
-        found = StrongestAtoms(operator, DICTIONARIES[name], 40)
+        result = StrongestAtoms(operator, DICTIONARIES[name], 40)
         values = np.random.default_rng(2).standard_normal((3, 40))
-        images = found.image(values)
+        images = result.image(values)
         seen = operator.forward(images) / operator.row_length
-        np.testing.assert_allclose(seen[:, operator.varying], values @ found.columns.T, atol=1e-9)
+        np.testing.assert_allclose(seen[:, operator.varying], values @ result.columns.T, atol=1e-9)
         np.testing.assert_allclose(images.mean(axis=(1, 2)), 0, atol=1e-12)
-        np.testing.assert_allclose(found.image(values[0] * (1 + 2j)), images[0] * (1 + 2j))
+        np.testing.assert_allclose(result.image(values[0] * (1 + 2j)), images[0] * (1 + 2j))
 
     def test_fewer_atoms_than_wanted_are_all(self, operator):
         assert StrongestAtoms(operator, DICTIONARIES["dct"], 1000).columns.shape == (29, 128)
@@ -169,15 +169,15 @@ class TestPursuit:
         image = natural_image(32, 5)
         index = make_plan((32, 32), 100, polarity="signed").index
         values = fwht(image.ravel())[index]
-        found = image_from(values, index, (32, 32), f"pursuit:{name}")
-        np.testing.assert_allclose(fwht(found.ravel())[index], values, atol=1e-6 * values.max())
+        result = image_from(values, index, (32, 32), f"pursuit:{name}")
+        np.testing.assert_allclose(fwht(result.ravel())[index], values, atol=1e-6 * values.max())
 
     def test_the_level_is_that_of_its_coefficient(self, name):
         image = natural_image(16, 6)
         index = make_plan((16, 16), 40, polarity="signed").index
         values = fwht(image.ravel())[index]
-        found = image_from(values, index, (16, 16), f"pursuit:{name}", noise=3.0)
-        assert found.mean() == pytest.approx(image.mean())
+        result = image_from(values, index, (16, 16), f"pursuit:{name}", noise=3.0)
+        assert result.mean() == pytest.approx(image.mean())
 
     @pytest.mark.parametrize("dictionary", ["haar", "learned"])
     def test_the_measured_car_beats_zero_filling(self, dictionary):

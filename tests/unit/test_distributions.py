@@ -57,7 +57,7 @@ def test_streams_depend_on_seed_and_keys_alone() -> None:
 
 
 @pytest.mark.parametrize(
-    ("description", "told"),
+    ("description", "reported"),
     [
         ({"uniform": [4, 2]}, "lower and a higher bound"),
         ({"uniform": [2, 2]}, "lower and a higher bound"),
@@ -73,8 +73,8 @@ def test_streams_depend_on_seed_and_keys_alone() -> None:
         ({"uniform": [1, 2], "extra": 1}, "unknown field 'extra'"),
     ],
 )
-def test_what_cannot_be_drawn_from_is_refused(description: dict[str, Any], told: str) -> None:
-    with pytest.raises(ValidationError, match=told):
+def test_what_cannot_be_drawn_from_is_refused(description: dict[str, Any], reported: str) -> None:
+    with pytest.raises(ValidationError, match=reported):
         ADAPTER.validate_python(description)
 
 

@@ -87,8 +87,8 @@ def test_a_reading_keeps_a_share_of_the_pattern_before(poles: tuple[float, float
             decay = np.exp(-step / pole)
             wave = lfilter([(1 - decay) / 2, (1 - decay) / 2], [1, -decay], wave)
     lacking = 1 - wave[time >= period_s - exposure_s].mean()
-    share = carried_over(poles, exposure_s, period_s)
-    assert share == pytest.approx(lacking, abs=2e-6)
+    fraction = carried_over(poles, exposure_s, period_s)
+    assert fraction == pytest.approx(lacking, abs=2e-6)
 
 
 def test_carried_over_light_is_not_lost() -> None:

@@ -79,8 +79,8 @@ class Page(HTMLParser):
 def test_the_page_of_a_capture_shows_names_as_they_are(capture: Capture, tmp_path: Path) -> None:
     name = ALL
     settings = yaml.safe_dump({"media": [{"where": name, "kind": name, name: 1}]})
-    told = replace(capture.provenance, software=name, created=name, instrument=name, scene=name)
-    foreign = replace(capture, provenance=replace(told, settings=settings))
+    reported = replace(capture.provenance, software=name, created=name, instrument=name, scene=name)
+    foreign = replace(capture, provenance=replace(reported, settings=settings))
     result = reconstruct(foreign)
     write_report(
         tmp_path / "report.html",
@@ -134,10 +134,10 @@ def _results(name: str, folder: Path) -> Any:
 def test_pages_plots_and_tables_of_a_study_show_names_as_they_are(
     name: str, tmp_path: Path
 ) -> None:
-    found = _results(name, tmp_path)
-    write_study(tmp_path / "out", found)
+    result = _results(name, tmp_path)
+    write_study(tmp_path / "out", result)
     assert Page(tmp_path / "out" / "report.html").text.count(printable(name)) >= 4
-    for table in (results_csv(found), summary_csv(found)):
+    for table in (results_csv(result), summary_csv(result)):
         assert STEERING.search(table) is None
         for row in csv.reader(io.StringIO(table)):
             assert not any(_is_formula(cell) for cell in row)
@@ -238,9 +238,9 @@ def test_terminals_without_these_characters_get_others(
     assert stop.value.code == (2 if "x.h5" in words else 0)
     for stream in streams:
         stream.flush()
-    told = b"".join(stream.buffer.getvalue() for stream in streams)  # type: ignore[attr-defined]
-    assert told.decode(encoding)
-    assert b"Error" not in told.replace(b"Error -", b"").replace(b"- Error", b"")
+    text = b"".join(stream.buffer.getvalue() for stream in streams)  # type: ignore[attr-defined]
+    assert text.decode(encoding)
+    assert b"Error" not in text.replace(b"Error -", b"").replace(b"- Error", b"")
 
 
 def test_a_program_writes_to_an_ascii_terminal(tmp_path: Path) -> None:

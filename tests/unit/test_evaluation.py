@@ -87,8 +87,8 @@ def test_gain_is_over_the_better_of_the_plain_and_a_flat_image():
     spread = IMAGE.var()
     for noise, better in ((0.5, 0.25), (2.0, 4.0), (9.0, spread)):
         plain = IMAGE + noise * np.array([1, -1, 1, -1])
-        found = image_metrics(IMAGE + 0.25, IMAGE, plain)
-        assert found["gain_db"] == pytest.approx(10 * np.log10(better / 0.25**2))
+        result = image_metrics(IMAGE + 0.25, IMAGE, plain)
+        assert result["gain_db"] == pytest.approx(10 * np.log10(better / 0.25**2))
     assert image_metrics(np.full_like(IMAGE, IMAGE.mean()), IMAGE, IMAGE + 9)["gain_db"] == 0
     assert image_metrics(IMAGE + 1, IMAGE)["gain_db"] is None
     figures = evaluate(make_result(), CAPTURE)["images"]
@@ -124,9 +124,9 @@ def test_coverage_is_the_share_of_what_is_hit_that_has_a_depth():
     metrics = depth_metrics(np.array([1.0, np.nan, np.nan, 4.0]), truth)
     assert metrics["coverage"] == pytest.approx(1 / 3)
     assert metrics["mae_m"] == 0
-    told = depth_metrics(np.full(4, np.nan), truth)
-    known = {name: value for name, value in told.items() if value is not None}
-    assert known == {"coverage": 0, "nothing_share": 0.25, "invented": 0, "free_recall": 0}
+    reported = depth_metrics(np.full(4, np.nan), truth)
+    available = {name: value for name, value in reported.items() if value is not None}
+    assert available == {"coverage": 0, "nothing_share": 0.25, "invented": 0, "free_recall": 0}
 
 
 def test_every_map_that_there_is_gets_metrics():
@@ -148,12 +148,12 @@ def test_evaluate_compares_all_images_maps_and_rangings():
     assert spots[0] == pytest.approx(
         {"range_m": 1.5, "true_m": 1.0, "error_m": 0.5, "sigma_m": 0.1, "status": "ok"}
     )
-    nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
+    no_return = dict.fromkeys(("range_m", "error_m", "sigma_m"))
     alternatives = [
         {"range_m": 2.5, "sigma_m": 0.1, "weight": 0.75},
         {"range_m": 3.5, "sigma_m": 0.2, "weight": 0.25},
     ]
-    assert spots[2] == nothing | {
+    assert spots[2] == no_return | {
         "true_m": 3,
         "status": "ambiguous",
         "alternatives": alternatives,

@@ -46,12 +46,12 @@ def test_out_and_in(tmp_path: Path, scene: Scene, suffix: str) -> None:
     back = {thing.mesh.bounds.mean(): thing for thing in report.written.scene.objects}
     assert len(back) == len(scene.objects)
     for thing in scene.objects:
-        place = min(back, key=lambda middle: abs(middle - thing.mesh.bounds.mean()))
-        assert back[place].material.name == thing.material.name
-        np.testing.assert_allclose(back[place].mesh.bounds, thing.mesh.bounds, atol=1e-5)
-        assert len(back[place].mesh.faces) == len(thing.mesh.faces)
+        position = min(back, key=lambda middle: abs(middle - thing.mesh.bounds.mean()))
+        assert back[position].material.name == thing.material.name
+        np.testing.assert_allclose(back[position].mesh.bounds, thing.mesh.bounds, atol=1e-5)
+        assert len(back[position].mesh.faces) == len(thing.mesh.faces)
         if thing.mesh.is_watertight:
-            assert_same(back[place].mesh.apply_scale(1e-3), thing.mesh.copy().apply_scale(1e-3))
+            assert_same(back[position].mesh.apply_scale(1e-3), thing.mesh.copy().apply_scale(1e-3))
     assert {match.how for match, _ in report.materials} == {"name"}
     assert any(thing.name.startswith("crate") for thing in report.written.scene.objects)
     square = next(thing for thing in report.written.scene.objects if thing.material.name == "grass")

@@ -63,11 +63,11 @@ def test_quaternions_are_those_of_scipy():
     # and half turns, where components vanish
     turns = Rotation.concatenate([turns, Rotation.from_rotvec(np.pi * np.eye(3)), turns[:1] ** 0])
     for turn in turns:
-        found = quaternion_of(turn.as_matrix())
-        assert np.allclose(found, turn.as_quat(canonical=True), atol=1e-12) or np.allclose(
-            -found, turn.as_quat(canonical=True), atol=1e-12
+        result = quaternion_of(turn.as_matrix())
+        assert np.allclose(result, turn.as_quat(canonical=True), atol=1e-12) or np.allclose(
+            -result, turn.as_quat(canonical=True), atol=1e-12
         )
-        assert np.allclose(rotation(found), turn.as_matrix(), atol=1e-12)
+        assert np.allclose(rotation(result), turn.as_matrix(), atol=1e-12)
 
 
 def test_poses_are_those_of_the_scene_in_the_middle_of_each_frame(recording, tmp_path):
@@ -100,9 +100,9 @@ def test_depth_is_along_the_axis_in_millimetres(recording, file, tmp_path, pose_
 
 def test_intrinsics_unproject_to_the_cloud(recording, file, tmp_path):
     export(file, "-o", tmp_path / "out")
-    told = json.loads((tmp_path / "out" / "camera_intrinsic.json").read_text())
-    matrix = np.array(told["intrinsic_matrix"]).reshape(3, 3).T  # Open3D has columns
-    u, v = np.meshgrid(np.arange(told["width"]), np.arange(told["height"]))
+    fields = json.loads((tmp_path / "out" / "camera_intrinsic.json").read_text())
+    matrix = np.array(fields["intrinsic_matrix"]).reshape(3, 3).T  # Open3D has columns
+    u, v = np.meshgrid(np.arange(fields["width"]), np.arange(fields["height"]))
     rays = np.stack([(u - matrix[0, 2]) / matrix[0, 0], (v - matrix[1, 2]) / matrix[1, 1],
                      np.ones(u.shape)], axis=-1)  # fmt: skip
     assert rays == pytest.approx(pixel_rays(recording.optics, recording.plan.shape), abs=1e-12)
@@ -136,9 +136,9 @@ def test_nerf_sees_what_the_cloud_has(recording, poses, file, tmp_path, pose_fil
         points = pixel_rays(recording.optics, recording.plan.shape) * depth_m[..., None]
         expected = points @ pose[:3, :3].T + pose[:3, 3]
         assert nerf_points(tmp_path / "out", number, depth_m) == pytest.approx(expected, abs=1e-6)
-    told = json.loads((tmp_path / "out" / "transforms.json").read_text())
-    assert told["camera_angle_x"] == pytest.approx(2 * np.arctan(0.1))
-    for frame in told["frames"]:
+    fields = json.loads((tmp_path / "out" / "transforms.json").read_text())
+    assert fields["camera_angle_x"] == pytest.approx(2 * np.arctan(0.1))
+    for frame in fields["frames"]:
         assert picture(tmp_path / "out" / frame["file_path"])[1].shape == (16, 16, 3)
         assert picture(tmp_path / "out" / frame["depth_file_path"])[1].shape == (16, 16)
 
@@ -148,8 +148,8 @@ def test_pcd_has_the_cloud_and_where_it_was_seen_from(recording, poses, file, tm
     result = reconstruct(recording, 2, image="edge-preserving")
     points, viewpoint = read_pcd((tmp_path / "out" / "000002.pcd").read_bytes())
     expected = pixel_rays(recording.optics, recording.plan.shape) * result.depth_m[..., None]
-    found = np.stack([points[axis] for axis in "xyz"], axis=-1)
-    assert np.array_equal(found, expected.astype("f4"), equal_nan=True)
+    outcome = np.stack([points[axis] for axis in "xyz"], axis=-1)
+    assert np.array_equal(outcome, expected.astype("f4"), equal_nan=True)
     assert np.array_equal(points["intensity"], result.image)
     w, x, y, z = viewpoint[3:]
     assert viewpoint[:3] == pytest.approx(poses[2][:3, 3], abs=1e-7)
@@ -215,8 +215,8 @@ def test_without_time_of_flight_or_optics_there_is_no_depth(recording, tmp_path,
         write_capture(replace(recording, **{part: None}), path)
         for form in ("rgbd", "pcd"):
             assert main(["export", str(path), "-o", str(tmp_path / "o"), "--format", form]) == 2
-            told = capsys.readouterr().err
-            assert ("no depth map" if part == "spots" else "no optics") in told
+            messages = capsys.readouterr().err
+            assert ("no depth map" if part == "spots" else "no optics") in messages
     assert sorted(path.name for path in tmp_path.iterdir()) == ["blind.h5", "dark.h5"]
 
 
@@ -274,16 +274,16 @@ def test_a_data_set_without_samples_or_truth_is_refused(data, capture, tmp_path)
 
 def test_a_result_is_exported_as_its_capture_is(recording, file, tmp_path, capsys):
     """Its optics follow from the lengths of the pixels' rays."""
-    found = tmp_path / "result.h5"
-    found.write_bytes(result_bytes(reconstruct(recording)))
-    export(found, "-o", tmp_path / "a", "--format", "pcd")
+    result = tmp_path / "result.h5"
+    result.write_bytes(result_bytes(reconstruct(recording)))
+    export(result, "-o", tmp_path / "a", "--format", "pcd")
     export(file, "-o", tmp_path / "b", "--format", "pcd")
     ours, theirs = (
         read_pcd((tmp_path / name / "000000.pcd").read_bytes())[0] for name in ("a", "b")
     )
     for axis in "xyz":
         np.testing.assert_allclose(ours[axis], theirs[axis], rtol=1e-5, atol=1e-6)
-    assert main(["export", str(found), "-o", str(tmp_path / "c"), "--depth", "nope"]) != 0
+    assert main(["export", str(result), "-o", str(tmp_path / "c"), "--depth", "nope"]) != 0
     assert "holds no depth by 'nope'" in capsys.readouterr().err
     assert not (tmp_path / "c").exists()
 
@@ -292,8 +292,8 @@ def test_poses_may_be_far_off_and_late_but_not_beyond_what_is_meant(tmp_path):
     """Ten thousand million seconds are 317 years, metres 67 distances of the sun."""
     path = tmp_path / "poses.txt"
     path.write_text("9999999999 -9999999999 0 0 0 0 0 1\n")
-    (found,) = read_poses(path)
-    assert found.time_s == -found.pose[0, 3] == 9_999_999_999
+    (result,) = read_poses(path)
+    assert result.time_s == -result.pose[0, 3] == 9_999_999_999
     path.write_text("0 10000000001 0 0 0 0 0 1\n")
     with pytest.raises(InputError, match="tx should be a number within ±1e\\+10"):
         read_poses(path)

@@ -147,16 +147,16 @@ def test_clouds_are_equal_to_float_precision(bag, recording, results):
         assert [field.offset for field in cloud.fields] == [0, 4, 8, 12]
         points = np.frombuffer(bytes(cloud.data), types).reshape(16, 16)
         expected = (rays * result.depth_m[..., None]).astype("f4")
-        found = np.stack([points[axis] for axis in "xyz"], axis=-1)
-        assert np.array_equal(found, expected, equal_nan=True)
+        outcome = np.stack([points[axis] for axis in "xyz"], axis=-1)
+        assert np.array_equal(outcome, expected, equal_nan=True)
         assert np.array_equal(points["intensity"], result.image)
         assert cloud.header.frame_id == "camera_optical_frame"
 
 
 def test_depth_images_have_their_camera(bag, recording, results):
-    told = decoded(bag)
-    images = [message for topic, message, _ in told if topic == "/camera/depth/image_rect"]
-    infos = [message for topic, message, _ in told if topic == "/camera/depth/camera_info"]
+    reported = decoded(bag)
+    images = [message for topic, message, _ in reported if topic == "/camera/depth/image_rect"]
+    infos = [message for topic, message, _ in reported if topic == "/camera/depth/camera_info"]
     rays = pixel_rays(recording.optics, recording.plan.shape)
     for image, info, result in zip(images, infos, results, strict=True):
         assert (image.encoding, image.step) == ("32FC1", 64)
@@ -171,17 +171,19 @@ def test_depth_images_have_their_camera(bag, recording, results):
 
 
 def test_ranges_have_their_variance_and_none_is_nan(bag, results):
-    told = decoded(bag)
+    reported = decoded(bag)
     for spot in range(4):
-        ranges = [message for topic, message, _ in told if topic == f"/camera/spot_{spot}/range"]
-        for frame, (found, result) in enumerate(zip(ranges, results, strict=True)):
+        ranges = [
+            message for topic, message, _ in reported if topic == f"/camera/spot_{spot}/range"
+        ]
+        for frame, (outcome, result) in enumerate(zip(ranges, results, strict=True)):
             if (frame, spot) == (2, 1):
-                assert np.isnan(found.range)
-                assert found.variance == 0
+                assert np.isnan(outcome.range)
+                assert outcome.variance == 0
                 continue
-            assert found.range == np.float32(result.ranges.range_m[spot])
-            assert found.variance == pytest.approx(result.ranges.sigma_m[spot] ** 2, rel=1e-6)
-            assert found.header.frame_id == f"spot_{spot}"
+            assert outcome.range == np.float32(result.ranges.range_m[spot])
+            assert outcome.variance == pytest.approx(result.ranges.sigma_m[spot] ** 2, rel=1e-6)
+            assert outcome.header.frame_id == f"spot_{spot}"
 
 
 def test_stamps_increase_and_frames_are_one_tree(bag, recording):
@@ -216,11 +218,11 @@ def test_stamps_increase_and_frames_are_one_tree(bag, recording):
 
 
 def test_diagnostics_say_what_is_wrong(bag):
-    told = [message.status[0] for topic, message, _ in decoded(bag) if topic == "/diagnostics"]
-    assert [int(each.level) for each in told] == [0, 0, WARN, 0]
-    values = {each.key: each.value for each in told[2].values}
+    reported = [message.status[0] for topic, message, _ in decoded(bag) if topic == "/diagnostics"]
+    assert [int(each.level) for each in reported] == [0, 0, WARN, 0]
+    values = {each.key: each.value for each in reported[2].values}
     assert values["spot 1"] == "saturated"
-    assert told[2].message == "3 of 4 spots have a range"
+    assert reported[2].message == "3 of 4 spots have a range"
 
 
 def test_what_fog_ranging_finds_is_told(recording, results):
@@ -238,8 +240,8 @@ def test_a_stream_that_loses_frames_warns(recording):
     first = state_message(0, state(lost=2), None).fields["status"][0]
     assert (first["level"], first["message"]) == (WARN, "more frames are lost")
     assert {"key": "lost", "value": "2"} in first["values"]
-    later = state_message(0, state(lost=2), state(lost=2)).fields["status"][0]
-    assert (later["level"], later["message"]) == (0, "frames come")
+    following = state_message(0, state(lost=2), state(lost=2)).fields["status"][0]
+    assert (following["level"], following["message"]) == (0, "frames come")
     none = State(Counts(), np.nan, np.nan, np.nan, 0.0, "waiting for tcp://rig:1").numbers
     assert state_message(0, none, None).fields["status"][0]["level"] == STALE
 
@@ -255,22 +257,22 @@ def test_a_stream_can_be_recorded_so(recording, results, tmp_path):
     reception.run()
     loop.run()
     sink.close()
-    told = decoded(tmp_path / "live.mcap")
-    ranges = [message for topic, message, _ in told if topic == "/camera/spot_0/range"]
+    reported = decoded(tmp_path / "live.mcap")
+    ranges = [message for topic, message, _ in reported if topic == "/camera/spot_0/range"]
     assert [stamp_ns(each.header) for each in ranges][1:] == [2000, 3000]  # the sender's clock
     assert [each.range for each in ranges] == [
         np.float32(results[number].ranges.range_m[0]) for number in (0, 2, 3)
     ]
-    clouds = [message for topic, message, _ in told if topic == "/camera/points"]
+    clouds = [message for topic, message, _ in reported if topic == "/camera/points"]
     # Of frame 0, stamped when it was received, and of the first of the sender's stamps
     for cloud, result in zip(clouds, (results[0], results[2]), strict=True):
         points = np.frombuffer(bytes(cloud.data), "<f4").reshape(16, 16, 4)
         assert np.array_equal(points[..., 3], result.image)
-    (stream,) = [m.status[0] for t, m, _ in told if t == "/diagnostics"
+    (stream,) = [m.status[0] for t, m, _ in reported if t == "/diagnostics"
                  and m.status[0].name == "spisim: stream"]  # fmt: skip
     assert {each.key: each.value for each in stream.values}["lost"] == "1"
     sink_to(str(tmp_path / "live.mcap")).check()  # its own file it replaces
-    assert "/tf" not in {topic for topic, _, _ in told}  # nobody knows where a rig is
+    assert "/tf" not in {topic for topic, _, _ in reported}  # nobody knows where a rig is
 
 
 def test_stamps_that_ros_has_no_numbers_for_are_those_of_receipt(recording, tmp_path):
@@ -285,8 +287,8 @@ def test_stamps_that_ros_has_no_numbers_for_are_those_of_receipt(recording, tmp_
     reception.run()
     loop.run()
     sink.close()
-    told = decoded(tmp_path / "live.mcap")
-    ranges = [message for topic, message, _ in told if topic == "/camera/spot_0/range"]
+    reported = decoded(tmp_path / "live.mcap")
+    ranges = [message for topic, message, _ in reported if topic == "/camera/spot_0/range"]
     assert [stamp_ns(each.header) for each in ranges] == [7, 5, 7]
 
 
@@ -308,8 +310,8 @@ def test_without_a_library_it_says_how_to_get_them(
     write_capture(recording, tmp_path / "a.h5")
     monkeypatch.setitem(sys.modules, module, None)
     assert main(["export", str(tmp_path / "a.h5"), "-o", str(tmp_path / "a.mcap")]) == 2
-    told = capsys.readouterr().err
-    assert f"need mcap, zstandard and rosbags ({module} is missing): pip install" in told
+    output = capsys.readouterr().err
+    assert f"need mcap, zstandard and rosbags ({module} is missing): pip install" in output
     assert [path.name for path in tmp_path.iterdir()] == ["a.h5"]
 
 

@@ -27,9 +27,9 @@ def scene(more: str = "", of_wall: str = "") -> Scene:
 
 def refused(call: Callable[[], object], message: str) -> None:
     def attack(_: int) -> None:
-        with pytest.raises(InputError, match=message) as told:
+        with pytest.raises(InputError, match=message) as reported:
             call()
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(reported.value)
 
     hostile.survive(attack, [0], readable=[Path("/")], writable=[Path(tempfile.gettempdir())])
 
@@ -42,10 +42,10 @@ def flight(folder: Path, end: str) -> Path:
 
 @pytest.mark.parametrize("wind", ["1.0e+9", "1.0e+29"])
 def test_drops_in_a_wind_beyond_all_bounds(wind: str) -> None:
-    place = scene(f"rain: {{rate_mm_per_h: 10, model: drops, wind_m_s: [{wind}, 0, 0]}}")
-    (drops,) = place.precipitation
+    position = scene(f"rain: {{rate_mm_per_h: 10, model: drops, wind_m_s: [{wind}, 0, 0]}}")
+    (drops,) = position.precipitation
     instrument, rng = spisim.load_instrument("paper"), np.random.default_rng(0)
-    refused(lambda: drop_field(drops, place, instrument, 1, rng), "drops would cross the field")
+    refused(lambda: drop_field(drops, position, instrument, 1, rng), "drops would cross the field")
 
 
 def test_a_flight_that_never_ends(tmp_path: Path) -> None:
@@ -60,8 +60,8 @@ def test_a_flight_to_the_stars(tmp_path: Path) -> None:
 
 
 def test_an_object_that_spins_beyond_all_bounds() -> None:
-    place = scene(of_wall=", angular_velocity_deg_s: [0, 0, 1.0e+30]")
-    refused(lambda: check_clear_of_sensor(place, 1.0), "'w' moves too far or turns too often")
+    position = scene(of_wall=", angular_velocity_deg_s: [0, 0, 1.0e+30]")
+    refused(lambda: check_clear_of_sensor(position, 1.0), "'w' moves too far or turns too often")
 
 
 def test_a_mesh_beyond_all_bounds(tmp_path: Path) -> None:
@@ -89,9 +89,9 @@ def test_a_sapling_on_a_bank_above_its_bough() -> None:
 
 
 def test_ground_truth_in_bands_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    place, instrument = scene(), spisim.load_instrument("paper")
-    whole = ground_truth(place, instrument)
+    position, instrument = scene(), spisim.load_instrument("paper")
+    whole = ground_truth(position, instrument)
     monkeypatch.setattr(truth, "RAYS_AT_A_TIME", 5 * 64 * truth.SUBPIXELS**2)
-    bands = ground_truth(place, instrument)
+    bands = ground_truth(position, instrument)
     for field in ("range_m", "depth_m", "reflectance", "normal", "object_id", "coverage"):
         np.testing.assert_array_equal(getattr(bands, field), getattr(whole, field))

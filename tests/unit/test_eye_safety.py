@@ -55,8 +55,8 @@ def test_limits_follow_from_the_exposure_limits() -> None:
 def test_class_1_at_other_wavelengths(
     wavelength_nm: float, time_s: float, expected_j: float
 ) -> None:
-    found = accessible_energy_j(time_s, wavelength_nm)
-    assert found == pytest.approx(expected_j, rel=1e-4, abs=0)
+    result = accessible_energy_j(time_s, wavelength_nm)
+    assert result == pytest.approx(expected_j, rel=1e-4, abs=0)
 
 
 @pytest.mark.parametrize("wavelength_nm", [850, 940, 1064, 1180, 1310, 1460, 1550])

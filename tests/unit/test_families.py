@@ -40,7 +40,7 @@ def same(one: Scene, other: Scene) -> bool:
 
 
 def asked_of(family: str) -> Needs:
-    return replace(OFFERED, least_spots=FAMILIES[family].least_spots)
+    return replace(OFFERED, min_spots=FAMILIES[family].min_spots)
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -91,7 +91,7 @@ objects:
 
 
 @pytest.mark.parametrize(
-    ("family", "parameters", "told"),
+    ("family", "parameters", "reported"),
     [
         ("target", {}, ["target", "did you mean 'targets'"]),
         ("targets", {"target": "plan"}, ["'plan'", "did you mean 'plane'"]),
@@ -100,13 +100,13 @@ objects:
         ("targets", {"steps": 3.5}, ["steps", "3.5"]),
     ],
 )
-def test_what_cannot_be_drawn_is_told(family: str, parameters: dict, told: list[str]) -> None:
+def test_what_cannot_be_drawn_is_told(family: str, parameters: dict, reported: list[str]) -> None:
     with pytest.raises(InputError) as error:
         draw_scene(family, 0, parameters)
-    assert all(word in str(error.value) for word in told)
+    assert all(word in str(error.value) for word in reported)
 
 
-ALL_FOUR = replace(OFFERED, least_spots=4)
+ALL_FOUR = replace(OFFERED, min_spots=4)
 BLOCK = {"name": "block", "shape": "box", "size_m": [9, 9, 9], "material": "brick"}
 
 
@@ -124,9 +124,9 @@ def test_what_is_drawn_does_not_depend_on_what_the_file_adds(
     }
     changed = draw_scene(family, 2, changes=changes, wavelength_nm=905)
     assert layout_problem(changed, OFFERED) is not None
-    *kept, block = changed.objects
+    *retained, block = changed.objects
     assert block.name == "block"
-    for one, other in zip(drawn.objects, kept, strict=True):
+    for one, other in zip(drawn.objects, retained, strict=True):
         assert one.name == other.name
         assert np.array_equal(one.mesh.triangles, other.mesh.triangles)
 
@@ -140,13 +140,13 @@ def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         "spisim.scene.drawn.layout_problem", lambda scene, needs: "the drone is too big"
     )
-    told = r"seed 3: none of 40 draws is a scene to fly in; in the last, the drone is too big"
-    with pytest.raises(InputError, match=told):
+    text = r"seed 3: none of 40 draws is a scene to fly in; in the last, the drone is too big"
+    with pytest.raises(InputError, match=text):
         draw_scene("targets", 3)
 
 
 @pytest.mark.parametrize(
-    ("pane", "told"),
+    ("pane", "reported"),
     [
         ("material: rubber-black, rotate_deg: [0, 0, 60], translate_m: [5, 0, 1.5]", "too faint"),
         ("material: concrete, translate_m: [5, 0, 1.5]", None),
@@ -157,14 +157,14 @@ def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPa
         ("material: glass-pane, translate_m: [5, 0, 1.5]", "too faint"),
     ],
 )
-def test_spots_must_return(pane: str, told: str | None) -> None:
+def test_spots_must_return(pane: str, reported: str | None) -> None:
     text = f"""
 name: board
 drone: {{position_m: [0, 0, 1.5], look_at_m: [5, 0, 1.5]}}
 objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
 """
     problem = layout_problem(make_scene(text, Path(), "text"), ALL_FOUR)
-    assert problem is None if told is None else problem is not None and told in problem
+    assert problem is None if reported is None else problem is not None and reported in problem
 
 
 def test_draws_offer_what_the_instrument_of_the_paper_needs() -> None:
@@ -212,13 +212,13 @@ objects:
 """
     beam = np.array([1, np.tan(np.radians(5)), np.tan(np.radians(5))])
     met, missed = (
-        make_scene(text.replace("PLACE", str(place)), Path(), "text")
-        for place in ((4 * beam).tolist(), [4, 2, 0])
+        make_scene(text.replace("PLACE", str(position)), Path(), "text")
+        for position in ((4 * beam).tolist(), [4, 2, 0])
     )
     assert layout_problem(met, OFFERED) is None
-    told = str(layout_problem(met, replace(OFFERED, least_spots=2)))
-    assert told.startswith("at least 2 of the laser spots should return: spot")
-    assert told.count("meets nothing within 9.8 m") == 3
+    reported = str(layout_problem(met, replace(OFFERED, min_spots=2)))
+    assert reported.startswith("at least 2 of the laser spots should return: spot")
+    assert reported.count("meets nothing within 9.8 m") == 3
     assert str(layout_problem(missed, OFFERED)).count("meets nothing within 9.8 m") == 4
 
 
@@ -232,10 +232,10 @@ objects:
   - {name: post, shape: box, size_m: [0.01, 0.012, 9], material: pvc, translate_m: [1, PLACE, 0]}
 """
     beside = np.tan(np.radians(5)) + 0.007  # left of the left beams, by 1 to 13 mm
-    for place, told in ((beside, "hidden"), (beside + 0.1, None)):
-        scene = make_scene(text.replace("PLACE", str(place)), Path(), "text")
+    for position, reported in ((beside, "hidden"), (beside + 0.1, None)):
+        scene = make_scene(text.replace("PLACE", str(position)), Path(), "text")
         problem = layout_problem(scene, ALL_FOUR)
-        assert problem is None if told is None else problem is not None and told in problem
+        assert problem is None if reported is None else problem is not None and reported in problem
 
 
 def test_what_a_rough_metal_sends_back_is_that_of_microfacets_across_the_beam() -> None:

@@ -182,7 +182,7 @@ def test_trunks_on_a_slope_are_in_the_ground_all_around(family: str, seed: int) 
 @pytest.mark.parametrize("seed", range(6))
 def test_every_brick_of_a_pile_lies_on_another(seed: int) -> None:
     bricks = build("scaffold", seed, {}).meshes["stack-of-bricks.ply"]
-    places = np.array(bricks.vertices).reshape(-1, 8, 3).mean(axis=1)
-    for y in np.unique(places[:, 1].round(3)):
-        heights = np.sort(places[np.abs(places[:, 1] - y) < 0.01, 2])
+    positions = np.array(bricks.vertices).reshape(-1, 8, 3).mean(axis=1)
+    for y in np.unique(positions[:, 1].round(3)):
+        heights = np.sort(positions[np.abs(positions[:, 1] - y) < 0.01, 2])
         np.testing.assert_allclose(np.diff(heights), 0.066, atol=1e-6)

@@ -32,16 +32,16 @@ def sections() -> dict[str, type[BaseModel]]:
     """Those that files are made of, by name."""
     for registry in (WEATHER, SENSORS, TOFS):
         list(registry.values())  # loads them
-    found = {each.__name__: each for each in below(Section) if "families" not in each.__module__}
-    return {name: found[name] for name in definitions()}
+    result = {each.__name__: each for each in below(Section) if "families" not in each.__module__}
+    return {name: result[name] for name in definitions()}
 
 
 def definitions() -> dict[str, Any]:
-    found = {}
+    result = {}
     for root in ROOTS:
         schema = TypeAdapter(root).json_schema()
-        found |= {**schema.pop("$defs", {}), root.__name__: schema}
-    return found
+        result |= {**schema.pop("$defs", {}), root.__name__: schema}
+    return result
 
 
 def test_the_pages_are_those_of_the_program() -> None:
@@ -54,8 +54,8 @@ def test_every_field_is_described() -> None:
     bare = [
         f"{name}.{field}"
         for name, section in definitions().items()
-        for field, told in section["properties"].items()
-        if not told.get("description")
+        for field, reported in section["properties"].items()
+        if not reported.get("description")
     ]
     assert not bare
 
@@ -65,13 +65,19 @@ def test_bounds_are_those_of_json_schema() -> None:
     assert (angle["exclusiveMinimum"], angle["exclusiveMaximum"]) == (0, 180)
     assert definitions()["AmbientDescription"]["properties"]["sun_klx"]["minimum"] == 0
     left = {"gt", "ge", "lt", "le"}
-    assert not [told for told in every_part(definitions()) if left & told.keys()]
+    assert not [reported for reported in every_part(definitions()) if left & reported.keys()]
 
 
-def every_part(told: Any) -> Iterator[dict[str, Any]]:
-    if isinstance(told, dict):
-        yield told
-    for part in told.values() if isinstance(told, dict) else told if isinstance(told, list) else ():
+def every_part(reported: Any) -> Iterator[dict[str, Any]]:
+    if isinstance(reported, dict):
+        yield reported
+    for part in (
+        reported.values()
+        if isinstance(reported, dict)
+        else reported
+        if isinstance(reported, list)
+        else ()
+    ):
         yield from every_part(part)
 
 
@@ -80,10 +86,10 @@ def test_every_example_is_read_by_its_section() -> None:
     for name, fields in EXAMPLES.items():
         section = by_name[name]
         section.model_rebuild()
-        known = section.model_fields
+        given = section.model_fields
         for field, value in fields.items():
-            if field in known:  # sections that are alike share their examples
-                wanted = Annotated[known[field].annotation, None, *known[field].metadata]
+            if field in given:  # sections that are alike share their examples
+                wanted = Annotated[given[field].annotation, None, *given[field].metadata]
                 TypeAdapter(wanted).validate_python(value)
 
 

@@ -195,9 +195,9 @@ def test_names_have_endings_and_limits(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not Path("/proc/self").exists(), reason="there is no such file system")
 def test_a_place_that_only_looks_writable_is_told(tmp_path: Path) -> None:
-    for place in ("/proc/x", "/proc/self/fd/deep/x", "/sys/x"):
+    for position in ("/proc/x", "/proc/self/fd/deep/x", "/sys/x"):
         with pytest.raises(InputError, match="cannot write into "):
-            require_outputs([Output(Path(place), "notes")])
+            require_outputs([Output(Path(position), "notes")])
 
 
 def test_a_full_disk_is_told_before_the_work(

@@ -115,9 +115,9 @@ def test_response_of_taps(changes: dict, path_m: float) -> None:
     expected = np.concatenate(
         [fog.tof.tap_electrons(given, f)[0, 0] for f in fog.tof.modulation.frequencies_hz]
     )
-    found = spots.electrons_per_joule * spots.response(np.array(path_m))
+    result = spots.electrons_per_joule * spots.response(np.array(path_m))
     assert spots.electrons_per_joule == per_joule
-    np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9 * expected.max())
+    np.testing.assert_allclose(result, expected, rtol=1e-9, atol=1e-9 * expected.max())
 
 
 @pytest.mark.parametrize("path_m", [0.0, 1.0, 5.4, 9.0, 20.0])
@@ -132,13 +132,13 @@ def test_response_of_windows(path_m: float) -> None:
     given, _ = one_path(gated, path_m)
     spots = gated.tof.record(given, gated.spot_optics, None)
     expected = gated.tof.window_electrons(given)[0, 0]
-    found = spots.electrons_per_joule * spots.response(np.array(path_m))
+    result = spots.electrons_per_joule * spots.response(np.array(path_m))
     pulse = spots.electrons_per_joule * spots.laser_energy_j
-    np.testing.assert_allclose(found, expected, atol=1e-3 * pulse)
+    np.testing.assert_allclose(result, expected, atol=1e-3 * pulse)
     # Of each pulse what falls into the gates, which are open from 12 ns to 52 ns.
     arrival_s = path_m / c
     inside = np.clip(arrival_s + 10e-9, 12e-9, 52e-9) - np.clip(arrival_s, 12e-9, 52e-9)
-    assert found.sum() == pytest.approx(pulse * inside / 10e-9, abs=1e-6 * pulse)
+    assert result.sum() == pytest.approx(pulse * inside / 10e-9, abs=1e-6 * pulse)
 
 
 @pytest.mark.parametrize("path_m", [2.0, 11.0])

@@ -19,7 +19,7 @@ SHAPE = (8, 16)
 @pytest.fixture(scope="module")
 def field():
     atoms = (DICTIONARY.atoms(side) for side in SHAPE)
-    return Field(*atoms, DICTIONARY.deviation(SHAPE) ** 2)
+    return Field(*atoms, DICTIONARY.sigma(SHAPE) ** 2)
 
 
 @pytest.fixture(scope="module")
@@ -52,18 +52,18 @@ def test_the_posterior_is_that_of_the_joint_covariance(field, rows, noise):
     if noise == "even, ten unknown":
         sigma[5:15], measured[5:15] = np.inf, 0
     posterior = GaussianModel(rows, field).given(measured, sigma)
-    known = np.isfinite(sigma)
-    prior, seen = posterior.contrast * np.diag(field.variance.ravel()), rows[known]
-    gain = np.linalg.solve(seen @ prior @ seen.T + np.diag(sigma[known] ** 2), seen @ prior).T
+    finite = np.isfinite(sigma)
+    prior, seen = posterior.contrast * np.diag(field.variance.ravel()), rows[finite]
+    gain = np.linalg.solve(seen @ prior @ seen.T + np.diag(sigma[finite] ** 2), seen @ prior).T
     covariance = prior - gain @ seen @ prior
     np.testing.assert_allclose(
-        posterior.own_mean.ravel(), gain @ measured[known], rtol=1e-4, atol=1e-4
+        posterior.own_mean.ravel(), gain @ measured[finite], rtol=1e-4, atol=1e-4
     )
     if not noise.startswith("even"):
         exact = np.isclose(posterior.variance.ravel(), in_pixels(field, covariance), rtol=1e-4)
         assert exact.sum() >= exact.size // 16
     # What noise adds to the mean, in the prior's norm.
-    spread = gain * sigma[known] / np.sqrt(field.variance.ravel() + 1e-300)[:, None]
+    spread = gain * sigma[finite] / np.sqrt(field.variance.ravel() + 1e-300)[:, None]
     exact = (spread[field.variance.ravel() > 0] ** 2).sum()
     if noise.startswith("even"):
         assert posterior.noise_energy == pytest.approx(exact, rel=1e-4)
@@ -81,11 +81,11 @@ def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
     model, noise = GaussianModel(rows, field), np.full(39, sigma)
     posterior = model.given(measured, noise, 20.0)
     parts = Components(field, rows, np.ones(39))
-    known = contrasts(parts.turn @ measured, parts.spreads, sigma**2, 20.0)
+    given = contrasts(parts.turn @ measured, parts.spreads, sigma**2, 20.0)
     prior = np.diag(field.variance.ravel())
     means, variances = [], []
     basis = parts.spectra.T / parts.spread  # images that measured components stand for
-    for contrasts_of, spread in zip(known.value, parts.spreads, strict=True):
+    for contrasts_of, spread in zip(given.value, parts.spreads, strict=True):
         for contrast in contrasts_of:
             tilted = contrast * (prior + basis @ np.diag(spread - parts.spread) @ basis.T)
             seen = rows @ tilted
@@ -94,7 +94,7 @@ def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
             # What is not measured has the mean contrast of the prior's own exponent.
             rest = (posterior.contrast - contrast) * (prior - basis @ parts.spectra)
             variances.append(in_pixels(field, tilted - gain @ seen + rest))
-    weights = known.probability.ravel()
+    weights = given.probability.ravel()
     mean = weights @ means
     np.testing.assert_allclose(posterior.mean.ravel(), mean, atol=1e-6 * np.abs(mean).max())
     between = field.image((np.array(means) - mean).reshape(-1, *SHAPE)).reshape(-1, 128) ** 2
@@ -157,10 +157,10 @@ def test_least_squares_on_a_grid_is_nearly_that_on_all_pixels(monkeypatch):
     operator = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
     coefficients = Coefficients(operator.forward(image), np.full(128, 1.0))
     exact = image_method("least-squares").compile(operator)(coefficients)
-    monkeypatch.setattr(least_squares, "MOST", 127 * 32 * 32)
+    monkeypatch.setattr(least_squares, "MAX", 127 * 32 * 32)
     anew = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
     solver = image_method("least-squares").compile(anew)
     assert solver.model.field.variance.shape == (32, 32)
     coarse = solver(coefficients)
     assert correlation(coarse.image, exact.image) > 0.995
-    np.testing.assert_allclose(coarse.deviation.mean(), exact.deviation.mean(), rtol=0.05)
+    np.testing.assert_allclose(coarse.sigma.mean(), exact.sigma.mean(), rtol=0.05)

@@ -35,11 +35,11 @@ def estimate(name, image, *, snr=None, seed=0, patterns=PATTERNS):
 @pytest.mark.parametrize("shape", [(32, 32), (16, 64), (64, 16), (4, 4)])
 def test_every_method_gives_an_estimate_of_the_shape_whole_or_not(name, shape):
     image = natural_image(64, 0)[: shape[0], : shape[1]]
-    found = estimate(name, image, snr=20, patterns=image.size // 8)
-    assert isinstance(found, Estimate)
-    assert found.image.shape == shape
-    assert np.isfinite(found.image).all()
-    assert found.deviation is None or (found.deviation >= 0).all()
+    result = estimate(name, image, snr=20, patterns=image.size // 8)
+    assert isinstance(result, Estimate)
+    assert result.image.shape == shape
+    assert np.isfinite(result.image).all()
+    assert result.sigma is None or (result.sigma >= 0).all()
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -51,8 +51,8 @@ def test_a_flat_image_is_flat_and_a_dark_one_dark(name):
 
 @pytest.mark.parametrize("name", METHODS)
 def test_the_level_alone_gives_a_flat_image(name):
-    found = image_from(np.array([30.0]), np.array([0], dtype=np.int32), (4, 4), name)
-    np.testing.assert_allclose(found, np.full((4, 4), 30 / 16))
+    result = image_from(np.array([30.0]), np.array([0], dtype=np.int32), (4, 4), name)
+    np.testing.assert_allclose(result, np.full((4, 4), 30 / 16))
 
 
 @pytest.mark.parametrize("name", METHODS)
@@ -67,13 +67,13 @@ def test_without_noise_the_image_agrees_with_the_readings(name):
     image = natural_image(SIDE, 2)
     operator = decoder_for(make_plan(image.shape, PATTERNS, polarity="signed")).operator
     values = operator.forward(image)
-    found = image_method(name).compile(operator)(Coefficients(values, np.zeros(PATTERNS)))
-    misfit = np.abs(operator.forward(found.image) - values).max()
+    result = image_method(name).compile(operator)(Coefficients(values, np.zeros(PATTERNS)))
+    misfit = np.abs(operator.forward(result.image) - values).max()
     assert misfit < 1e-3 * np.std(values[1:])
 
 
-@pytest.mark.parametrize(("snr", "least"), [(None, 2), (10, 2), (3, -2), (1, -2)])
-def test_edges_are_worth_following_and_never_cost(snr, least):
+@pytest.mark.parametrize(("snr", "minimum"), [(None, 2), (10, 2), (3, -2), (1, -2)])
+def test_edges_are_worth_following_and_never_cost(snr, minimum):
     """Correlation over that of least squares, by standard errors of the mean."""
     gains = []
     for seed in range(20):
@@ -83,7 +83,7 @@ def test_edges_are_worth_following_and_never_cost(snr, least):
             for name in ("least-squares", "edge-preserving")
         )
         gains.append(followed - plain)
-    assert np.mean(gains) > least * np.std(gains) / np.sqrt(len(gains))
+    assert np.mean(gains) > minimum * np.std(gains) / np.sqrt(len(gains))
 
 
 @pytest.mark.parametrize("name", ["least-squares", "edge-preserving", "random-pursuit"])
@@ -93,10 +93,10 @@ def test_deviations_are_the_size_of_errors(name, snr):
     ratios, within = [], []
     for seed in range(20):
         image = natural_image(SIDE, 200 + seed)
-        found = estimate(name, image, snr=snr, seed=seed)
-        error = np.abs(found.image - image)
-        ratios.append(np.mean(error**2) / np.mean(found.deviation**2))
-        within.append(np.mean(error < found.deviation))
+        result = estimate(name, image, snr=snr, seed=seed)
+        error = np.abs(result.image - image)
+        ratios.append(np.mean(error**2) / np.mean(result.sigma**2))
+        within.append(np.mean(error < result.sigma))
     assert 0.5 < np.mean(ratios) < 2
     assert 0.5 < np.mean(within) < 0.9
 
@@ -107,16 +107,16 @@ def test_total_variation_agrees_within_the_noise_and_is_least():
     operator = decoder_for(make_plan(image.shape, 200, polarity="signed")).operator
     values = operator.forward(image)
     noise = np.full(200, 0.05)
-    found = image_method("total-variation").compile(operator)(Coefficients(values, noise)).image
-    misfit = np.linalg.norm(operator.forward(found)[1:] - values[1:])
+    result = image_method("total-variation").compile(operator)(Coefficients(values, noise)).image
+    misfit = np.linalg.norm(operator.forward(result)[1:] - values[1:])
     assert misfit <= 1.01 * np.linalg.norm(noise)
 
     def variation(of):
         down, along = np.diff(of, axis=0)[:, :-1], np.diff(of, axis=1)[:-1]
         return np.hypot(down, along).sum()
 
-    assert variation(found) < 1.02 * variation(image)
-    assert correlation(found, image) > 0.99
+    assert variation(result) < 1.02 * variation(image)
+    assert correlation(result, image) > 0.99
 
 
 def test_a_complex_image_keeps_its_phase():
@@ -125,5 +125,5 @@ def test_a_complex_image_keeps_its_phase():
     values = operator.forward(image)
     for name in ("least-squares", "edge-preserving", "total-variation"):
         solve = image_method(name).compile(operator)
-        found = solve(Coefficients(values, np.full(PATTERNS, 0.1))).image
-        assert np.abs(np.angle(found * np.exp(-0.7j))).max() < 1e-3, name
+        result = solve(Coefficients(values, np.full(PATTERNS, 0.1))).image
+        assert np.abs(np.angle(result * np.exp(-0.7j))).max() < 1e-3, name

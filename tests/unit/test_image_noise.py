@@ -59,24 +59,24 @@ def test_repetition_tells_the_noise_whatever_drifts_and_flickers():
     plan = make_plan((32, 32), 400, polarity="differential")
     combinations = redundant_combinations(plan, np.ones(plan.exposures, dtype=bool))
     light = expose(plan, natural_image(32, 1)) + 50 + np.linspace(0, 20, plan.exposures)
-    found = []
+    result = []
     for seed in range(40):
         readings = light + 0.5 * np.random.default_rng(seed).standard_normal(light.shape)
         readings[seed] += 100
-        found.append(variance_by_repetition(combinations, readings))
+        result.append(variance_by_repetition(combinations, readings))
     # The median of n magnitudes errs by 1.17 / sqrt(2 n), neighbours are half dependent.
-    z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(40))
+    z = (np.mean(np.sqrt(result)) - 0.5) / (np.std(np.sqrt(result)) / np.sqrt(40))
     assert abs(z) < 4
-    assert np.std(np.sqrt(found)) < 0.5 * 0.15
+    assert np.std(np.sqrt(result)) < 0.5 * 0.15
 
 
 def interspersed_dark(patterns):
     """A single-ended plan with a dark exposure after every fourth pattern."""
     plan = make_plan((32, 32), patterns, polarity="single-ended")
     index, sign = plan.index.tolist(), plan.polarity.tolist()
-    for place in range(len(index) - 1, 0, -4):
-        index.insert(place, 0)
-        sign.insert(place, -1)
+    for position in range(len(index) - 1, 0, -4):
+        index.insert(position, 0)
+        sign.insert(position, -1)
     return PatternPlan((32, 32), np.array(index), np.array(sign))
 
 
@@ -95,11 +95,11 @@ def test_without_a_drift_hardly_a_recording_has_one():
     plan = interspersed_dark(200)
     drift = drift_of(plan, np.ones(plan.exposures, dtype=bool))
     light = expose(plan, natural_image(32, 1)) + 50
-    told = [
+    reported = [
         drift(light + np.random.default_rng(seed).standard_normal(light.shape)).any()
         for seed in range(1000)
     ]
-    assert sum(told) <= 5  # one is expected, at most
+    assert sum(reported) <= 5  # one is expected, at most
 
 
 def test_images_of_drifting_offsets_are_those_of_steady_ones():
@@ -169,11 +169,11 @@ def test_few_readings_of_a_clean_image_are_not_taken_for_noise():
         for noise, each in lost.items():
             readings = light + noise * rms * np.random.default_rng(seed).standard_normal(31)
             sigma = max(noise, 1e-4) * rms
-            unknown, told = (
+            unknown, reported = (
                 correlation(solve(usable.decode(readings, np.full(31, variance))).image, image)
                 for variance in (np.nan, sigma**2)
             )
-            each.append(told - unknown)
+            each.append(reported - unknown)
     for noise, each in lost.items():
         assert np.mean(each) < 0.02, noise
 
@@ -182,9 +182,9 @@ def test_strong_noise_is_told_by_the_contrast_that_the_level_lets_expect():
     operator = decoder_for(make_plan((32, 32), 31, polarity="signed")).operator
     expected = Prior(operator).expected
     white = np.random.default_rng(0).standard_normal(30)
-    usual, told = (levels_by_spectrum(white, expected, each) for each in (None, 1e-4))
-    assert told.mean > usual.mean
-    np.testing.assert_allclose(told.probability.sum(), 1)
+    usual, reported = (levels_by_spectrum(white, expected, each) for each in (None, 1e-4))
+    assert reported.mean > usual.mean
+    np.testing.assert_allclose(reported.probability.sum(), 1)
     np.testing.assert_allclose(usual.relative.mean, 1)
 
 
@@ -197,25 +197,25 @@ def test_an_unknown_scale_does_not_change_what_is_told_of_the_noise():
     readings = expose(plan, natural_image(32, 2))
     readings = readings + readings[1:].std() * np.random.default_rng(3).standard_normal(100)
     usable = Imaging(plan).of(np.ones(100, dtype=bool))
-    nothing = np.full(100, np.nan)
-    once, more = (usable.decode(scale * readings, nothing).noise for scale in (1, 1e6))
+    no_return = np.full(100, np.nan)
+    once, more = (usable.decode(scale * readings, no_return).noise for scale in (1, 1e6))
     np.testing.assert_allclose(1e6 * once, more, rtol=1e-6)
     assert (once > 0).all()
 
 
 def test_more_readings_than_pixels_tell_the_noise():
     rng = np.random.default_rng(3)
-    shown = rng.integers(0, 2, (180, 120)).astype(np.float64)
-    plan, _ = plan_from_matrix(shown, (10, 12))
+    displayed = rng.integers(0, 2, (180, 120)).astype(np.float64)
+    plan, _ = plan_from_matrix(displayed, (10, 12))
     usable = np.ones(plan.exposures, dtype=bool)
     usable[7] = False
     combinations = redundant_combinations(plan, usable)
     assert combinations.shape == (58, 180)
     light = expose(plan, rng.random((10, 12))) + 3.0
     np.testing.assert_allclose(combinations @ light, 0, atol=1e-9)
-    found = [
+    result = [
         variance_by_repetition(combinations, light + 0.5 * rng.standard_normal(light.shape))
         for _ in range(200)
     ]
-    z = (np.mean(np.sqrt(found)) - 0.5) / (np.std(np.sqrt(found)) / np.sqrt(len(found)))
+    z = (np.mean(np.sqrt(result)) - 0.5) / (np.std(np.sqrt(result)) / np.sqrt(len(result)))
     assert abs(z) < 4

@@ -172,8 +172,8 @@ def test_other_patterns_are_a_basis_of_their_own(kind):
     assert plan.basis == "dense"
     assert (sign == 1).all()
     assert (plan.polarity == (1 if matrix.min() >= 0 else 0)).all()
-    shown = [illumination(plan, k).ravel() for k in range(plan.exposures)]
-    np.testing.assert_allclose(shown, matrix, atol=1e-7)
+    displayed = [illumination(plan, k).ravel() for k in range(plan.exposures)]
+    np.testing.assert_allclose(displayed, matrix, atol=1e-7)
     image = RANDOM.random(shape)
     np.testing.assert_allclose(expose(plan, image), matrix @ image.ravel(), atol=1e-6)
 
@@ -187,9 +187,9 @@ def test_a_recording_with_random_patterns_becomes_an_image(tmp_path):
     arguments = ["import", str(tmp_path / "a.mat"), "-o", str(tmp_path / "a.h5")]
     of_file = ["--shape", "10x12", "--variable", "data", "--patterns-variable", "shown"]
     assert main([*arguments, *of_file]) == 0
-    found = reconstruct(read_capture(tmp_path / "a.h5"))
-    for found_image in found.images.values():
-        np.testing.assert_allclose(found_image, 1e4 * image, atol=1)
+    result = reconstruct(read_capture(tmp_path / "a.h5"))
+    for estimated_image in result.images.values():
+        np.testing.assert_allclose(estimated_image, 1e4 * image, atol=1)
 
 
 @pytest.mark.parametrize(

@@ -102,8 +102,8 @@ def test_what_matlab_packs_is_read(tmp_path, compressed):
     }
     scipy.io.savemat(tmp_path / "a.mat", values, do_compression=compressed)
     for name in ("data", "flag", "small"):
-        found = load_array(tmp_path / "a.mat", name)
-        np.testing.assert_array_equal(found, np.atleast_2d(values[name]))
+        result = load_array(tmp_path / "a.mat", name)
+        np.testing.assert_array_equal(result, np.atleast_2d(values[name]))
     with pytest.raises(InputError, match=r"a\.mat: cell is of class cell, must hold numbers"):
         load_array(tmp_path / "a.mat", "cell")
     scipy.io.savemat(tmp_path / "old.mat", {"data": values["data"]}, format="4")

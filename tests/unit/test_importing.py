@@ -125,8 +125,8 @@ def test_one_object_per_primitive_and_lines_left_out(tmp_path: Path) -> None:
     header = triangle_header(meshes=meshes, materials=materials)
     (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
     report = taken(tmp_path / "a.glb")
-    found = {thing.name: thing.material.name for thing in report.written.scene.objects}
-    assert found == {"sheet": "asphalt", "sheet 2": "concrete"}
+    result = {thing.name: thing.material.name for thing in report.written.scene.objects}
+    assert result == {"sheet": "asphalt", "sheet 2": "concrete"}
     assert any("lines" in note for note in report.notes)
 
 
@@ -199,8 +199,8 @@ def test_collada_in_millimetres_with_y_up(tmp_path: Path) -> None:
     assert_same(written(report), trimesh.util.concatenate(expected).apply_transform(Y_UP))
     assert report.unit_m == 0.001
     assert report.up == "y"
-    (found, parts), *others = report.materials
-    assert (found.source, found.material, parts, others) == ("Rusty Steel", "steel-rusty", 2, [])
+    (result, parts), *others = report.materials
+    assert (result.source, result.material, parts, others) == ("Rusty Steel", "steel-rusty", 2, [])
     assert any("gone.png" in note for note in report.notes)
 
 
@@ -247,9 +247,9 @@ def test_obj_objects_and_materials(tmp_path: Path, library: str | None) -> None:
     if library is not None:
         (tmp_path / "a.mtl").write_text(library)
     report = taken(tmp_path / "a.obj")
-    found = sorted((row.name, row.material.name) for row in report.written.scene.objects)
-    assert [material for _, material in found] == ["brick", "glass-pane", "brick"]
-    assert found[0][0].startswith("Box Top")
+    result = sorted((row.name, row.material.name) for row in report.written.scene.objects)
+    assert [material for _, material in result] == ["brick", "glass-pane", "brick"]
+    assert result[0][0].startswith("Box Top")
     assert written(report).area == pytest.approx(1 + 0.5 + 0.5 * 2**0.5)
     missing = "no.png" if library else "a.mtl"
     assert any(missing in note for note in report.notes)
@@ -262,9 +262,9 @@ def test_a_room_is_entered(tmp_path: Path) -> None:
     scene = trimesh.Scene()
     scene.geometry.update({"room": room, "crate": crate})
     scene.graph.update("room", geometry="room", matrix=np.eye(4))
-    places = np.random.default_rng(0).uniform([-9, -1.2, -1.7], [9, -0.5, 1.7], (20, 3))
-    for i, place in enumerate(places):
-        matrix = trimesh.transformations.translation_matrix(place)
+    positions = np.random.default_rng(0).uniform([-9, -1.2, -1.7], [9, -0.5, 1.7], (20, 3))
+    for i, position in enumerate(positions):
+        matrix = trimesh.transformations.translation_matrix(position)
         scene.graph.update(f"crate {i}", geometry="crate", matrix=matrix)
     scene.export(tmp_path / "room.glb")
     report = taken(tmp_path / "room.glb")

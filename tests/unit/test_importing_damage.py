@@ -92,20 +92,20 @@ def attack(name: str, mutate: Mutate, outside: Path, seed: int, *, whole: int = 
     file = outside.parent / "in" / name
     file.write_bytes(mutate(rng, mutants.references(str(outside))))
     output = outside.parent / "out" / "scene.yaml"
-    told: list[str] = []
+    reported: list[str] = []
     try:
         if whole and seed % whole == 0:
             options = Options(position_m=(-50.0, 0.0, 1.0), overwrite=True)
             report = import_scene(file, output, options)
-            told = [*report.notes, *report.warnings]
+            reported = [*report.notes, *report.warnings]
             assert SECRET not in output.read_text()
         elif file.suffix == ".off":
             load_mesh(file)
         else:
-            told = to_metres(READERS[file.suffix](file, Folders.around(file)), 1.0).notes
+            reported = to_metres(READERS[file.suffix](file, Folders.around(file)), 1.0).notes
     except InputError as error:
-        told = [str(error)]
-    for text in told:
+        reported = [str(error)]
+    for text in reported:
         assert "\n" not in text, text
         assert not INSIDES.search(text), text
         assert len(text) < 2000, text

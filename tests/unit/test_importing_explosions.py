@@ -13,9 +13,9 @@ from spisim_formats.library.files import Folders
 
 def refused(file: Path, message: str) -> None:
     def attack(_: int) -> None:
-        with pytest.raises(InputError, match=message) as told:
+        with pytest.raises(InputError, match=message) as reported:
             READERS[file.suffix](file, Folders.around(file))
-        assert "\n" not in str(told.value)
+        assert "\n" not in str(reported.value)
 
     hostile.survive(attack, [0], readable=[file.parent])
 

@@ -34,9 +34,9 @@ def test_lamps_of_gazebo(tmp_path: Path) -> None:
     )
     assert not taken(file).written.scene.lamps
     report = taken(file, lamps="watts", overwrite=True)
-    found = report.written.scene
-    assert found.ambient.sun_klx == 100
-    lamps = {lamp.name: lamp for lamp in found.lamps}
+    result = report.written.scene
+    assert result.ambient.sun_klx == 100
+    lamps = {lamp.name: lamp for lamp in result.lamps}
     assert set(lamps) == {"bulb", "fill", "head"}
     assert lamps["bulb"].intensity.amount == pytest.approx(3)
     np.testing.assert_allclose(lamps["bulb"].position_m, [0, 0, 5])
@@ -51,7 +51,7 @@ def test_lamps_of_gazebo(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("attenuation", "amount", "told"),
+    ("attenuation", "amount", "reported"),
     [
         ("<constant>0</constant><linear>0</linear><quadratic>0.5</quadratic>", 6, "W/sr; it ends"),
         ("<constant>0.9</constant><linear>0.01</linear><quadratic>0.001</quadratic>", 3,
@@ -59,7 +59,9 @@ def test_lamps_of_gazebo(tmp_path: Path) -> None:
         ("<range>500</range>", 3, "as 1 / (1 + 1 d) there, as 1 / d² here"),
     ],
 )  # fmt: skip
-def test_attenuation_of_gazebo(tmp_path: Path, attenuation: str, amount: float, told: str) -> None:
+def test_attenuation_of_gazebo(
+    tmp_path: Path, attenuation: str, amount: float, reported: str
+) -> None:
     """Light that falls with the square of the distance is as bright here; other is told."""
     file = world(
         tmp_path / "a.sdf",
@@ -71,7 +73,7 @@ def test_attenuation_of_gazebo(tmp_path: Path, attenuation: str, amount: float, 
     report = taken(file, lamps="watts")
     (lamp,) = report.written.scene.lamps
     assert lamp.intensity.amount == pytest.approx(amount)
-    assert any("'bulb'" in note and told in note for note in report.notes), report.notes
+    assert any("'bulb'" in note and reported in note for note in report.notes), report.notes
     assert any("'night' is left out" in note for note in report.notes)
 
 
@@ -258,7 +260,7 @@ def test_lamps_of_usd(tmp_path: Path, kind: str, more: str, quantity: str, amoun
 
 
 @pytest.mark.parametrize(
-    ("kind", "more", "told"),
+    ("kind", "more", "reported"),
     [
         ("RectLight", "float inputs:width = 0", "size"),
         ("SphereLight", "color3f inputs:color = (0, 0, 0)", "gives no light"),
@@ -268,12 +270,12 @@ def test_lamps_of_usd(tmp_path: Path, kind: str, more: str, quantity: str, amoun
         ("DomeLight", "asset inputs:texture:file = @a.usda@", "no picture that can be read"),
     ],
 )
-def test_lamps_of_usd_that_are_none(tmp_path: Path, kind: str, more: str, told: str) -> None:
+def test_lamps_of_usd_that_are_none(tmp_path: Path, kind: str, more: str, reported: str) -> None:
     pytest.importorskip("pxr")
     (tmp_path / "a.usda").write_text(STAGE.format(kind=kind, more=more))
     report = taken(tmp_path / "a.usda", lamps="watts")
     assert not report.written.scene.lamps
-    assert any(told in note for note in report.notes), report.notes
+    assert any(reported in note for note in report.notes), report.notes
 
 
 def write_hdr(path: Path) -> None:

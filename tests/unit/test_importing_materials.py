@@ -26,9 +26,9 @@ def part(name: str | None, color=None, words=(), called: str = "Cube") -> Part:
 
 
 def test_every_entry_names_a_material_that_there_is() -> None:
-    known = set(material_table())
-    assert set(KEYWORDS["words"].values()) <= known
-    assert {KEYWORDS[kind] for kind in ("white", "black", "colored", "nothing")} <= known
+    given = set(material_table())
+    assert set(KEYWORDS["words"].values()) <= given
+    assert {KEYWORDS[kind] for kind in ("white", "black", "colored", "nothing")} <= given
 
 
 @pytest.mark.parametrize(
@@ -68,14 +68,14 @@ def test_every_entry_names_a_material_that_there_is() -> None:
     ],
 )
 def test_matches(surface: Part, expected: str, how: str) -> None:
-    found = match(surface, {}, Pictured("mean"))
-    assert (found.material, found.how) == (expected, how)
-    assert found.why
+    result = match(surface, {}, Pictured("mean"))
+    assert (result.material, result.how) == (expected, how)
+    assert result.why
 
 
 def test_the_users_choice_comes_first() -> None:
-    found = match(part("concrete"), {"concrete": "snow"}, Pictured("off"))
-    assert (found.material, found.how) == ("snow", "map")
+    result = match(part("concrete"), {"concrete": "snow"}, Pictured("off"))
+    assert (result.material, result.how) == ("snow", "map")
 
 
 def obj_of(path: Path, *materials: str) -> Path:

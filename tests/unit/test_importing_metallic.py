@@ -60,24 +60,28 @@ def test_numbers(tmp_path: Path) -> None:
         "KHR_materials_ior": {"ior": 1.33},
         "KHR_materials_clearcoat": {"clearcoatFactor": 1},
     }
-    found, notes = material(
+    result, notes = material(
         gltf(tmp_path, pbr, emissiveFactor=[1, 0, 0], normalTexture={"index": 0},
              extensions=extensions)
     )  # fmt: skip
-    assert isinstance(found.bsdf, Principled)
-    assert found.bsdf.roughness == pytest.approx(0.36)
-    assert found.bsdf.metallic == 0.25
-    assert found.bsdf.specular == pytest.approx((0.33 / 2.33) ** 2 / 0.08, rel=1e-4)
-    assert found.reflectance == pytest.approx(0.3)
-    assert found.opacity is None  # opaque, unless alphaMode says otherwise
-    for told in ("its bumps are left out", "its own light is left out", "clearcoat is left out"):
-        assert told in notes
+    assert isinstance(result.bsdf, Principled)
+    assert result.bsdf.roughness == pytest.approx(0.36)
+    assert result.bsdf.metallic == 0.25
+    assert result.bsdf.specular == pytest.approx((0.33 / 2.33) ** 2 / 0.08, rel=1e-4)
+    assert result.reflectance == pytest.approx(0.3)
+    assert result.opacity is None  # opaque, unless alphaMode says otherwise
+    for reported in (
+        "its bumps are left out",
+        "its own light is left out",
+        "clearcoat is left out",
+    ):
+        assert reported in notes
 
 
 def test_what_a_file_does_not_say(tmp_path: Path) -> None:
     """glTF's defaults: a white, rough metal."""
-    found, _ = material(gltf(tmp_path, {}))
-    assert (found.reflectance, found.bsdf) == (1.0, Principled(1.0, 1.0, 0.5))
+    result, _ = material(gltf(tmp_path, {}))
+    assert (result.reflectance, result.bsdf) == (1.0, Principled(1.0, 1.0, 0.5))
 
 
 def test_pictures(tmp_path: Path) -> None:
@@ -88,27 +92,27 @@ def test_pictures(tmp_path: Path) -> None:
         "metallicRoughnessTexture": {"index": 0},
         "roughnessFactor": 0.5,
     }
-    found, notes = material(gltf(tmp_path, pbr, alphaMode="BLEND"))
-    assert isinstance(found.bsdf, Principled)
+    result, notes = material(gltf(tmp_path, pbr, alphaMode="BLEND"))
+    assert isinstance(result.bsdf, Principled)
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    assert found.texture is not None
+    assert result.texture is not None
     np.testing.assert_allclose(
-        found.reflectance * found.texture[0], [0, 0, linear / 2, linear / 2], atol=1e-4
+        result.reflectance * result.texture[0], [0, 0, linear / 2, linear / 2], atol=1e-4
     )
-    np.testing.assert_allclose(np.asarray(found.opacity)[1], [0.5, 0.5, 0.1, 0.1], atol=1e-4)
-    assert found.bsdf.metallic == pytest.approx(128 / 255 / 2, rel=1e-4)
-    assert found.bsdf.roughness == pytest.approx((0.5 * 150 / 255) ** 2, rel=1e-4)
+    np.testing.assert_allclose(np.asarray(result.opacity)[1], [0.5, 0.5, 0.1, 0.1], atol=1e-4)
+    assert result.bsdf.metallic == pytest.approx(128 / 255 / 2, rel=1e-4)
+    assert result.bsdf.roughness == pytest.approx((0.5 * 150 / 255) ** 2, rel=1e-4)
     assert "its picture of metal is a mean" in notes
     assert "its picture of roughness is a mean" in notes
 
 
 def test_opacity_with_a_cut_and_pictures_that_lie_otherwise(tmp_path: Path) -> None:
     moved = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2]}}}
-    found, notes = material(
+    result, notes = material(
         gltf(tmp_path, {"baseColorTexture": moved, "metallicFactor": 0}, alphaMode="MASK")
     )
-    assert found.opacity == pytest.approx(0.5)
-    assert found.texture is None
+    assert result.opacity == pytest.approx(0.5)
+    assert result.texture is None
     assert "its picture of reflectance is laid on otherwise: a mean" in notes
 
 
@@ -201,10 +205,10 @@ def test_a_preview_surface(tmp_path: Path) -> None:
         "normal3f inputs:normal = (0, 0, 1)",
     )
     file.write_text(file.read_text().replace("PLATE", "</plate"))
-    found, notes = material(file)
-    assert found.bsdf == Principled(0.25, 0.25, 0.5)
-    assert found.reflectance == pytest.approx(0.3)
-    assert found.opacity == pytest.approx(0.75)
+    result, notes = material(file)
+    assert result.bsdf == Principled(0.25, 0.25, 0.5)
+    assert result.reflectance == pytest.approx(0.3)
+    assert result.opacity == pytest.approx(0.75)
     assert "its clear coat is left out" in notes
     assert "bumps" not in notes
 
@@ -220,16 +224,16 @@ def test_pictures_of_a_preview_surface(tmp_path: Path) -> None:
         "float inputs:opacityThreshold = 0.5",
         "color3f inputs:emissiveColor = (1, 0, 0)",
     )
-    found, notes = material(file)
+    result, notes = material(file)
     linear = ((188 / 255 + 0.055) / 1.055) ** 2.4
-    assert found.texture is not None
+    assert result.texture is not None
     np.testing.assert_allclose(
-        found.reflectance * found.texture[0], [0, 0, linear / 2, linear / 2], atol=1e-4
+        result.reflectance * result.texture[0], [0, 0, linear / 2, linear / 2], atol=1e-4
     )
-    np.testing.assert_allclose(np.asarray(found.opacity)[1], [1, 1, 0, 0])
-    assert isinstance(found.bsdf, Principled)
-    assert found.bsdf.roughness == pytest.approx((150 / 255) ** 2, rel=1e-4)
-    assert found.bsdf.metallic == pytest.approx(64 / 255, rel=1e-4)
+    np.testing.assert_allclose(np.asarray(result.opacity)[1], [1, 1, 0, 0])
+    assert isinstance(result.bsdf, Principled)
+    assert result.bsdf.roughness == pytest.approx((150 / 255) ** 2, rel=1e-4)
+    assert result.bsdf.metallic == pytest.approx(64 / 255, rel=1e-4)
     assert "its own light is left out" in notes
 
 
@@ -242,7 +246,7 @@ def test_a_mean_of_a_preview_surface_that_is_guessed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("inputs", "changes", "told"),
+    ("inputs", "changes", "reported"),
     [
         ([COLOURED], {"file": "gone.png"}, "gone.png"),
         ([COLOURED], {"file": "/etc/gone.png"}, "outside the folders"),
@@ -250,12 +254,12 @@ def test_a_mean_of_a_preview_surface_that_is_guessed(tmp_path: Path) -> None:
     ],
 )
 def test_preview_surfaces_that_are_not_read(
-    tmp_path: Path, inputs: list[str], changes: dict[str, str], told: str
+    tmp_path: Path, inputs: list[str], changes: dict[str, str], reported: str
 ) -> None:
     pytest.importorskip("pxr")
     with pytest.raises(InputError, match="nothing in it tells surfaces"):
         taken(stage(tmp_path, *inputs, **changes), surfaces="file")
-    assert told in " ".join(taken(tmp_path / "a.usda").notes)
+    assert reported in " ".join(taken(tmp_path / "a.usda").notes)
 
 
 def world(folder: Path, metal: str, more: str = "") -> Path:
@@ -281,10 +285,10 @@ def world(folder: Path, metal: str, more: str = "") -> Path:
     ],
 )  # fmt: skip
 def test_surfaces_of_gazebo(tmp_path: Path, metal: str, expected: Principled) -> None:
-    found, notes = material(world(tmp_path, metal, "<diffuse>0.3 0.8 0.8 1</diffuse>"))
-    assert found.bsdf == expected
-    assert found.reflectance == pytest.approx(0.3)
-    assert found.opacity == pytest.approx(0.75)
+    result, notes = material(world(tmp_path, metal, "<diffuse>0.3 0.8 0.8 1</diffuse>"))
+    assert result.bsdf == expected
+    assert result.reflectance == pytest.approx(0.3)
+    assert result.opacity == pytest.approx(0.75)
     assert ("its bumps are left out" in notes) == ("normal_map" in metal)
 
 

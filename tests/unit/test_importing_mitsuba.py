@@ -466,14 +466,14 @@ def test_lamps_and_media_in_meshes(tmp_path: Path) -> None:
     assert not taken(file).written.scene.lamps
     report = taken(file, scale=10.0, lamps="watts", overwrite=True)
     assert any("lamps: 5, their numbers taken for watts" in note for note in report.notes)
-    found = report.written.scene
-    (volume,) = found.volumes
+    result = report.written.scene
+    (volume,) = result.volumes
     assert isinstance(volume.shape, trimesh.Trimesh)
     np.testing.assert_allclose(
         volume.shape.bounds, [[-10, -10, 10], [10, 10, 30]], atol=0.05, rtol=0
     )
     assert volume.medium.extinction_per_m == pytest.approx(0.08)
-    lamps = {lamp.summary()["type"]: lamp for lamp in found.lamps}
+    lamps = {lamp.summary()["type"]: lamp for lamp in result.lamps}
     assert lamps["area"].object == "cube"
     assert lamps["area"].radiance.amount == pytest.approx(3)
     np.testing.assert_allclose(lamps["point"].position_m, [0, 0, 40], atol=1e-6)

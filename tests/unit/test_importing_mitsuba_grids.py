@@ -63,8 +63,8 @@ def extinction(volume: Volume, points: np.ndarray) -> np.ndarray:
     local += np.linalg.inv(volume.to_world)[:3, 3]
     axes = [(np.arange(n) + 0.5) / n for n in volume.density.shape]
     inside = [np.clip(c, a[0], a[-1]) for c, a in zip(local[:, ::-1].T, axes, strict=True)]
-    found = RegularGridInterpolator(axes, volume.density)(np.column_stack(inside))
-    return found * volume.medium.extinction_per_m
+    result = RegularGridInterpolator(axes, volume.density)(np.column_stack(inside))
+    return result * volume.medium.extinction_per_m
 
 
 #: The cube of Mitsuba goes from -1 to 1, a grid from 0 to 1.
@@ -102,9 +102,9 @@ def test_a_grid_elsewhere(tmp_path: Path, shape: str, tolerance: float) -> None:
     points = RNG.uniform(-0.5, 0.5, (30, 3))
     expected = []
     for point in points:
-        place = mi.Interaction3f()
-        place.p = point.tolist()
-        expected.append(theirs.eval_1(place))
+        position = mi.Interaction3f()
+        position.p = point.tolist()
+        expected.append(theirs.eval_1(position))
     np.testing.assert_allclose(extinction(volume, points), expected, atol=tolerance)
 
 
@@ -119,9 +119,9 @@ def test_a_rough_grid_moved_against_its_box(tmp_path: Path) -> None:
     points = rng.uniform(-1, 1, (4000, 3))
     cells = (points - [-1.3, -1.4, -1.6]) * 2 - 0.5
     exact = map_coordinates(rough, cells[:, ::-1].T, order=1, mode="nearest")
-    found = extinction(volume, points)
-    assert found.mean() == pytest.approx(exact.mean(), rel=1e-3)
-    assert np.sqrt(np.mean((found - exact) ** 2)) < 0.01 * 5
+    result = extinction(volume, points)
+    assert result.mean() == pytest.approx(exact.mean(), rel=1e-3)
+    assert np.sqrt(np.mean((result - exact) ** 2)) < 0.01 * 5
 
 
 def test_albedo_on_a_grid(tmp_path: Path) -> None:

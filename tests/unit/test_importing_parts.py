@@ -161,9 +161,9 @@ def test_models_and_what_describes_them(tmp_path: Path) -> None:
     )
     report = taken(sdf(tmp_path / "a.sdf", more=includes))
     assert len(report.written.scene.objects) == 3
-    told = " ".join(left_out(report))
+    message = " ".join(left_out(report))
     for word in ("cut/model.config", "laughs/model.config", "bomb/model.sdf", "secret", "gone"):
-        assert word in told
+        assert word in message
 
 
 def test_older_roots(tmp_path: Path) -> None:

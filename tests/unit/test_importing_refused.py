@@ -33,10 +33,10 @@ SDF = '<sdf version="1.9"><model name="&a;"/></sdf>'
 def refused(file: Path, message: str, **options: Any) -> None:
     """Importing raises one sentence that names the file or option, and leaves nothing behind."""
     before = sorted(file.parent.rglob("*"))
-    with pytest.raises(InputError, match=message) as told:
+    with pytest.raises(InputError, match=message) as reported:
         taken(file, **options)
-    assert "\n" not in str(told.value)
-    assert any(name in str(told.value) for name in ("--", "scene.yaml", file.name))
+    assert "\n" not in str(reported.value)
+    assert any(name in str(reported.value) for name in ("--", "scene.yaml", file.name))
     assert sorted(file.parent.rglob("*")) == before
 
 

@@ -234,8 +234,8 @@ def test_what_is_left_out_is_told(tmp_path: Path) -> None:
         BOX + heightmap + unseen + "<collision name='c'/>"
     )
     report = taken(world(tmp_path / "a.sdf", body))
-    told = " ".join(report.notes)
-    assert all(word in told for word in ("lamps", "actors", "polyline", "ghost"))
+    text = " ".join(report.notes)
+    assert all(word in text for word in ("lamps", "actors", "polyline", "ghost"))
     assert len(report.written.scene.objects) == 1
 
 

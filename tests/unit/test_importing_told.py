@@ -78,8 +78,8 @@ def test_surfaces(tmp_path: Path, kind: str, inside: str, bsdf, reflectance: flo
     (thing,) = report.written.scene.objects
     assert type(thing.material.bsdf) is type(bsdf)
     for name, value in vars(bsdf).items():
-        found = getattr(thing.material.bsdf, name)
-        assert found == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
+        result = getattr(thing.material.bsdf, name)
+        assert result == (value if isinstance(value, str) else pytest.approx(value, rel=1e-5))
     if reflectance is not None:
         assert thing.material.reflectance == pytest.approx(reflectance, rel=1e-3)
     assert [match.how for match, _ in report.materials] == ["file"]
@@ -197,8 +197,8 @@ def test_media_in_other_shapes_end_in_cells(tmp_path: Path) -> None:
     report = taken(scene(tmp_path / "a.xml", SMOKE.format("sphere", 0.5)))
     (volume,) = report.written.scene.volumes
     assert volume.density is not None
-    share = float(volume.density.mean())  # of the box about the ball, 2 wide
-    assert share == pytest.approx(0.5 / 8, rel=0.05)
+    fraction = float(volume.density.mean())  # of the box about the ball, 2 wide
+    assert fraction == pytest.approx(0.5 / 8, rel=0.05)
     assert not taken(
         scene(tmp_path / "b.xml", SMOKE.format("sphere", 7)), overwrite=True
     ).written.scene.volumes

@@ -53,8 +53,8 @@ def test_its_distribution_asks_for_what_it_imports() -> None:
 
 def loaded_after(code: str) -> set[str]:
     """Modules that a fresh Python has loaded after some code."""
-    told = f"{code}\nimport sys; print(*sys.modules)"
-    run = subprocess.run([sys.executable, "-c", told], cwd=ROOT, capture_output=True, text=True)
+    text = f"{code}\nimport sys; print(*sys.modules)"
+    run = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True)
     assert run.returncode == 0, run.stderr
     return set(run.stdout.splitlines()[-1].split())
 

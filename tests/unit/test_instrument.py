@@ -281,8 +281,10 @@ def test_shared_photodiode_stands_for_all_spots(tmp_path: Path) -> None:
 
 def test_leds_differ_as_they_should(paper: Instrument) -> None:
     array = paper.projector.model_copy(update={"nonuniformity": 0.05})
-    shares = array.pixel_shares * 4096
-    assert shares.sum() == pytest.approx(4096)
-    assert shares.std() == pytest.approx(0.05, rel=0.05)
+    fractions = array.pixel_fractions * 4096
+    assert fractions.sum() == pytest.approx(4096)
+    assert fractions.std() == pytest.approx(0.05, rel=0.05)
     other = array.model_copy(update={"nonuniformity_seed": 1})
-    assert abs(np.corrcoef(array.pixel_shares.ravel(), other.pixel_shares.ravel())[0, 1]) < 0.1
+    assert (
+        abs(np.corrcoef(array.pixel_fractions.ravel(), other.pixel_fractions.ravel())[0, 1]) < 0.1
+    )

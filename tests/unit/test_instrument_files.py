@@ -179,8 +179,8 @@ def test_a_plan_may_tell_its_rows_one_by_one(
     before, _, after = PAPER.partition("\nplan:")
     text = f"{before}\nplan: {plan}\n\nfilter:{after.partition(chr(10) + 'filter:')[2]}"
     instrument = load_text(tmp_path, text)
-    shown = instrument.pattern_plan
-    assert (shown.index.tolist(), shown.polarity.tolist()) == (index, signs)
+    displayed = instrument.pattern_plan
+    assert (displayed.index.tolist(), displayed.polarity.tolist()) == (index, signs)
     again = load_text(tmp_path, instrument.text).pattern_plan  # as a capture holds it
     assert (again.index.tolist(), again.polarity.tolist()) == (index, signs)
 
@@ -193,8 +193,8 @@ def test_patterns_are_dealt_out_to_frames(paper: Instrument, tmp_path: Path) -> 
     assert len(plans) == 8
     assert {plan.sampled for plan in plans} == {127}
     assert dealt.frame_time_s == paper.frame_time_s
-    shown = [set(plan.distinct.tolist()) for plan in plans]
-    assert len(set.intersection(*shown)) == 64
-    assert len(set.union(*shown)) == 64 + 8 * 63
+    displayed = [set(plan.distinct.tolist()) for plan in plans]
+    assert len(set.intersection(*displayed)) == 64
+    assert len(set.union(*displayed)) == 64 + 8 * 63
     few = load_text(tmp_path, text.replace("interleave: 8", "interleave: 8\n  common: 0"))
     assert len(set.union(*(set(plan.index.tolist()) for plan in few.pattern_plans))) == 1009

@@ -22,7 +22,7 @@ def test_each_frequency_has_its_own_time() -> None:
     assert tof.frame_time_s == pytest.approx(sum(times_s))
     for frequency_hz, time_s in zip(tof.modulation.frequencies_hz, times_s, strict=True):
         assert tof.light_time_s(frequency_hz) == pytest.approx(time_s)
-        assert tof.tap_time_s(frequency_hz) == pytest.approx(tof.modulation.taps.share * time_s)
+        assert tof.tap_time_s(frequency_hz) == pytest.approx(tof.modulation.taps.fraction * time_s)
 
 
 def test_one_number_of_periods_is_that_of_every_frequency() -> None:

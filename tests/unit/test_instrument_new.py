@@ -33,23 +33,23 @@ def invoke(*words: str | Path) -> Any:
 
 @pytest.mark.parametrize("answers", ALL)
 def test_answers_become_an_instrument(answers: dict[str, Any]) -> None:
-    known = completed(answers)
-    instrument = parse_model(new_instrument_text(known), Instrument, "mine.yaml")
-    assert instrument.images == (known["makes"] != "ranges")
-    assert instrument.ranges == (known["makes"] != "image")
+    given = completed(answers)
+    instrument = parse_model(new_instrument_text(given), Instrument, "mine.yaml")
+    assert instrument.images == (given["makes"] != "ranges")
+    assert instrument.ranges == (given["makes"] != "image")
     if instrument.images:
         projector = instrument.imaging.projector
-        assert projector.shape == (known["pixels"],) * 2
-        assert projector.power_w == known["array_power_w"]
+        assert projector.shape == (given["pixels"],) * 2
+        assert projector.power_w == given["array_power_w"]
     if instrument.ranges:
         ranging = instrument.ranging
-        assert ranging.spots == known["spots"]
-        assert ranging.tof.method == known["modulation"]
-        assert ranging.lasers.power_w == known["laser_power_w"]
+        assert ranging.spots == given["spots"]
+        assert ranging.tof.method == given["modulation"]
+        assert ranging.lasers.power_w == given["laser_power_w"]
         assert ranging.tof.frame_time_s == pytest.approx(instrument.frame_time_s, rel=1e-2)
     if not instrument.images:
         assert instrument.frame_time_s == pytest.approx(
-            known["frame_time_s"] * (1 if not instrument.ranging.shared else known["spots"])
+            given["frame_time_s"] * (1 if not instrument.ranging.shared else given["spots"])
         )
 
 

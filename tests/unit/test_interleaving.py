@@ -40,8 +40,8 @@ def test_frames_share_what_is_common_and_together_show_everything(polarity):
     assert {plan.sampled for plan in plans} == {20}
     assert len({plan.exposures for plan in plans}) == 1
     for plan in plans:  # in the order of the whole, and of all its frequencies
-        places = np.searchsorted(np.argsort(whole.distinct), plan.distinct)
-        assert places.size == 20
+        indices = np.searchsorted(np.argsort(whole.distinct), plan.distinct)
+        assert indices.size == 20
         of_all = np.flatnonzero(np.isin(whole.distinct, plan.distinct))
         assert np.diff(of_all[8:]).max() <= 4
 
@@ -84,7 +84,7 @@ def test_a_file_tells_the_plan_of_every_frame(recording, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "change", "told"),
+    ("name", "change", "reported"),
     [
         (
             "polarity",
@@ -96,14 +96,14 @@ def test_a_file_tells_the_plan_of_every_frame(recording, tmp_path):
         ("index", lambda index: index + 500, "outside 0..255"),
     ],
 )
-def test_plans_that_do_not_fit_together_are_refused(recording, tmp_path, name, change, told):
+def test_plans_that_do_not_fit_together_are_refused(recording, tmp_path, name, change, reported):
     write_capture(recording, tmp_path / "capture.h5")
     with changed(tmp_path / "capture.h5") as file:
         values = file[f"patterns/{name}"][()]
         del file[f"patterns/{name}"]
         file[f"patterns/{name}"] = change(values)
         file[f"patterns/{name}"].attrs["units"] = "1"
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         read_capture(tmp_path / "capture.h5")
 
 
@@ -130,18 +130,18 @@ def test_frames_are_decoded_by_their_own_plan(recording):
             buckets=recording.frame(frame).buckets,
         )
         expected = reconstruct(alone)
-        found = reconstructor(recording.frame(frame))
-        np.testing.assert_array_equal(found.image, expected.image)
-        assert found.recording == expected.recording
+        result = reconstructor(recording.frame(frame))
+        np.testing.assert_array_equal(result.image, expected.image)
+        assert result.recording == expected.recording
 
 
 def test_frames_of_different_sizes_and_bases_are_refused(recording):
     fewer = recording.plan.only(np.arange(21) > 0)
-    for plan, told in [
+    for plan, reported in [
         (fewer, "frame 1 have exposures 20, those of the first 21"),
         (make_plan((8, 32), 20, polarity="single-ended"), r"frame 1 have shape \(8, 32\)"),
     ]:
-        with pytest.raises(InputError, match=told):
+        with pytest.raises(InputError, match=reported):
             replace(recording, later_plans=(plan,))
 
 
@@ -156,10 +156,10 @@ def test_fewer_patterns_are_the_first_of_each_frame(recording):
     fewer = first_patterns(recording, 12)
     ordered = ORDERS["sequency-2d"](Hadamard(SHAPE))
     for plan, whole in zip(fewer.setup.plans, recording.setup.plans, strict=True):
-        shown = ordered[np.isin(ordered, whole.index)][:12]
-        assert set(plan.distinct.tolist()) == set(shown.tolist())
+        displayed = ordered[np.isin(ordered, whole.index)][:12]
+        assert set(plan.distinct.tolist()) == set(displayed.tolist())
     assert fewer.buckets.counts.shape == (7, 13)
     frame = fewer.frame(4).buckets.counts[0]
     plan = recording.setup.plan_of(4)
-    kept = np.isin(plan.index, fewer.setup.plan_of(4).index)
-    np.testing.assert_array_equal(frame, recording.buckets.counts[4][kept])
+    retained = np.isin(plan.index, fewer.setup.plan_of(4).index)
+    np.testing.assert_array_equal(frame, recording.buckets.counts[4][retained])

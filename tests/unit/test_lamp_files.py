@@ -61,9 +61,9 @@ def load(folder: Path, lamps: str = "", volumes: str = "") -> Scene:
 )
 def test_lamp(tmp_path: Path, row: str, quantity: str, amount: float, unit: str) -> None:
     (lamp,) = load(tmp_path, lamps=row).lamps
-    told = lamp.summary()
-    assert (told["quantity"], told["unit"]) == (quantity, unit)
-    assert told["amount"] == pytest.approx(amount, rel=1e-6)
+    reported = lamp.summary()
+    assert (reported["quantity"], reported["unit"]) == (quantity, unit)
+    assert reported["amount"] == pytest.approx(amount, rel=1e-6)
 
 
 def test_environment_of_a_picture(tmp_path: Path) -> None:
@@ -148,11 +148,13 @@ def test_volume_in_a_mesh_that_faces_in(tmp_path: Path) -> None:
 
 def test_volume_in_an_object_moves_with_it(tmp_path: Path) -> None:
     scene = load(tmp_path, volumes="name: milk, object: vessel, extinction_per_m: 1")
-    later = scene.at(0.5).volumes[0]
+    following = scene.at(0.5).volumes[0]
     points = np.array([[3.0, 0, 1], [3.0, 1, 1]])
     np.testing.assert_array_equal(contains(scene.volumes[0], points), [True, False])
-    np.testing.assert_array_equal(contains(later, points), [False, True])
-    np.testing.assert_allclose(later.to_world[:3, 3] - scene.volumes[0].to_world[:3, 3], [0, 1, 0])
+    np.testing.assert_array_equal(contains(following, points), [False, True])
+    np.testing.assert_allclose(
+        following.to_world[:3, 3] - scene.volumes[0].to_world[:3, 3], [0, 1, 0]
+    )
 
 
 @pytest.mark.parametrize(

@@ -14,10 +14,10 @@ LENGTHS_M = 0.02 * (np.arange(500) + 0.5)
 def solution(path_m=4.0, strength=1.0):
     """A spot each that sees a surface, and fog next to the instrument."""
     surfaces = np.zeros((4, LENGTHS_M.size))
-    place = path_m / 0.02 - 0.5
-    before = int(place)
-    surfaces[:, before] = strength * (1 - place + before)
-    surfaces[:, before + 1] = strength * (place - before)
+    position = path_m / 0.02 - 0.5
+    before = int(position)
+    surfaces[:, before] = strength * (1 - position + before)
+    surfaces[:, before + 1] = strength * (position - before)
     fog = np.zeros_like(surfaces)
     fog[:, 10:20] = 0.3
     fields = dict.fromkeys(Transport.__dataclass_fields__, 0.0)
@@ -32,12 +32,12 @@ def solution(path_m=4.0, strength=1.0):
 
 
 def test_shares_of_nodes_lead_back_to_the_place():
-    places = np.random.default_rng(0).uniform(-3, 3, (200, 6))
-    nodes, shares = simplices(places)
+    positions = np.random.default_rng(0).uniform(-3, 3, (200, 6))
+    nodes, fractions = simplices(positions)
     assert nodes.shape == (200, 7, 6)
-    np.testing.assert_allclose(shares.sum(axis=1), 1)
-    assert (shares >= 0).all()
-    np.testing.assert_allclose(np.einsum("mk,mkd->md", shares, nodes), places, atol=1e-6)
+    np.testing.assert_allclose(fractions.sum(axis=1), 1)
+    assert (fractions >= 0).all()
+    np.testing.assert_allclose(np.einsum("mk,mkd->md", fractions, nodes), positions, atol=1e-6)
 
 
 def test_on_the_way_along_an_axis_there_are_two_nodes():
@@ -89,9 +89,9 @@ def test_light_that_comes_from_no_surface_stays():
     empty = SimpleNamespace(count=0)
 
     def solve(node):
-        found = solution(strength=0.0)
+        result = solution(strength=0.0)
         empty.count += 1
-        return found
+        return result
 
     light = Lattice(solve, 10).light(np.array([[0.5]]))
     assert empty.count == 2

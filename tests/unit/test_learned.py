@@ -8,22 +8,22 @@ from images import correlation, natural_image
 from reconstruction.base.errors import InputError
 from reconstruction.image import Coefficients, image_method
 from reconstruction.image.methods.learned import WEIGHTS, LearnedSolver, shipped
-from reconstruction.image.network import FEATURES, VERSION, Network, Shown, load
+from reconstruction.image.network import FEATURES, VERSION, Network, NetworkInput, load
 from reconstruction.operators import decoder_for, make_plan
 
 SNR = 10.0
 
 
-def shown(shape, seed=0):
+def displayed(shape, seed=0):
     rng = np.random.default_rng(seed)
     first, better = rng.standard_normal((2, *shape))
-    return Shown(first, better, rng.uniform(0.5, 1.0, shape), share=0.03, noise=0.2)
+    return NetworkInput(first, better, rng.uniform(0.5, 1.0, shape), fraction=0.03, noise=0.2)
 
 
 @pytest.fixture(scope="module")
 def weights():
-    with np.load(WEIGHTS, allow_pickle=False) as told:
-        return dict(told)
+    with np.load(WEIGHTS, allow_pickle=False) as reported:
+        return dict(reported)
 
 
 def operator_of(shape, patterns):
@@ -45,20 +45,20 @@ def reference(frame, weights):
 
     half = unshuffled(frame.maps().astype(np.float64))
     constant = [np.full(half.shape[1:], number) for number in frame.numbers()]
-    kept = np.maximum(layer(np.concatenate([half, constant]), "enter"), 0)
-    kept = np.maximum(layer(kept, "before"), 0)
-    quarter = np.maximum(layer(unshuffled(kept), "down"), 0)
+    retained = np.maximum(layer(np.concatenate([half, constant]), "enter"), 0)
+    retained = np.maximum(layer(retained, "before"), 0)
+    quarter = np.maximum(layer(unshuffled(retained), "down"), 0)
     for number in (0, 2):
         inner = np.maximum(layer(quarter, f"wide.{number}"), 0)
         quarter = quarter + layer(inner, f"wide.{number + 1}")
-    kept = np.maximum(kept + shuffled(layer(quarter, "up")), 0)
-    kept = np.maximum(layer(kept, "after"), 0)
-    return shuffled(layer(kept, "leave"))
+    retained = np.maximum(retained + shuffled(layer(quarter, "up")), 0)
+    retained = np.maximum(layer(retained, "after"), 0)
+    return shuffled(layer(retained, "leave"))
 
 
 @pytest.mark.parametrize("shape", [(32, 32), (8, 24)])
 def test_the_network_is_what_its_definition_says(weights, shape):
-    frame = shown(shape)
+    frame = displayed(shape)
     expected = reference(frame, weights)
     assert np.ptp(expected[0]) > 0.01
     np.testing.assert_allclose(shipped()(frame), expected, atol=2e-5, rtol=1e-4)
@@ -66,9 +66,9 @@ def test_the_network_is_what_its_definition_says(weights, shape):
 
 @pytest.mark.parametrize("shape", [(30, 33), (1, 1), (2, 5)])
 def test_images_of_any_sides(shape):
-    for found in shipped()(shown(shape)):
-        assert found.shape == shape
-        assert np.isfinite(found).all()
+    for result in shipped()(displayed(shape)):
+        assert result.shape == shape
+        assert np.isfinite(result).all()
 
 
 def test_the_file_is_small():
@@ -81,8 +81,8 @@ def test_the_image_agrees_with_readings_without_noise(order):
     operator = decoder_for(make_plan(image.shape, 256, order, "signed")).operator
     values = operator.forward(image)
     quiet = Coefficients(values, np.full(len(values), 1e-5 * np.std(values[1:])))
-    found = image_method("learned").compile(operator)(quiet)
-    misfit = np.abs(operator.forward(found.image) - values).max()
+    result = image_method("learned").compile(operator)(quiet)
+    misfit = np.abs(operator.forward(result.image) - values).max()
     assert misfit < 1e-3 * np.std(values[1:])
 
 
@@ -94,21 +94,21 @@ def test_what_is_unlike_all_it_learned_from_is_left_as_it_was(weights):
     usual = image_method("learned").compile(operator)(coefficients)
     assert usual.note is None
     assert np.abs(usual.image - plain.image).max() > 0
-    nothing = np.zeros((2, len(FEATURES)))
+    no_return = np.zeros((2, len(FEATURES)))
     solver = image_method("learned").compile(operator)
-    strict = LearnedSolver(solver.edges, Network(weights, nothing))
-    found = strict(coefficients)
-    assert "share of patterns = 0.0615, learned from 0 to 0" in found.note
-    np.testing.assert_array_equal(found.image, plain.image)
-    np.testing.assert_array_equal(found.deviation, plain.deviation)
+    strict = LearnedSolver(solver.edges, Network(weights, no_return))
+    result = strict(coefficients)
+    assert "share of patterns = 0.0615, learned from 0 to 0" in result.note
+    np.testing.assert_array_equal(result.image, plain.image)
+    np.testing.assert_array_equal(result.sigma, plain.sigma)
 
 
 @pytest.mark.parametrize(("patterns", "snr"), [(1024, 30.0), (8, 30.0)])
 def test_shares_of_patterns_that_it_never_saw_are_unlike(patterns, snr):
     image = natural_image(32, 1)
     operator = operator_of(image.shape, patterns)
-    found = image_method("learned").compile(operator)(coefficients_of(operator, image, snr=snr))
-    assert f"share of patterns = {(patterns - 1) / 1024:.3g}, learned from" in found.note
+    result = image_method("learned").compile(operator)(coefficients_of(operator, image, snr=snr))
+    assert f"share of patterns = {(patterns - 1) / 1024:.3g}, learned from" in result.note
 
 
 def test_the_deviation_is_the_size_of_the_error():
@@ -117,9 +117,9 @@ def test_the_deviation_is_the_size_of_the_error():
     solve = image_method("learned").compile(operator)
     for seed in range(12):
         image = natural_image(64, 300 + seed)
-        found = solve(coefficients_of(operator, image, snr=30, seed=seed))
-        squared += float(((found.image - image) ** 2).mean() / image.var())
-        expected += float((found.deviation**2).mean() / image.var())
+        result = solve(coefficients_of(operator, image, snr=30, seed=seed))
+        squared += float(((result.image - image) ** 2).mean() / image.var())
+        expected += float((result.sigma**2).mean() / image.var())
     assert 0.6 < np.sqrt(squared / expected) < 1.6
 
 

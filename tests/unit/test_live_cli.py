@@ -43,18 +43,18 @@ def test_the_sender_in_python_is_read_and_its_ranges_are_right(stream, tmp_path,
     out = tmp_path / "rig"
     sinks = ["--to", "-", "--to", str(out / "copy.h5"), "--to", str(out / "copy.stream")]
     assert main(["live", str(stream), *sinks]) == 0
-    told = capsys.readouterr()
-    _, *lines = map(json.loads, told.out.splitlines())
+    reported = capsys.readouterr()
+    _, *lines = map(json.loads, reported.out.splitlines())
     frames = [line for line in lines if "frame" in line]
     assert [line["frame"] for line in frames] == list(range(20))
     assert np.allclose(frames[7]["range_m"], [2, 3, 4, 5], atol=0.02)
     assert lines[-1]["state"]["reconstructed"] == 20
-    assert "frame 19, " in told.err
+    assert "frame 19, " in reported.err
     copy = read_capture(out / "copy.h5")
     image = reconstruct(copy, 16).image
     row, column = np.mgrid[:8, :8]
-    shown = 20 + 5 * column + 120 * ((row >= 2) & (row < 6) & ((column - 1) % 8 < 3))
-    assert np.allclose(image, 1000 * shown, rtol=1e-3)
+    displayed = 20 + 5 * column + 120 * ((row >= 2) & (row < 6) & ((column - 1) % 8 < 3))
+    assert np.allclose(image, 1000 * displayed, rtol=1e-3)
     assert main(["live", str(out / "copy.stream"), "--frames", "3", "--quiet"]) == 0
     assert capsys.readouterr().err == ""
 
@@ -88,9 +88,9 @@ def test_frames_of_a_replay_are_on_time(capture):
     began_s, sent = clock.now_s, []
     outlet = SimpleNamespace(send=lambda content: sent.append((clock.now_s, content)))
     replay.send(film(capture, 30), outlet, 0.1, clock=clock, wait=clock.wait)
-    found = Parser().feed(b"".join(content for _, content in sent))
-    assert [each.kind for each in found].count(1) == 3  # once a second
-    frames = [(at_s, each) for (at_s, _), each in zip(sent, found, strict=True) if each.kind == 2]
+    result = Parser().feed(b"".join(content for _, content in sent))
+    assert [each.kind for each in result].count(1) == 3  # once a second
+    frames = [(at_s, each) for (at_s, _), each in zip(sent, result, strict=True) if each.kind == 2]
     for number, (at_s, each) in enumerate(frames):
         assert at_s - began_s == pytest.approx(0.1 * number)
         assert each.number == number
@@ -123,11 +123,11 @@ def test_results_come_over_tcp_from_a_sender_over_tcp(path, monkeypatch, capsys)
     pilot = source_at(f"tcp-listen://127.0.0.1:{ports[1]}")
     pilot.check()
     source = f"tcp-listen://127.0.0.1:{ports[0]}"
-    told = []
+    reported = []
 
     def fly():
         status = main(["live", source, "--to", f"tcp://127.0.0.1:{ports[1]}", "--quiet"])
-        told.append(status)
+        reported.append(status)
 
     flying = threading.Thread(target=fly)
     flying.start()
@@ -135,20 +135,20 @@ def test_results_come_over_tcp_from_a_sender_over_tcp(path, monkeypatch, capsys)
         target=main, args=(["replay", str(path), "--to", f"tcp://127.0.0.1:{ports[0]}"],)
     )
     sending.start()
-    parser, found = Parser(), []
+    parser, result = Parser(), []
     while True:
         try:
             pilot.open()
             break
         except TimeoutError:
             assert flying.is_alive()
-    while not any(each.kind == 3 for each in found):
-        found += parser.feed(pilot.receive(60.0))
+    while not any(each.kind == 3 for each in result):
+        result += parser.feed(pilot.receive(60.0))
     pilot.close()
     for thread in (sending, flying):
         thread.join(60)
-    assert told == [0]
-    assert {each.kind for each in found} == {3, 4, 5}
+    assert reported == [0]
+    assert {each.kind for each in result} == {3, 4, 5}
     assert parser.discarded_bytes == 0
 
 
@@ -216,7 +216,7 @@ def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch
     from reconstruction.cli import live
 
     class Interrupted(live.Loop):
-        def run(self, most=None):
+        def run(self, maximum=None):
             super().run(2)
             raise KeyboardInterrupt
 
@@ -250,8 +250,8 @@ def test_a_sink_that_failed_at_times_is_an_error_too(path, tmp_path, monkeypatch
     copy = tmp_path / "copy.h5"
     sinks = ["--to", str(tmp_path / "a.jsonl"), "--to", str(copy)]
     assert main(["live", str(path), *sinks, "--quiet"]) == 2
-    told = capsys.readouterr().err
-    assert "a.jsonl: ValueError: Out of range float values; lost 1" in told
+    messages = capsys.readouterr().err
+    assert "a.jsonl: ValueError: Out of range float values; lost 1" in messages
     assert read_capture(copy).frames == 4
 
 
@@ -291,5 +291,5 @@ def test_results_that_nobody_took_are_told(path, capsys):
     port = probe.port
     probe.close()
     assert main(["live", str(path), "--to", f"tcp://127.0.0.1:{port}", "--quiet"]) == 0
-    told = capsys.readouterr().err
-    assert told == f"warning: tcp://127.0.0.1:{port}: Connection refused; lost 4\n"
+    messages = capsys.readouterr().err
+    assert messages == f"warning: tcp://127.0.0.1:{port}: Connection refused; lost 4\n"

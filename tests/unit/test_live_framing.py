@@ -25,16 +25,16 @@ MESSAGES = [
 
 def parsed(content, piece=2**20):
     parser = Parser()
-    found = []
+    result = []
     for at in range(0, len(content), piece):
-        found += parser.feed(content[at : at + piece])
-    return found, parser
+        result += parser.feed(content[at : at + piece])
+    return result, parser
 
 
 @pytest.mark.parametrize("piece", [1, 3, 31, 33, 2**20])
 def test_messages_come_back_whole_from_pieces_of_any_size(piece):
-    found, parser = parsed(b"".join(map(pack, MESSAGES)), piece)
-    assert found == MESSAGES
+    result, parser = parsed(b"".join(map(pack, MESSAGES)), piece)
+    assert result == MESSAGES
     assert parser.discarded_bytes == 0
 
 
@@ -50,8 +50,8 @@ def test_the_bytes_are_as_the_page_says():
 def test_garbage_between_messages_is_thrown_away_and_counted(garbage):
     content = garbage + garbage.join(map(pack, MESSAGES)) + garbage
     for piece in (1, 7, 2**20):
-        found, parser = parsed(content, piece)
-        assert found == MESSAGES
+        result, parser = parsed(content, piece)
+        assert result == MESSAGES
         parser.reset()
         assert parser.discarded_bytes == len(garbage) * (len(MESSAGES) + 1)
 
@@ -59,25 +59,25 @@ def test_garbage_between_messages_is_thrown_away_and_counted(garbage):
 def test_every_flipped_bit_is_found_and_the_next_message_is_whole():
     whole = pack(MESSAGES[1])
     for bit in range(8 * len(whole)):
-        spoilt = bytearray(whole)
-        spoilt[bit // 8] ^= 1 << bit % 8
-        found, parser = parsed(bytes(spoilt) + pack(MESSAGES[0]))
-        assert found[-1] == MESSAGES[0]
-        assert all(each.payload is None for each in found[:-1])
+        outliers = bytearray(whole)
+        outliers[bit // 8] ^= 1 << bit % 8
+        result, parser = parsed(bytes(outliers) + pack(MESSAGES[0]))
+        assert result[-1] == MESSAGES[0]
+        assert all(each.payload is None for each in result[:-1])
         assert parser.discarded_bytes == len(whole)
 
 
 def test_of_a_damaged_payload_the_number_is_told():
-    spoilt = bytearray(pack(MESSAGES[1]))
-    spoilt[HEADER.size] ^= 1
-    found, _ = parsed(bytes(spoilt))
-    assert found == [MESSAGES[1]._replace(payload=None)]
+    outliers = bytearray(pack(MESSAGES[1]))
+    outliers[HEADER.size] ^= 1
+    result, _ = parsed(bytes(outliers))
+    assert result == [MESSAGES[1]._replace(payload=None)]
 
 
 def test_a_message_that_lacks_bytes_does_not_take_the_next_one_with_it():
     short = pack(Message(Kind.FRAME, b"x" * 200))
-    found, _ = parsed(short[:100] + short[150:] + pack(MESSAGES[0]) * 3)
-    assert found[-3:] == [MESSAGES[0]] * 3
+    result, _ = parsed(short[:100] + short[150:] + pack(MESSAGES[0]) * 3)
+    assert result[-3:] == [MESSAGES[0]] * 3
 
 
 def announced(length):
@@ -88,15 +88,15 @@ def announced(length):
 def test_a_header_of_16_mib_keeps_nothing_from_whoever_is_behind_it():
     """32 bytes, and nobody would hear of 16 MiB of frames."""
     for piece in (7, 1200, 2**20):
-        found, parser = parsed(announced(MAX_PAYLOAD_BYTES) + b"".join(map(pack, MESSAGES)), piece)
-        assert found == MESSAGES
+        result, parser = parsed(announced(MAX_PAYLOAD_BYTES) + b"".join(map(pack, MESSAGES)), piece)
+        assert result == MESSAGES
         assert (parser.given_up, parser.discarded_bytes) == (1, HEADER.size)
         assert not parser.waits
 
 
 def test_headers_within_what_others_announce_are_followed_so_far():
-    found, parser = parsed(announced(10_000) * 3 + b"x" * 500 + pack(MESSAGES[1]), 33)
-    assert found == [MESSAGES[1]]
+    result, parser = parsed(announced(10_000) * 3 + b"x" * 500 + pack(MESSAGES[1]), 33)
+    assert result == [MESSAGES[1]]
     assert parser.given_up == 3
 
 
@@ -132,14 +132,14 @@ def test_work_grows_with_the_bytes_however_headers_are_nested(monkeypatch):
 
 
 def test_another_version_is_told_once_for_each_message():
-    found, _ = parsed(pack(MESSAGES[0]._replace(version=2)) + pack(MESSAGES[3]))
-    assert [(each.version, each.payload) for each in found] == [(2, None), (1, b"")]
+    result, _ = parsed(pack(MESSAGES[0]._replace(version=2)) + pack(MESSAGES[3]))
+    assert [(each.version, each.payload) for each in result] == [(2, None), (1, b"")]
 
 
 def test_lengths_and_kinds_that_cannot_be_are_no_header():
     for length, kind in ((MAX_PAYLOAD_BYTES + 1, 1), (2**32 - 1, 2), (0, 0), (0, 99)):
-        found, _ = parsed(header(Message(kind), length) + pack(MESSAGES[3]))
-        assert found == [MESSAGES[3]]
+        result, _ = parsed(header(Message(kind), length) + pack(MESSAGES[3]))
+        assert result == [MESSAGES[3]]
     with pytest.raises(InputError, match="at most"):
         pack(Message(Kind.FRAME, b"\0" * (MAX_PAYLOAD_BYTES + 1)))
 

@@ -132,15 +132,15 @@ def test_udp_carries_messages_in_pieces(capture):
     content = messages(film(capture, 2))
     assert len(content[0]) > 2 * DATAGRAM_BYTES
     parser = Parser()
-    found = []
+    result = []
     for each in content:
         outlet.send(each)
         got = 0
         while got < len(each):
             piece = source.receive(SAFETY_S)
             got += len(piece)
-            found += parser.feed(piece)
-    assert [each.kind for each in found] == [1, 2, 2, 3]
+            result += parser.feed(piece)
+    assert [each.kind for each in result] == [1, 2, 2, 3]
     assert source.sender == f"127.0.0.1:{outlet._socket.getsockname()[1]}"
     source.close()
     outlet.close()
@@ -191,15 +191,15 @@ def test_a_capture_is_a_stream_and_may_grow(capture, tmp_path):
     source = CaptureSource(path, followed=True, wait=Clock().wait)
     source.check()
     source.open()
-    told = b"".join(source.receive(0) for _ in range(3))
+    text = b"".join(source.receive(0) for _ in range(3))
     assert source.receive(0) == b""
     write(5)
-    told += b"".join(source.receive(0) for _ in range(3))
+    text += b"".join(source.receive(0) for _ in range(3))
     assert source.receive(0) == b""
-    found = Parser().feed(told)
-    assert [(each.kind, each.number) for each in found] == [(1, 0), *((2, n) for n in range(5))]
+    result = Parser().feed(text)
+    assert [(each.kind, each.number) for each in result] == [(1, 0), *((2, n) for n in range(5))]
     sent = [each for each in Parser().feed(b"".join(messages(long))) if each.kind == 2]
-    assert [each.payload for each in found[1:]] == [each.payload for each in sent]
+    assert [each.payload for each in result[1:]] == [each.payload for each in sent]
     write(1)
     with pytest.raises(InputError, match="has become shorter"):
         source.receive(0)

@@ -26,10 +26,10 @@ def recording(capture):
     return film(capture, 6)
 
 
-def looped(told, *, clock=None, patient=False, waiting=1000, **options):
+def looped(reported, *, clock=None, patient=False, waiting=1000, **options):
     """A loop after a stream has come in, and what it told."""
     clock = clock or Clock()
-    source = Script(*told, clock=clock, patient=patient)
+    source = Script(*reported, clock=clock, patient=patient)
     reception = Reception(source, clock=clock, waiting=waiting)
     results, states = [], []
     loop = Loop(reception, results=[results.append], states=[states.append], clock=clock, **options)
@@ -94,14 +94,14 @@ def test_a_new_setup_is_compiled_and_a_bad_one_is_a_trouble(recording, capture):
     other = replace(capture, plan=plan, buckets=few)
     dark = np.ones(plan.exposures, np.int8)  # shows no complement: the background is not told
     bad = replace(other, plan=replace(plan, polarity=dark))
-    told = messages(recording)[:-1]
+    output = messages(recording)[:-1]
     number = 6
     for each in (bad, other):
         sender = Sender(each.setup, run=1)
         sender.number = number
-        told += [sender.setup(), sender.frame(each.frame(0))]
+        output += [sender.setup(), sender.frame(each.frame(0))]
         number += 1
-    loop, results, _ = looped(told)
+    loop, results, _ = looped(output)
     assert [each.result.frame for each in results] == [0, 1, 2, 3, 4, 5, 7]
     assert loop.state().counts.failed == 1
     same(results[-1].result, Reconstructor(other.setup, image="edge-preserving")(other.frame(0)))
@@ -182,8 +182,8 @@ def test_names_are_checked_before_anything_comes(recording):
 
 def test_the_last_result_ages_and_latency_is_told(recording):
     clock = Clock()
-    told = messages(recording)
-    reception = Reception(Script(*told[:-1], clock=clock), clock=clock, waiting=100)
+    output = messages(recording)
+    reception = Reception(Script(*output[:-1], clock=clock), clock=clock, waiting=100)
     states = []
 
     class Slow(Reconstructor):
@@ -194,7 +194,7 @@ def test_the_last_result_ages_and_latency_is_told(recording):
     loop = Loop(reception, states=[states.append], clock=clock)
     assert np.isnan(loop.state().age_s)
     assert loop.state().trouble == "waiting for script"
-    for _ in told:
+    for _ in output:
         reception.step()
     reconstruct = Slow(recording.setup)
     loop._compile(reception.stream)

@@ -12,21 +12,21 @@ from reconstruction.base.errors import InputError
 from reconstruction.live import Kind, Parser, Pose, command, pack, pose_of
 from reconstruction.live.framing import HEADER, Message
 
-TOLD = Pose((1.5, -2.0, 0.25), (0.0, 0.0, 0.6, 0.8))
+REPORTED = Pose((1.5, -2.0, 0.25), (0.0, 0.0, 0.6, 0.8))
 
 
 def test_a_command_comes_back_as_it_was_told():
     parser = Parser()
-    messages = parser.feed(command(TOLD, 7, 9) + command(None, 8))
+    messages = parser.feed(command(REPORTED, 7, 9) + command(None, 8))
     assert [(each.kind, each.number) for each in messages] == [(Kind.COMMAND, 7), (Kind.COMMAND, 8)]
     assert messages[0].time_ns == 9
-    assert pose_of(messages[0].payload) == TOLD
+    assert pose_of(messages[0].payload) == REPORTED
     assert pose_of(messages[1].payload) is None
     assert parser.discarded_bytes == 0
 
 
 def test_the_bytes_are_as_the_page_says():
-    content = command(TOLD, 7)
+    content = command(REPORTED, 7)
     payload = struct.pack("<7d", 1.5, -2.0, 0.25, 0, 0, 0.6, 0.8)
     assert len(content) == 92
     assert content[:28] == struct.pack("<4sBBHIIQI", b"SPI\x1a", 1, 6, 0, 7, 56, 0, 0)
@@ -58,10 +58,12 @@ def fuzz(inputs):
     """What the parser takes for sound was sent, and what tells a pose tells a finite one."""
     rng = np.random.default_rng(2)
     parser = Parser()
-    sent = {command(TOLD, 1)[HEADER.size : -4], b""}
+    sent = {command(REPORTED, 1)[HEADER.size : -4], b""}
     sound = 0
     for _ in range(inputs):
-        content = bytearray(command(TOLD if rng.random() < 0.8 else None, int(rng.integers(2**32))))
+        content = bytearray(
+            command(REPORTED if rng.random() < 0.8 else None, int(rng.integers(2**32)))
+        )
         for _ in range(rng.integers(0, 3)):
             at = int(rng.integers(len(content)))
             if rng.random() < 0.5:

@@ -8,7 +8,7 @@ import pytest
 
 from reconstruction import InputError, make_plan
 from reconstruction.live import Kind, Message, Reception, Sender, pack
-from reconstruction.live.reception import FIRST_DELAY_S, MOST_DELAY_S
+from reconstruction.live.reception import FIRST_DELAY_S, MAX_DELAY_S
 from streams import Clock, Script, film, messages
 
 
@@ -31,8 +31,8 @@ def received(*acts, clock=None, patient=False, **options):
 
 
 def counted(reception):
-    told = {name: value for name, value in vars(reception.counts).items() if value}
-    return {n: v for n, v in told.items() if n not in ("received", "connections")}
+    reported = {name: value for name, value in vars(reception.counts).items() if value}
+    return {n: v for n, v in reported.items() if n not in ("received", "connections")}
 
 
 def test_frames_come_as_they_were_sent(recording):
@@ -44,17 +44,17 @@ def test_frames_come_as_they_were_sent(recording):
 
 
 def test_a_source_that_dies_within_a_message_is_tried_again(recording):
-    told = messages(recording)
+    output = messages(recording)
     clock = Clock()
     source = Script(
-        *told[:3],
-        told[3][:50],
+        *output[:3],
+        output[3][:50],
         ConnectionResetError(104, "Connection reset by peer"),
-        *told[5:],
+        *output[5:],
         clock=clock,
     )
     reception = Reception(source, clock=clock, wait=clock.wait, waiting=100)
-    while source.acts[0] is not told[5]:
+    while source.acts[0] is not output[5]:
         reception.step()
     assert reception.trouble == "waiting for script: Connection reset by peer"
     source.refusals = 9
@@ -63,7 +63,7 @@ def test_a_source_that_dies_within_a_message_is_tried_again(recording):
         reception.step()
     # 0.1 s, twice as long each time, then every 5 s.
     assert clock.now_s - began_s == pytest.approx(
-        FIRST_DELAY_S * (2**6 - 1) + 3 * MOST_DELAY_S, rel=0.1
+        FIRST_DELAY_S * (2**6 - 1) + 3 * MAX_DELAY_S, rel=0.1
     )
     reception.run()
     assert reception.trouble is None
@@ -83,9 +83,9 @@ def test_another_setup_is_for_the_frames_after_it(recording, capture):
     other = replace(capture, plan=make_plan((16, 16), 128, "random:3"))
     more = Sender(other.setup, run=1)
     more.number = 8
-    told = [*messages(recording)[:-1], more.setup(), more.frame(other.frame(0))]
+    output = [*messages(recording)[:-1], more.setup(), more.frame(other.frame(0))]
     clock = Clock()
-    reception = Reception(Script(*told, clock=clock), clock=clock, waiting=100)
+    reception = Reception(Script(*output, clock=clock), clock=clock, waiting=100)
     reception.run()
     streams = [reception.queue.get(0).stream for _ in range(9)]
     assert len(set(map(id, streams[:8]))) == 1
@@ -93,19 +93,19 @@ def test_another_setup_is_for_the_frames_after_it(recording, capture):
 
 
 def test_who_comes_late_waits_for_the_next_setup(recording):
-    told = messages(recording)
-    reception, numbers = received(*told[1:4], told[0], *told[4:])
+    output = messages(recording)
+    reception, numbers = received(*output[1:4], output[0], *output[4:])
     assert numbers == [3, 4, 5, 6, 7]
     assert counted(reception) == {"strangers": 3}
 
 
 def test_damage_is_counted_as_what_it_is(recording):
-    told = messages(recording)
-    payload, header = bytearray(told[3]), bytearray(told[5])
+    output = messages(recording)
+    payload, header = bytearray(output[3]), bytearray(output[5])
     payload[60] ^= 1
     header[9] ^= 1
-    told[3], told[5] = bytes(payload), bytes(header)
-    reception, numbers = received(*told)
+    output[3], output[5] = bytes(payload), bytes(header)
+    reception, numbers = received(*output)
     assert numbers == [0, 1, 3, 5, 6, 7]
     assert counted(reception) == {
         "corrupted": 1,
@@ -115,27 +115,27 @@ def test_damage_is_counted_as_what_it_is(recording):
 
 
 def test_frames_out_of_turn_are_put_in_turn(recording):
-    told = messages(recording)
-    told[3], told[4] = told[4], told[3]
-    reception, numbers = received(*told)
+    output = messages(recording)
+    output[3], output[4] = output[4], output[3]
+    reception, numbers = received(*output)
     assert numbers == list(range(8))
     assert counted(reception) == {"reordered": 1}
 
 
 def test_a_frame_of_another_length_is_refused(recording):
-    told = messages(recording)
-    sound = told[4]
+    output = messages(recording)
+    sound = output[4]
     fields = np.frombuffer(sound[:28], "<u4")
     short = Message(Kind.FRAME, sound[32:-5], 3, 0, 1, int(fields[6]))
-    told[4] = pack(short)
-    reception, numbers = received(*told)
+    output[4] = pack(short)
+    reception, numbers = received(*output)
     assert numbers == [0, 1, 2, 4, 5, 6, 7]
-    assert counted(reception) == {"refused": 1, "lost": 1, "discarded_bytes": len(told[4])}
+    assert counted(reception) == {"refused": 1, "lost": 1, "discarded_bytes": len(output[4])}
 
 
 def test_too_many_frames_push_out_the_oldest(recording):
-    told = messages(recording)
-    reception, numbers = received(*told, waiting=3)
+    output = messages(recording)
+    reception, numbers = received(*output, waiting=3)
     assert numbers == [5, 6, 7]
     assert counted(reception) == {"dropped": 5}
 
@@ -154,20 +154,20 @@ def test_a_source_that_can_wait_does(recording):
 
 
 def test_recorders_get_what_a_slow_machine_drops(recording):
-    kept = []
-    received(*messages(recording), waiting=1, recorders=[kept.append])
-    assert [each.frame.first for each in kept] == list(range(8))
-    assert pack(kept[3].message) == messages(recording)[4]
+    retained = []
+    received(*messages(recording), waiting=1, recorders=[retained.append])
+    assert [each.frame.first for each in retained] == list(range(8))
+    assert pack(retained[3].message) == messages(recording)[4]
 
 
 def test_the_sender_s_clock_may_jump(recording):
     """By an hour and back: nothing goes by it but what results tell."""
     sender = Sender(recording.setup, run=1)
-    told = [sender.setup()]
+    reported = [sender.setup()]
     stamps = [10**9, 3_601 * 10**9, 2 * 10**9, 0, 2**64 - 1]
-    told += [sender.frame(recording.frame(n), stamp) for n, stamp in enumerate(stamps)]
+    reported += [sender.frame(recording.frame(n), stamp) for n, stamp in enumerate(stamps)]
     clock = Clock()
-    reception = Reception(Script(*told, clock=clock), clock=clock, waiting=100)
+    reception = Reception(Script(*reported, clock=clock), clock=clock, waiting=100)
     reception.run()
     arrivals = [reception.queue.get(0) for _ in stamps]
     assert [each.message.time_ns for each in arrivals] == stamps
@@ -176,9 +176,9 @@ def test_the_sender_s_clock_may_jump(recording):
 
 
 def test_a_frame_that_came_early_is_given_when_nothing_follows(recording):
-    told = messages(recording)
+    output = messages(recording)
     clock = Clock()
-    source = Script(*told[:3], told[4], None, None, None, None, clock=clock)
+    source = Script(*output[:3], output[4], None, None, None, None, clock=clock)
     reception = Reception(source, clock=clock, waiting=100)
     while source.acts:
         reception.step()
@@ -201,9 +201,9 @@ def test_another_language_is_an_error_of_a_file_and_a_trouble_of_a_link(recordin
     reception, numbers = received(pack(first), *messages(recording))
     assert reception.failure is None
     assert numbers == list(range(8))
-    told = messages(recording)
+    output = messages(recording)
     clock = Clock()
-    source = Script(*told[:3], pack(first), *told[3:], clock=clock)
+    source = Script(*output[:3], pack(first), *output[3:], clock=clock)
     reception = Reception(source, clock=clock, waiting=100)
     while len(source.acts) > 7:
         reception.step()

@@ -49,24 +49,24 @@ def stepped(reception, source):
 
 
 def test_a_false_header_costs_no_frame(recording):
-    told = messages(recording)
-    reception, source, _ = receiving_from(told[0], FALSE, *told[1:-1])
+    output = messages(recording)
+    reception, source, _ = receiving_from(output[0], FALSE, *output[1:-1])
     assert stepped(reception, source)[0] == list(range(8))
     assert reception.counts.given_up == 1
     assert reception.counts.discarded_bytes == len(FALSE)
 
 
 def test_lengths_are_compared_with_the_setup_s(recording):
-    told = messages(recording)
-    setup = Message(Kind.FRAME, b"x" * 7, 3, 0, 1, zlib.crc32(told[0][32:-4]))
-    reception, source, _ = receiving_from(told[0], pack(setup), *told[1:-1])
+    output = messages(recording)
+    setup = Message(Kind.FRAME, b"x" * 7, 3, 0, 1, zlib.crc32(output[0][32:-4]))
+    reception, source, _ = receiving_from(output[0], pack(setup), *output[1:-1])
     assert stepped(reception, source)[0] == list(range(8))
     assert reception.counts.refused == 1
 
 
 def test_what_does_not_come_on_is_given_up(recording):
-    told = messages(recording)
-    reception, source, clock = receiving_from(*told[:3], told[3][:40], b"")
+    output = messages(recording)
+    reception, source, clock = receiving_from(*output[:3], output[3][:40], b"")
     while source.acts:
         reception.step()
     assert reception.counts.given_up == 0
@@ -121,8 +121,8 @@ def test_nobody_ends_a_stream_before_it_has_begun(recording):
 
 
 def test_an_end_that_may_be_forged_is_true_if_nothing_follows(recording):
-    told = messages(recording)
-    reception, source, clock = receiving_from(*told[:4], told[-1], *told[4:])
+    output = messages(recording)
+    reception, source, clock = receiving_from(*output[:4], output[-1], *output[4:])
     source.forgeable = True
     assert stepped(reception, source)[0] == list(range(8))
     clock.wait(ENDING_S / 2)
@@ -137,8 +137,8 @@ def test_a_caller_that_says_nothing_gives_way_to_one_that_does(recording):
     clock = Clock()
     listening = TcpListen("tcp-listen://", "127.0.0.1", 0)
     reception = Reception(listening, clock=clock, wait=clock.wait, waiting=100)
-    place = ("127.0.0.1", listening.port)
-    quiet, rig = Tcp("quiet", *place), Tcp("rig", *place)
+    position = ("127.0.0.1", listening.port)
+    quiet, rig = Tcp("quiet", *position), Tcp("rig", *position)
     quiet.open()
     while not reception.counts.connections:
         reception.step()
@@ -158,8 +158,8 @@ def test_a_caller_that_says_nothing_gives_way_to_one_that_does(recording):
 
 
 def test_what_is_waited_for_and_since_when_is_told(recording):
-    told = messages(recording)
-    reception, source, clock = receiving_from(*told[:3])
+    output = messages(recording)
+    reception, source, clock = receiving_from(*output[:3])
     loop = Loop(reception, clock=clock)
     clock.wait(3.0)
     state = loop.state()
@@ -207,7 +207,7 @@ def test_what_nobody_has_foreseen_costs_a_message_alone(recording, monkeypatch):
 
 def test_a_link_that_raises_anything_is_opened_again(recording):
     """As pySerial's does where its port is pulled out."""
-    told = messages(recording)
-    reception, source, _ = receiving_from(*told[:4], TypeError("no port"), *told[4:-1])
+    output = messages(recording)
+    reception, source, _ = receiving_from(*output[:4], TypeError("no port"), *output[4:-1])
     assert stepped(reception, source)[0] == list(range(8))
     assert reception.counts.connections == 2

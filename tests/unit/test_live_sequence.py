@@ -94,14 +94,16 @@ def test_chance_loses_no_count():
     rng = np.random.default_rng(0)
     for _ in range(200):
         sent = np.arange(300)
-        kept = sent[rng.random(300) > 0.1]
-        kept = kept[np.argsort(kept + rng.uniform(0, 4, kept.size))]
-        first = kept[0]
-        given, counted = taken([int(n) for n in kept], window=int(rng.integers(0, 5)))
+        retained = sent[rng.random(300) > 0.1]
+        retained = retained[np.argsort(retained + rng.uniform(0, 4, retained.size))]
+        first = retained[0]
+        given, counted = taken([int(n) for n in retained], window=int(rng.integers(0, 5)))
         assert given == sorted(set(given))
         late = counted.get("late", 0) + counted.get("duplicated", 0)
-        assert len(given) + late == kept.size
-        assert counted.get("lost", 0) == max(kept) + 1 - first - len(given) - counted.get("late", 0)
+        assert len(given) + late == retained.size
+        assert counted.get("lost", 0) == max(retained) + 1 - first - len(given) - counted.get(
+            "late", 0
+        )
 
 
 def test_memory_does_not_grow():

@@ -62,18 +62,18 @@ def entries(capture):
 
 
 def test_numbers_may_be_of_any_type_that_holds_them_and_flags_left_out(capture):
-    told = entries(capture)
-    told["buckets/counts"] = np.zeros((0, capture.plan.exposures), np.uint16)
-    told["spots/taps"] = np.zeros((0, 4, 4), np.uint16)
-    told["patterns/index"] = told["patterns/index"].astype(np.uint8)
+    reported = entries(capture)
+    reported["buckets/counts"] = np.zeros((0, capture.plan.exposures), np.uint16)
+    reported["spots/taps"] = np.zeros((0, 4, 4), np.uint16)
+    reported["patterns/index"] = reported["patterns/index"].astype(np.uint8)
     for name in ("buckets/saturated", "spots/saturated"):
-        del told[name]
-    told["rig/temperature"] = np.zeros((0, 3), np.float32)
-    stream = StreamSetup(repacked(told))
+        del reported[name]
+    reported["rig/temperature"] = np.zeros((0, 3), np.float32)
+    stream = StreamSetup(repacked(reported))
     counts = np.arange(capture.plan.exposures, dtype=np.uint16)
     taps = np.arange(16, dtype=np.uint16)
     by_name = {"buckets/counts": counts, "spots/taps": taps, "rig/temperature": np.zeros(3, "f4")}
-    payload = b"".join(by_name[n].tobytes() for n, v in told.items() if v.shape[:1] == (0,))
+    payload = b"".join(by_name[n].tobytes() for n, v in reported.items() if v.shape[:1] == (0,))
     frame = stream.frames(payload, 5)
     assert frame.buckets.counts.dtype == np.int32
     assert np.array_equal(frame.buckets.counts[0], counts)
@@ -83,10 +83,10 @@ def test_numbers_may_be_of_any_type_that_holds_them_and_flags_left_out(capture):
     assert Reconstructor(stream.setup)(frame).ranges is not None
 
 
-def repacked(told):
+def repacked(reported):
     """The bytes of entries again, some of which may be plain texts and numbers."""
-    kinds = {name: np.asarray(value).dtype.kind for name, value in told.items()}
-    return packed({n: v.item().decode() if kinds[n] == "S" else v for n, v in told.items()})
+    kinds = {name: np.asarray(value).dtype.kind for name, value in reported.items()}
+    return packed({n: v.item().decode() if kinds[n] == "S" else v for n, v in reported.items()})
 
 
 @pytest.mark.parametrize(
@@ -110,10 +110,10 @@ def repacked(told):
     ],
 )
 def test_what_is_wrong_with_a_setup_is_named(capture, change, message):
-    told = entries(capture) | {n: v for n, v in change.items() if v is not None}
-    told = {n: v for n, v in told.items() if n not in change or change[n] is not None}
+    reported = entries(capture) | {n: v for n, v in change.items() if v is not None}
+    reported = {n: v for n, v in reported.items() if n not in change or change[n] is not None}
     with pytest.raises(InputError, match=message):
-        StreamSetup(repacked(told))
+        StreamSetup(repacked(reported))
 
 
 @pytest.mark.parametrize(

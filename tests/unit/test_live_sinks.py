@@ -18,7 +18,7 @@ from reconstruction import (
     reconstruct,
 )
 from reconstruction.live import Kind, Loop, Parser, Reception, drawing, unpacked
-from reconstruction.live.drawing import Incoming, Window, told
+from reconstruction.live.drawing import Incoming, Window, reported
 from reconstruction.live.links import NewFile
 from reconstruction.live.results import STATUSES, text_of
 from reconstruction.live.sinks import records, sink_to
@@ -87,8 +87,8 @@ def test_captures_are_whole_at_any_time_and_of_bounded_length(recording, tmp_pat
     path = tmp_path / "flight.h5"
     sink = CaptureRecord(path)
     clock = Clock()
-    told = messages(recording)
-    reception = Reception(Script(*told, clock=clock), clock=clock, recorders=[sink.frame])
+    output = messages(recording)
+    reception = Reception(Script(*output, clock=clock), clock=clock, recorders=[sink.frame])
     seen = []
     while not reception.over:
         reception.step()
@@ -132,8 +132,8 @@ def test_where_patterns_take_turns_a_gap_begins_another_capture(capture, tmp_pat
     assert (first.frames, second.frames) == (4, 3)
     for number in range(3):
         assert second.setup.digest(number) == dealt.setup.digest(5 + number)
-        shown = reconstruct(second, number).image, reconstruct(dealt, 5 + number).image
-        assert np.array_equal(*shown)
+        displayed = reconstruct(second, number).image, reconstruct(dealt, 5 + number).image
+        assert np.array_equal(*displayed)
 
 
 def test_a_record_of_the_stream_is_the_stream(recording, tmp_path):
@@ -176,12 +176,12 @@ def test_the_latest_result_is_replaced_once_a_second(recording, tmp_path):
     loop = Loop(reception, results=[results.append], states=[sink.state], clock=clock)
     reception.run()
     loop.run()
-    shown = []
+    displayed = []
     for outcome in results:
         sink.result(outcome)
-        shown.append(read_result(tmp_path / "now" / "result.h5").frame)
+        displayed.append(read_result(tmp_path / "now" / "result.h5").frame)
         clock.wait(EVERY_S / 2 + 1e-6)
-    assert shown == [0, 0, 2, 2, 4, 4]
+    assert displayed == [0, 0, 2, 2, 4, 4]
     sink.close()
     assert read_result(tmp_path / "now" / "result.h5").frame == 5
     assert (tmp_path / "now" / "depth.png").is_file()
@@ -200,7 +200,7 @@ def test_results_go_out_in_the_framing(recording):
     assert [each.kind for each in results] == [Kind.RESULT] * 6
     assert (state.kind, end.kind) == (Kind.STATUS, Kind.END)
     expected = Reconstructor(recording.setup, image="edge-preserving")(recording.frame(4))
-    found = unpacked(results[4].payload)
+    result = unpacked(results[4].payload)
     assert (results[4].number, results[4].time_ns) == (4, 4000)
     for name, values in (
         ("image", expected.image),
@@ -208,13 +208,13 @@ def test_results_go_out_in_the_framing(recording):
         ("range_m", expected.ranges.range_m),
         ("range_sigma_m", expected.ranges.sigma_m),
     ):
-        assert found[name].dtype == values.dtype
-        assert np.array_equal(found[name], values, equal_nan=True)
-    assert tuple(STATUSES[n] for n in found["range_status"]) == expected.ranges.status
-    assert text_of(found["image_unit"]) == "electron"
-    told = unpacked(state.payload)
-    assert told["reconstructed"] == 6
-    assert text_of(told["trouble"]) == ""
+        assert result[name].dtype == values.dtype
+        assert np.array_equal(result[name], values, equal_nan=True)
+    assert tuple(STATUSES[n] for n in result["range_status"]) == expected.ranges.status
+    assert text_of(result["image_unit"]) == "electron"
+    reported = unpacked(state.payload)
+    assert reported["reconstructed"] == 6
+    assert text_of(reported["trouble"]) == ""
 
 
 def test_while_nobody_listens_results_are_gone_and_who_comes_gets_new_ones(recording):
@@ -327,10 +327,10 @@ def test_what_the_window_draws(recording, tmp_path):
     figure = Figure(figsize=(10, 5))
     window = Window(figure)
     window.show(incoming)
-    assert told(incoming) == []
+    assert reported(incoming) == []
     incoming.take(outlet.content)
     window.show(incoming)
-    ranges, age, state = told(incoming)
+    ranges, age, state = reported(incoming)
     assert ranges.startswith("ranges  4.200 +- 0.007 m")
     assert "saturated" in ranges
     assert age.startswith("frame 5, ")

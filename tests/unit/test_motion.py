@@ -40,19 +40,19 @@ def test_a_scene_at_rest_is_its_own_future() -> None:
 
 def test_what_does_not_move_is_kept_as_it_is() -> None:
     still, moving = block(), block(velocity_m_s=(0, 1, 0))
-    later = scene_of(still, moving).at(0.5)
-    assert later.objects[0] is still
-    assert later.objects[1] is not moving
-    np.testing.assert_allclose(later.objects[1].mesh.center_mass, [3, 0.5, 0], atol=1e-9)
+    following = scene_of(still, moving).at(0.5)
+    assert following.objects[0] is still
+    assert following.objects[1] is not moving
+    np.testing.assert_allclose(following.objects[1].mesh.center_mass, [3, 0.5, 0], atol=1e-9)
     np.testing.assert_allclose(moving.mesh.center_mass, [3, 0, 0], atol=1e-9)
 
 
 def test_object_turns_about_the_centre_of_its_bounds_while_it_moves() -> None:
     quarter = np.pi / 2
     thing = block((3, 1, 0), (2, 1, 1), velocity_m_s=(0, 0, 2), angular_velocity_rad_s=(0, 0, 1))
-    later = thing.at(quarter)
-    np.testing.assert_allclose(later.mesh.extents, [1, 2, 1], atol=1e-9)
-    np.testing.assert_allclose(later.mesh.bounds.mean(axis=0), [3, 1, 2 * quarter], atol=1e-9)
+    following = thing.at(quarter)
+    np.testing.assert_allclose(following.mesh.extents, [1, 2, 1], atol=1e-9)
+    np.testing.assert_allclose(following.mesh.bounds.mean(axis=0), [3, 1, 2 * quarter], atol=1e-9)
 
 
 def test_turning_is_right_handed_about_world_axes() -> None:

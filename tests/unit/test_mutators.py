@@ -33,8 +33,8 @@ def area(width: float = 0.5, *, half: bool = True) -> "float | int":
 
 
 def faults(source: bytes = SOURCE) -> list[tuple[int, str]]:
-    found = sorted(mutants("a.py", source), key=lambda each: each.start)
-    return [(each.line, each.change) for each in found]
+    result = sorted(mutants("a.py", source), key=lambda each: each.start)
+    return [(each.line, each.change) for each in result]
 
 
 def test_every_operator_number_and_condition_that_runs_is_changed_once() -> None:
@@ -74,6 +74,6 @@ def test_each_is_python_that_differs() -> None:
     ],
 )
 def test_it_is_known_which_lines_run_it(change, lines, function) -> None:
-    found = next(each for each in mutants("a.py", SOURCE) if each.change == change)
-    assert (found.lines, found.function) == (lines, function)
-    assert found.is_number == change[0].isdigit()
+    result = next(each for each in mutants("a.py", SOURCE) if each.change == change)
+    assert (result.lines, result.function) == (lines, function)
+    assert result.is_number == change[0].isdigit()

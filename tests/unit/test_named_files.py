@@ -78,19 +78,19 @@ def test_what_a_named_file_holds_is_never_told(tmp_path: Path, name: str) -> Non
                  f"solid\nfacet normal {SECRET}\nvertex {SECRET}", f"OFF\n{SECRET} {SECRET} 0\n",
                  f"\x93NUMPY\x01\x00v\x00{{'{SECRET}': 3}}"):  # fmt: skip
         (tmp_path / name).write_text(text, encoding="latin-1")
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as reported:
             READERS[name](tmp_path / name)
-        assert SECRET not in str(told.value)
-        assert "\n" not in str(told.value)
+        assert SECRET not in str(reported.value)
+        assert "\n" not in str(reported.value)
 
 
 @pytest.mark.parametrize("name", ["id_rsa", "notes.txt", "data"])
 def test_files_by_other_names_are_no_scenes(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text(SECRET)
     for load in (load_scene, load_instrument, read_columns, load_mesh, read_picture):
-        with pytest.raises(InputError) as told:
+        with pytest.raises(InputError) as reported:
             load(tmp_path / name)  # type: ignore[operator]
-        assert SECRET not in str(told.value)
+        assert SECRET not in str(reported.value)
 
 
 def test_a_large_text_is_not_read(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from reconstruction.image.factorised import Factorised
 from reconstruction.operators import expose
 from spisim.budget import ranging_noise
 from spisim.instrument import load_instrument
-from spisim.simulation.light.noise_metric import image_gauge, spot_gauge
+from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
 from spisim.simulation.measurement.light import background_electrons
 
 FOUR = [(x, y, 0.0) for x in (-0.05, 0.05) for y in (-0.05, 0.05)]
@@ -50,12 +50,12 @@ def test_noise_energy_is_what_noise_alone_adds_to_the_energy_of_the_mean() -> No
     gram = rows @ np.diag(variance) @ rows.T
     measured = np.array([5.0, -3.0, 1.0])
     field = SimpleNamespace(variance=variance.reshape(1, 3))
-    known = Factorised(measured, noise, rows, gram, rows * variance, field, None)
-    prior = known.contrast * np.diag(variance)
-    gain = prior @ rows.T @ np.linalg.inv(known.contrast * gram + np.diag(noise**2))
-    np.testing.assert_allclose(known.mean.ravel(), gain @ measured)
+    given = Factorised(measured, noise, rows, gram, rows * variance, field, None)
+    prior = given.contrast * np.diag(variance)
+    gain = prior @ rows.T @ np.linalg.inv(given.contrast * gram + np.diag(noise**2))
+    np.testing.assert_allclose(given.mean.ravel(), gain @ measured)
     of_mean = gain @ np.diag(noise**2) @ gain.T
-    assert known.noise_energy == pytest.approx(np.trace(np.diag(1 / variance) @ of_mean))
+    assert given.noise_energy == pytest.approx(np.trace(np.diag(1 / variance) @ of_mean))
 
 
 def test_the_image_gauge_sees_patterns_whose_dark_pixels_leak() -> None:
@@ -71,22 +71,22 @@ def test_the_image_gauge_sees_patterns_whose_dark_pixels_leak() -> None:
     )
     lit = expose(plan, electrons * time_s)
     dark = (electrons * time_s).sum() - lit
-    shown = image_gauge(leaky, 0.0).readings({"image": image.ravel()})[: plan.exposures]
-    np.testing.assert_allclose(shown, lit + level * dark)
+    displayed = image_error_metric(leaky, 0.0).readings({"image": image.ravel()})[: plan.exposures]
+    np.testing.assert_allclose(displayed, lit + level * dark)
 
 
 def test_the_image_gauge_counts_the_dark_current_of_every_detector() -> None:
     """Where there is no other noise, four detectors have twice the noise of one."""
     size = {}
-    for places in (FOUR[:1], FOUR):
+    for positions in (FOUR[:1], FOUR):
         one = changed(
             "paper",
-            detector__positions_m=places,
+            detector__positions_m=positions,
             detector__sensor__dark_current_na=1e6,
         )
-        gauge = image_gauge(one, 0.0)
-        error = gauge.readings({"image": np.full(one.projector.shape, 1e-12).ravel()})
-        size[len(places)] = gauge.size(0 * error, np.ones_like(error))
+        error_metric = image_error_metric(one, 0.0)
+        error = error_metric.readings({"image": np.full(one.projector.shape, 1e-12).ravel()})
+        size[len(positions)] = error_metric.size(0 * error, np.ones_like(error))
     assert size[1] / size[4] == pytest.approx(2, rel=0.01)
 
 
@@ -96,8 +96,8 @@ def test_the_spot_gauge_compares_with_half_the_variance_of_four_taps() -> None:
     paper = load_instrument("paper")
     phase = np.linspace(0, 2 * np.pi, 8, endpoint=False)
     no_light = np.zeros(4)
-    gauge = spot_gauge(paper, no_light, no_light, phase)
-    mean = gauge.readings({"histogram": np.full((4, 8), 1e-9)})
+    error_metric = spot_error_metric(paper, no_light, no_light, phase)
+    mean = error_metric.readings({"histogram": np.full((4, 8), 1e-9)})
     error = np.zeros_like(mean)
     error[1:] = 3.0  # electrons per second of either part
     dark = np.asarray(paper.tof.detector.sensor.dark_rate_hz)
@@ -106,4 +106,4 @@ def test_the_spot_gauge_compares_with_half_the_variance_of_four_taps() -> None:
         {"signal": mean[0], "daylight": no_light, "patterns": no_light, "dark current": dark},
     )
     expected = 3.0 * paper.tof.reading.echo_s / np.sqrt(noise.total_variance / 2)
-    assert gauge.size(mean, error) == pytest.approx(float(np.sqrt(np.mean(expected**2))))
+    assert error_metric.size(mean, error) == pytest.approx(float(np.sqrt(np.mean(expected**2))))

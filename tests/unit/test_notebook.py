@@ -77,7 +77,7 @@ def test_a_few_lines_tell_what_an_object_is(capture: Capture, tmp_path: Path) ->
 
 
 def test_what_is_too_much_to_tell_is_cut() -> None:
-    text = notebook.told("Result", {f"note {n}": "a\nb" * 99 for n in range(20)})
+    text = notebook.reported("Result", {f"note {n}": "a\nb" * 99 for n in range(20)})
     lines = text.splitlines()
     assert len(lines) == 10
     assert lines[-1] == "  and 12 more"
@@ -130,9 +130,9 @@ def test_a_bar_moves_below_the_cell_of_a_notebook(monkeypatch: pytest.MonkeyPatc
         return Handle()
 
     shell = SimpleNamespace(kernel=object())
-    shown = SimpleNamespace(HTML=str, display=display)
+    displayed = SimpleNamespace(HTML=str, display=display)
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
-    monkeypatch.setitem(sys.modules, "IPython.display", shown)
+    monkeypatch.setitem(sys.modules, "IPython.display", displayed)
     with spisim.progress_bar("a <b>") as advance:
         advance(0.25)
     assert drawn[1] == '<progress value="0.250"></progress> a &lt;b&gt; 25%'

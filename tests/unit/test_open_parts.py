@@ -23,7 +23,7 @@ from spisim_worlds.parts.terrain import (
 )
 from spisim_worlds.parts.woods import TREES, in_view, tree_line
 
-OPEN = sorted(name for name, family in FAMILIES.items() if family.least_spots < 4)
+OPEN = sorted(name for name, family in FAMILIES.items() if family.min_spots < 4)
 NEAR = ((-3.0, 20.0), (-8.0, 8.0))
 
 
@@ -50,8 +50,8 @@ def test_heights_are_those_of_the_mesh() -> None:
         first_hits(eye, ray[None], mesh.triangles)[0] for eye, ray in zip(above, down, strict=True)
     ]
     np.testing.assert_allclose(where.height(x, y), 500 - np.array(hits), atol=1e-6)
-    place = where.on(3.0, 2.0, 0.5)
-    assert place == pytest.approx((3.0, 2.0, float(where.height(3.0, 2.0)) - 0.5))
+    position = where.on(3.0, 2.0, 0.5)
+    assert position == pytest.approx((3.0, 2.0, float(where.height(3.0, 2.0)) - 0.5))
 
 
 def test_land_goes_to_the_horizon_and_no_farther_than_light_is_traced() -> None:
@@ -107,9 +107,9 @@ def test_a_road_lies_on_the_land() -> None:
 
 
 def test_what_is_in_view_is_between_two_distances_and_beside_a_heading() -> None:
-    places = in_view(np.random.default_rng(6), land(), 200, 4.0, 40.0, 10.0, 30.0)
-    distance = np.hypot(places[:, 0], places[:, 1])
-    angle = np.degrees(np.arctan2(places[:, 1], places[:, 0]))
+    positions = in_view(np.random.default_rng(6), land(), 200, 4.0, 40.0, 10.0, 30.0)
+    distance = np.hypot(positions[:, 0], positions[:, 1])
+    angle = np.degrees(np.arctan2(positions[:, 1], positions[:, 0]))
     assert ((distance >= 4) & (distance <= 40)).all()
     assert ((angle >= 20) & (angle <= 40)).all()
 
@@ -127,11 +127,11 @@ def test_copies_are_turned_scaled_and_put_where_told() -> None:
 @pytest.mark.parametrize("sections", [4, 6, 64])
 def test_bars_are_closed_prisms_between_their_ends(sections: int) -> None:
     segments = [[(0, 0, 0), (0, 0, 3)], [(1, 1, 1), (4, 5, 1)]]
-    found = bars(segments, 0.1, sections)
+    result = bars(segments, 0.1, sections)
     across = 0.5 * sections * np.sin(2 * np.pi / sections) * 0.01
-    assert fault(found) is None
-    assert found.is_watertight
-    assert found.volume == pytest.approx((3 + 5) * across)
+    assert fault(result) is None
+    assert result.is_watertight
+    assert result.volume == pytest.approx((3 + 5) * across)
 
 
 def test_a_boom_reaches_from_end_to_end() -> None:
@@ -199,7 +199,7 @@ def test_steps_are_closed_and_the_drone_is_above_them(seed: int) -> None:
         assert 0.8 < below < 2.2
 
 
-def share_of_sky(scene: Scene) -> float:
+def fraction_of_sky(scene: Scene) -> float:
     angles = np.tan(np.radians(np.linspace(-9.5, 9.5, 12)))
     x, y = np.meshgrid(angles, angles)
     rays = np.stack([x.ravel(), y.ravel(), np.ones(x.size)], axis=1) @ scene.drone_pose[:3, :3].T
@@ -210,9 +210,9 @@ def share_of_sky(scene: Scene) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize("family", ["bridge", "facade", "field", "forest-edge", "valley-line"])
 def test_open_families_show_sky_in_some_views_and_none_in_others(family: str) -> None:
-    shares = [share_of_sky(draw_scene(family, seed)) for seed in range(10)]
-    assert max(shares) > 0.1
-    assert min(shares) < 0.05
+    fractions = [fraction_of_sky(draw_scene(family, seed)) for seed in range(10)]
+    assert max(fractions) > 0.1
+    assert min(fractions) < 0.05
 
 
 def test_the_open_families_are_those_whose_spots_may_meet_nothing() -> None:

@@ -41,12 +41,12 @@ BACKGROUND = 11.0
 def dense(kind, shape=SHAPE, patterns=20):
     """A basis of random patterns, black and white or grey, the first of them all on if told."""
     rng = np.random.default_rng(0)
-    shown = rng.random((patterns, *shape))
+    displayed = rng.random((patterns, *shape))
     if kind != "grey":
-        shown = np.round(shown)
+        displayed = np.round(displayed)
     if kind == "all-on":
-        shown[0] = 1
-    return Dense(shown)
+        displayed[0] = 1
+    return Dense(displayed)
 
 
 DENSE = ("binary", "grey", "all-on")
@@ -116,9 +116,9 @@ def test_only_the_level_sees_a_constant_image(plan):
 def test_decoded_readings_are_the_forward_of_the_image_free_of_background(plan):
     decoder = decoder_for(plan)
     image = images(plan)
-    found = decoder.decode(recorded(plan, image))
-    assert found.shape == (3, decoder.operator.shape[0])
-    np.testing.assert_allclose(found, decoder.operator.forward(image), atol=1e-9)
+    result = decoder.decode(recorded(plan, image))
+    assert result.shape == (3, decoder.operator.shape[0])
+    np.testing.assert_allclose(result, decoder.operator.forward(image), atol=1e-9)
     one = decoder.decode(recorded(plan, image[0]) * (1 + 2j))
     np.testing.assert_allclose(one, (1 + 2j) * decoder.operator.forward(image[0]), atol=1e-9)
 
@@ -148,9 +148,9 @@ def test_variance_of_coefficients_is_the_scatter_of_20000_readings(plan):
 def test_least_energy_fits_and_adds_nothing_that_was_not_measured(plan):
     operator = decoder_for(plan).operator
     coefficients = operator.forward(images(plan))
-    found = operator.least_energy(coefficients)
-    np.testing.assert_allclose(operator.forward(found), coefficients, atol=1e-9)
-    np.testing.assert_allclose(operator.least_energy(operator.forward(found)), found, atol=1e-9)
+    result = operator.min_norm(coefficients)
+    np.testing.assert_allclose(operator.forward(result), coefficients, atol=1e-9)
+    np.testing.assert_allclose(operator.min_norm(operator.forward(result)), result, atol=1e-9)
 
 
 def test_scipy_takes_it_for_a_linear_operator(plan):
@@ -169,7 +169,7 @@ def test_scipy_takes_it_for_a_linear_operator(plan):
     np.testing.assert_allclose(linear @ several, each, atol=1e-12)
     np.testing.assert_allclose((linear.H @ linear) @ x, linear.H @ forward, atol=1e-9)
     solved = lsqr(operator, forward, atol=1e-12, btol=1e-12)[0]
-    expected = operator.least_energy(forward)
+    expected = operator.min_norm(forward)
     np.testing.assert_allclose(solved.reshape(plan.shape), expected, atol=1e-6)
 
 
@@ -182,8 +182,8 @@ def test_sparse_rows_are_a_matrix(values):
     sparse = SparseRows(rows, columns, dense[rows, columns], dense.shape)
     np.testing.assert_allclose(sparse @ values, dense @ values)
     np.testing.assert_allclose(sparse**2 @ values, dense**2 @ values)
-    kept = rng.random(9) < 0.5
-    np.testing.assert_allclose(sparse.only(kept) @ values, dense[kept] @ values)
+    retained = rng.random(9) < 0.5
+    np.testing.assert_allclose(sparse.only(retained) @ values, dense[retained] @ values)
     assert (sparse.only(np.zeros(9, dtype=bool)) @ values).shape == (0, *values.shape[1:])
 
 
@@ -224,12 +224,12 @@ def test_hadamard_is_free_of_matrices_and_anything_else_a_matrix():
 def test_hadamard_patterns_given_as_numbers_say_the_same_of_an_image(polarity):
     """The image of least energy is the same, whichever way the patterns are told."""
     plan = make_plan(SHAPE, 13, polarity=polarity)
-    shown = Dense([(1 + plan.patterns.row(k)) / 2 for k in range(32)])
-    told = replace(plan, patterns=shown)
+    displayed = Dense([(1 + plan.patterns.row(k)) / 2 for k in range(32)])
+    reported = replace(plan, patterns=displayed)
     image = images(plan, 1)[0]
-    decoders = [decoder_for(plan), decoder_for(told)]
+    decoders = [decoder_for(plan), decoder_for(reported)]
     readings = recorded(plan, image)
-    fast, slow = (one.operator.least_energy(one.decode(readings)) for one in decoders)
+    fast, slow = (one.operator.min_norm(one.decode(readings)) for one in decoders)
     np.testing.assert_allclose(slow, fast, atol=1e-6)
 
 
@@ -240,15 +240,15 @@ def test_hadamard_patterns_given_as_numbers_say_the_same_of_an_image(polarity):
 @pytest.mark.parametrize("kind", DENSE)
 def test_dense_patterns_are_shown_as_they_are_told(kind, polarity):
     plan = PLANS[f"{kind} {polarity}"]
-    shown = np.stack([illumination(plan, k) for k in range(plan.exposures)])
-    told = plan.patterns.patterns[plan.index]
+    displayed = np.stack([illumination(plan, k) for k in range(plan.exposures)])
+    reported = plan.patterns.patterns[plan.index]
     sign = plan.polarity[:, None, None]
-    expected = np.where(sign == 0, 2 * told - 1, np.where(sign > 0, told, 1 - told))
-    np.testing.assert_allclose(shown, expected, atol=1e-6)
+    expected = np.where(sign == 0, 2 * reported - 1, np.where(sign > 0, reported, 1 - reported))
+    np.testing.assert_allclose(displayed, expected, atol=1e-6)
     image = images(plan)
-    light = np.einsum("khw,fhw->fk", shown, image)
+    light = np.einsum("khw,fhw->fk", displayed, image)
     np.testing.assert_allclose(expose(plan, image), light, atol=1e-5)
-    np.testing.assert_allclose(mean_illumination(plan), shown.mean(axis=0), atol=1e-6)
+    np.testing.assert_allclose(mean_illumination(plan), displayed.mean(axis=0), atol=1e-6)
 
 
 def test_dark_exposures_are_exactly_dark():
@@ -332,8 +332,8 @@ def test_bases_by_name_are_the_same_from_a_file(name, tmp_path):
     np.testing.assert_array_equal(
         illumination(few.plan, 30), illumination(first_patterns(capture, 40).plan, 30)
     )
-    found = reconstruct(copy, image="zero-filled").image
-    np.testing.assert_allclose(found, 1e4 * image, atol=1)
+    result = reconstruct(copy, image="zero-filled").image
+    np.testing.assert_allclose(result, 1e4 * image, atol=1)
 
 
 def smooth_patterns(patterns):
@@ -377,18 +377,18 @@ def test_patterns_that_suit_images_give_a_good_one(polarity):
     result = reconstruct(capture)
     seen = 1e4 * np.tensordot(np.tensordot(cosines, image, 2), cosines, 1)
     np.testing.assert_allclose(result.images["zero-filled"], seen, atol=1)
-    known = correlation(seen, image)
-    assert known > 0.9
-    assert correlation(result.image, image) > known - 0.001
+    given = correlation(seen, image)
+    assert given > 0.9
+    assert correlation(result.image, image) > given - 0.001
 
 
 def test_fewer_of_the_patterns_in_the_file_still_do():
     capture, _ = capture_with(dense("grey", (SIDE, SIDE), 300), "differential")
     few = first_patterns(capture, 100)
     alone, _ = capture_with(Dense(capture.plan.patterns.patterns[:100]), "differential")
-    found, expected = reconstruct(few), reconstruct(alone)
-    assert (found.patterns, few.plan.exposures) == (100, 200)
-    np.testing.assert_allclose(found.image, expected.image, rtol=1e-4)
+    result, expected = reconstruct(few), reconstruct(alone)
+    assert (result.patterns, few.plan.exposures) == (100, 200)
+    np.testing.assert_allclose(result.image, expected.image, rtol=1e-4)
     with pytest.raises(InputError, match="use natural"):
         first_patterns(capture, 100, "sequency-2d")
 
@@ -410,5 +410,5 @@ def test_what_smooth_patterns_hardly_tell_is_left_out_and_not_blown_up():
         noise_electrons=0.0,
     )
     result = reconstruct(replace(capture, plan=plan, buckets=buckets, truth=None))
-    for name, found in result.images.items():
-        assert correlation(found, image) > 0.6, name  # blown up, it is below 0.1
+    for name, outcome in result.images.items():
+        assert correlation(outcome, image) > 0.6, name  # blown up, it is below 0.1

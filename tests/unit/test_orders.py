@@ -74,9 +74,9 @@ def test_every_order_holds_every_row_once_and_starts_all_on(order, shape):
 )
 def test_what_an_order_goes_by_never_falls(order, counted, shape):
     rows = patterns(shape)[ordered_rows(Hadamard(shape), order)]
-    told = [counted(row) for row in rows]
-    assert (np.diff(told) > -1e-12).all()
-    assert told[0] < told[-1]
+    reported = [counted(row) for row in rows]
+    assert (np.diff(reported) > -1e-12).all()
+    assert reported[0] < reported[-1]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -91,12 +91,12 @@ def test_the_separable_walsh_transform_counts_along_first(shape):
 def test_dyadic_patterns_are_products_of_rademacher_functions(shape):
     rows = patterns(shape)[ordered_rows(Hadamard(shape), "dyadic")].reshape(-1, shape[0] * shape[1])
     size = len(rows)
-    place = np.arange(size)
+    position = np.arange(size)
     for number, row in enumerate(rows):
         expected = np.ones(size)
         for digit in range(size.bit_length() - 1):
             if number >> digit & 1:
-                expected *= 1 - 2 * (place * 2 ** (digit + 1) // size % 2)
+                expected *= 1 - 2 * (position * 2 ** (digit + 1) // size % 2)
         assert np.array_equal(row, expected)
 
 
@@ -164,7 +164,7 @@ def test_fourier_patterns_are_the_discrete_fourier_transform():
         rows = basis.matrix(np.arange(basis.rows))
         assert np.abs(rows).max() <= 1
         assert np.linalg.matrix_rank(rows) == basis.rows
-        found = rows @ image.ravel()
+        result = rows @ image.ravel()
         spectrum = np.fft.fft2(image)
         number = np.arange(basis.rows).reshape(shape)
         conjugate = np.roll(number[::-1, ::-1], 1, axis=(0, 1))
@@ -172,7 +172,7 @@ def test_fourier_patterns_are_the_discrete_fourier_transform():
         for bin_ in np.flatnonzero(number.ravel() <= conjugate.ravel()):
             value = spectrum.flat[bin_]
             expected += [value.real] if bin_ == conjugate.flat[bin_] else [value.real, value.imag]
-        np.testing.assert_allclose(found, expected, atol=1e-12)
+        np.testing.assert_allclose(result, expected, atol=1e-12)
 
 
 def test_fourier_orders_keep_the_four_steps_together():
@@ -188,9 +188,9 @@ def floyd_steinberg(grey):
     for y in range(height):
         for x in range(width):
             old, left[y, x] = left[y, x], 1 if left[y, x] >= 0 else -1
-            for dy, dx, share in ((0, 1, 7), (1, -1, 3), (1, 0, 5), (1, 1, 1)):
+            for dy, dx, fraction in ((0, 1, 7), (1, -1, 3), (1, 0, 5), (1, 1, 1)):
                 if y + dy < height and 0 <= x + dx < width:
-                    left[y + dy, x + dx] += (old - left[y, x]) * share / 16
+                    left[y + dy, x + dx] += (old - left[y, x]) * fraction / 16
     return left
 
 
@@ -200,8 +200,8 @@ def test_dithered_patterns_are_black_and_white_and_their_dots_fine():
     few = ordered_rows(grey)[:9]
     smooth, dots = (basis.matrix(few).reshape(-1, *shape) for basis in (grey, binary))
     assert (dots[0] == 1).all()
-    for cosine, shown in zip(smooth, dots, strict=True):
-        assert np.array_equal(shown, floyd_steinberg(cosine))
+    for cosine, displayed in zip(smooth, dots, strict=True):
+        assert np.array_equal(displayed, floyd_steinberg(cosine))
     power = np.mean(np.abs(np.fft.fft2(dots - smooth)) ** 2, axis=0)
     assert 10 * power[1:5, 1:5].mean() < power[12:17, 12:17].mean()
 

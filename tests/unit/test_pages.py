@@ -10,9 +10,9 @@ from pages import PAGES, ROOT, SHELLS, Block, blocks, check_command, check_yaml,
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 #: At most so much of all that could be run may be printed without being run.
-MOST_NOT_RUN = 0.25
+MAX_NOT_RUN = 0.25
 #: Languages whose blocks are checked or run.
-KNOWN = {*SHELLS, "python", "yaml", "toml", "cpp", "c", "matlab", "text", "json"}
+AVAILABLE = {*SHELLS, "python", "yaml", "toml", "cpp", "c", "matlab", "text", "json"}
 
 
 def of(*languages: str) -> list[Block]:
@@ -38,7 +38,7 @@ def test_every_file_is_what_it_stands_for(block):
 
 
 def test_blocks_tell_their_language():
-    strange = [str(block) for block in BLOCKS if block.language not in KNOWN]
+    strange = [str(block) for block in BLOCKS if block.language not in AVAILABLE]
     assert not strange, "a fence names its language; what is no code is text"
 
 
@@ -55,8 +55,8 @@ def test_most_of_what_is_printed_is_run(record_property):
     runnable = of(*SHELLS, "python")
     left = [block for block in runnable if block.not_run]
     record_property("not run", f"{len(left)} of {len(runnable)} blocks")
-    told = "\n".join(f"{block}: {block.not_run}" for block in left)
-    assert len(left) <= MOST_NOT_RUN * len(runnable), told
+    text = "\n".join(f"{block}: {block.not_run}" for block in left)
+    assert len(left) <= MAX_NOT_RUN * len(runnable), text
 
 
 def test_files_of_one_name_are_of_one_kind():

@@ -9,15 +9,15 @@ import pytest
 
 from commands import spisim
 from spisim.budget.paper import table2
-from spisim.budget.paper.fig2 import figure_2, fit_total_count, total_count_reach
-from spisim.budget.paper.fig3 import figure_3, reaches
+from spisim.budget.paper.fig2 import figure_2, fit_total_count, total_count_max_range
+from spisim.budget.paper.fig3 import figure_3, max_ranges
 from spisim.budget.paper.table2 import PAPER, measure, table_2
 
 
 def test_figure_2_by_total_count() -> None:
-    share = fit_total_count()
-    assert share == pytest.approx((0.03056, 0.0224), rel=2e-3)
-    assert total_count_reach(*share) == pytest.approx([2.77, 5.08, 7.96], rel=2e-3)
+    fraction = fit_total_count()
+    assert fraction == pytest.approx((0.03056, 0.0224), rel=2e-3)
+    assert total_count_max_range(*fraction) == pytest.approx([2.77, 5.08, 7.96], rel=2e-3)
 
 
 def test_checks_of_figure_2_hold() -> None:
@@ -28,7 +28,7 @@ def test_checks_of_figure_2_hold() -> None:
 
 def test_figure_3_without_an_amplifier() -> None:
     """Eq. (3) as printed, from 100 klx on the darkest to 15 klx on the brightest target."""
-    thousand, ten_thousand = reaches("PIN", 0.0)
+    thousand, ten_thousand = max_ranges("PIN", 0.0)
     outdoors = [thousand[3, 0], thousand[2, 2], ten_thousand[3, 0], ten_thousand[2, 2]]
     assert outdoors == pytest.approx([3.4, 5.7, 6.2, 10.4], rel=0.05)
     indoors = [thousand[1, 0], thousand[0, 2], ten_thousand[1, 0], ten_thousand[0, 2]]
@@ -36,11 +36,11 @@ def test_figure_3_without_an_amplifier() -> None:
 
 
 def test_figure_3_with_an_amplifier() -> None:
-    thousand, ten_thousand = reaches("PIN", 2e-12)
+    thousand, ten_thousand = max_ranges("PIN", 2e-12)
     assert ten_thousand[:, 0] == pytest.approx(0.81, rel=0.01)
     assert ten_thousand[:, 2] == pytest.approx(1.62, rel=0.01)
     assert thousand[:, [0, 2]] == pytest.approx(np.full((4, 2), [0.46, 0.91]), rel=0.01)
-    thousand, ten_thousand = reaches("APD", 2e-12)
+    thousand, ten_thousand = max_ranges("APD", 2e-12)
     assert [ten_thousand[3, 0], ten_thousand[2, 2]] == pytest.approx([2.5, 4.8], rel=0.02)
     assert [thousand[3, 0], thousand[2, 2]] == pytest.approx([1.35, 2.6], rel=0.02)
 

@@ -12,7 +12,7 @@ from spisim.transport.path_bins import BIN_WIDTH_M, LONGEST_PATH_M, NEAR_PATH_M,
 # isort: split
 import mitsuba as mi
 
-NOTHING = np.full(4, np.nan)
+NO_RETURN = np.full(4, np.nan)
 
 
 def histogram(bins: PathLengthBins, lengths_m: list[float]) -> np.ndarray:
@@ -26,7 +26,7 @@ def histogram(bins: PathLengthBins, lengths_m: list[float]) -> np.ndarray:
     return tallies.read(1.0).values["histogram"][0, 0]
 
 
-@pytest.mark.parametrize("ranges_m", [NOTHING, np.array([3.0, np.nan, 34.0, 9.0])])
+@pytest.mark.parametrize("ranges_m", [NO_RETURN, np.array([3.0, np.nan, 34.0, 9.0])])
 def test_of_what_is_near_they_are_even(ranges_m: np.ndarray) -> None:
     bins = spot_bins(ranges_m, 10.0)
     np.testing.assert_allclose(bins.centres_m, np.arange(4001) * BIN_WIDTH_M)
@@ -45,7 +45,7 @@ def test_of_what_is_far_they_are_fine_around_it_and_few(range_m: float) -> None:
 
 
 def test_they_reach_as_far_as_the_instrument_tells_apart_and_no_farther_than_light_does() -> None:
-    assert spot_bins(NOTHING, 500.0).centres_m[-1] >= 1000
+    assert spot_bins(NO_RETURN, 500.0).centres_m[-1] >= 1000
     beyond = spot_bins(np.array([1e5, np.nan, np.nan, np.nan]), np.inf).centres_m
     assert beyond[-1] == pytest.approx(LONGEST_PATH_M, rel=0.01)
     assert beyond.size < 6000

@@ -68,9 +68,9 @@ def test_differential_alternates_the_polarity_of_each_index():
 def test_expose_sums_the_illuminated_image(polarity):
     plan = make_plan((4, 8), 9, polarity=polarity)
     image = np.random.default_rng(1).random((2, 4, 8))
-    shown = np.stack([illumination(plan, k) for k in range(plan.exposures)])
-    assert np.allclose(expose(plan, image), np.einsum("khw,fhw->fk", shown, image))
-    assert shown.min() >= (-1 if polarity == "signed" else 0)
+    displayed = np.stack([illumination(plan, k) for k in range(plan.exposures)])
+    assert np.allclose(expose(plan, image), np.einsum("khw,fhw->fk", displayed, image))
+    assert displayed.min() >= (-1 if polarity == "signed" else 0)
 
 
 def test_expose_refuses_an_image_of_another_shape():
@@ -96,9 +96,9 @@ def test_a_plan_that_mixes_everything_decodes():
     plan = PatternPlan((2, 4), index, polarity)
     image = np.random.default_rng(3).random((2, 4))
     readings = expose(plan, image) + np.where(polarity == 0, 0, 11.0)
-    found, coefficients = signed_coefficients(plan, readings)
-    assert found.tolist() == [0, 3, 5, 6]
-    assert np.allclose(coefficients, fwht(image.ravel())[found])
+    result, coefficients = signed_coefficients(plan, readings)
+    assert result.tolist() == [0, 3, 5, 6]
+    assert np.allclose(coefficients, fwht(image.ravel())[result])
 
 
 def test_decoding_needs_the_dark_and_the_all_on_exposure():
@@ -148,5 +148,5 @@ def test_nearest_names_the_likely_and_the_allowed():
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
 def test_mean_illumination_is_the_mean_of_the_displayed_patterns(polarity):
     plan = make_plan((8, 4), 9, polarity=polarity)
-    shown = [illumination(plan, k) for k in range(plan.exposures)]
-    np.testing.assert_allclose(mean_illumination(plan), np.mean(shown, axis=0), atol=1e-12)
+    displayed = [illumination(plan, k) for k in range(plan.exposures)]
+    np.testing.assert_allclose(mean_illumination(plan), np.mean(displayed, axis=0), atol=1e-12)

@@ -93,11 +93,11 @@ def narrow(cos: np.ndarray) -> np.ndarray:
 
 def test_a_grid_too_coarse_is_told_with_what_it_would_give() -> None:
     values = narrow(np.linspace(-1, 1, 101))
-    found = Tabulated(values).g
-    assert abs(found - 0.98) > 0.002
+    result = Tabulated(values).g
+    assert abs(result - 0.98) > 0.002
     with pytest.raises(InputError) as caught:
         Tabulated(values, declared_g=0.98, name="advection")
-    for part in ("'advection'", "101 nodes", f"g = {found:.4f}", "0.98", "too coarse"):
+    for part in ("'advection'", "101 nodes", f"g = {result:.4f}", "0.98", "too coarse"):
         assert part in str(caught.value)
     fine = Tabulated(narrow(np.linspace(-1, 1, 20_001)), declared_g=0.98)
     assert fine.g == pytest.approx(0.98, abs=0.002)

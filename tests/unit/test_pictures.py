@@ -12,9 +12,9 @@ from reconstruction.outputs import pictures
 from reconstruction.outputs.glyphs import HEIGHT, written
 from reconstruction.outputs.pictures import (
     depth_picture,
-    deviation_picture,
     image_picture,
-    nothing_picture,
+    no_return_picture,
+    sigma_picture,
 )
 from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
 
@@ -26,9 +26,9 @@ def opened(content):
 
 def test_a_png_is_read_as_it_was_written():
     colours = np.random.default_rng(0).integers(0, 256, (7, 5, 3), np.uint8)
-    found, told = opened(png(colours, "made by somebody: image"))
-    assert np.array_equal(found, colours)
-    assert told["Software"] == "made by somebody: image"
+    result, reported = opened(png(colours, "made by somebody: image"))
+    assert np.array_equal(result, colours)
+    assert reported["Software"] == "made by somebody: image"
 
 
 @pytest.mark.parametrize(
@@ -49,9 +49,9 @@ def test_numbers_beside_a_scale_are_round_and_at_their_places(low, high):
 def test_colours_go_from_end_to_end_and_no_further():
     grey = Scale(2.0, 4.0, GREY).paint(np.array([1.0, 2.0, 3.0, 4.0, 9.0]))
     assert grey[:, 0].tolist() == [0, 0, 128, 255, 255]
-    shares = np.linspace(0, 1, 300)
-    painted = Scale(0.0, 1.0, VIRIDIS).paint(shares).astype(int)
-    assert np.abs(painted - colormaps["viridis_r"](shares, bytes=True)[:, :3]).max() < 10
+    fractions = np.linspace(0, 1, 300)
+    painted = Scale(0.0, 1.0, VIRIDIS).paint(fractions).astype(int)
+    assert np.abs(painted - colormaps["viridis_r"](fractions, bytes=True)[:, :3]).max() < 10
 
 
 def test_letters_cover_what_they_should():
@@ -65,24 +65,24 @@ def test_letters_cover_what_they_should():
 
 def test_pixels_are_enlarged_as_they_are():
     image = np.add.outer(np.arange(16.0), np.arange(8.0)).astype(np.float32)
-    found, told = opened(image_picture(image, "Image (of a test)", "count"))
-    assert told["Software"] == "made by spisim: image"
+    result, reported = opened(image_picture(image, "Image (of a test)", "count"))
+    assert reported["Software"] == "made by spisim: image"
     factor = pictures.SIDE // 16
     top, left = pictures.MARGIN + HEIGHT + pictures.GAP, pictures.MARGIN
-    centres = found[top + factor // 2 :: factor, left + factor // 2 :: factor][:16, :8]
+    centres = result[top + factor // 2 :: factor, left + factor // 2 :: factor][:16, :8]
     low, high = np.percentile(image, (0.5, 99.5))
     assert np.array_equal(centres, Scale(low, high, GREY).paint(image))
 
 
 def test_nothing_within_reach_looks_unlike_no_depth():
     depth_m = np.array([[np.nan, np.nan], [2.0, 3.0]], np.float32)
-    nothing = np.array([[0.2, 0.8], [0.0, 0.9]], np.float32)
-    found, _ = opened(depth_picture(depth_m, "Depth", None, None, nothing))
+    no_return = np.array([[0.2, 0.8], [0.0, 0.9]], np.float32)
+    result, _ = opened(depth_picture(depth_m, "Depth", None, None, no_return))
     top, left = pictures.MARGIN + HEIGHT + pictures.GAP, pictures.MARGIN
     half = pictures.SIDE // 2
-    centres = found[top + half // 2 :: half, left + half // 2 :: half][:2, :2]
+    centres = result[top + half // 2 :: half, left + half // 2 :: half][:2, :2]
     near, far = Scale(0.0, 1.0, VIRIDIS).paint(np.array([0.0, 1.0])).tolist()
-    expected = [[[pictures.NO_DEPTH] * 3, list(pictures.NOTHING)], [near, far]]
+    expected = [[[pictures.NO_DEPTH] * 3, list(pictures.NO_RETURN)], [near, far]]
     assert centres.tolist() == expected
 
 
@@ -91,20 +91,20 @@ def test_nothing_within_reach_looks_unlike_no_depth():
 def test_every_shape_has_a_picture(shape, value):
     values = np.full(shape, value, np.float32)
     for content in (
-        deviation_picture(values, "Deviation"),
-        nothing_picture(np.nan_to_num(values).clip(0, 1), "Nothing"),
+        sigma_picture(values, "Deviation"),
+        no_return_picture(np.nan_to_num(values).clip(0, 1), "Nothing"),
     ):
         assert opened(content)[0].shape[0] >= pictures.MIN_SIDE
-    found, _ = opened(depth_picture(values, "Depth", None, None))
-    assert found.shape[0] >= pictures.MIN_SIDE
+    result, _ = opened(depth_picture(values, "Depth", None, None))
+    assert result.shape[0] >= pictures.MIN_SIDE
     if np.isnan(value):
-        middle = found[pictures.MARGIN + HEIGHT + pictures.GAP + pictures.MIN_SIDE // 2]
+        middle = result[pictures.MARGIN + HEIGHT + pictures.GAP + pictures.MIN_SIDE // 2]
         assert (middle == pictures.NO_DEPTH).all(axis=-1).any()
 
 
 def test_labels_stay_within_the_picture():
-    for place in ((0, 0), (99, 99), (50, 70)):
+    for position in ((0, 0), (99, 99), (50, 70)):
         picture = np.full((100, 100, 3), 90, np.uint8)
-        pictures.draw_spot(picture, *place, "12.34 m")
+        pictures.draw_spot(picture, *position, "12.34 m")
         assert (picture == 255).sum() > 30
     pictures.draw_spot(np.zeros((2, 3, 3), np.uint8), 1, 1, "ambiguous")

@@ -53,8 +53,8 @@ def test_rain_of_any_kind_is_its_medium(kind):
 
 def test_what_small_drops_would_add_is_told():
     all_of_them = np.pi * 8000 / (2 * (4.1 * 10**-0.21) ** 3) * 1e-6
-    kept = rain(10.0).extinction_per_m
-    assert rain(10.0).left_out == pytest.approx(1 - kept / all_of_them, abs=1e-5)
+    retained = rain(10.0).extinction_per_m
+    assert rain(10.0).left_out == pytest.approx(1 - retained / all_of_them, abs=1e-5)
     assert rain(10.0).left_out == pytest.approx(0.0148, abs=1e-4)
 
 
@@ -77,8 +77,8 @@ def test_diameters_follow_the_distribution():
     edges = np.array([0.2, 0.4, 0.8, 1.6, 8.0])
     ends = np.exp(-falling.slope_per_mm * edges)
     expected = count * (ends[:-1] - ends[1:]) / (ends[0] - ends[-1])
-    found = np.histogram(drawn, edges)[0]
-    assert (((found - expected) ** 2 / expected).sum()) < 16.3  # χ² of 3, 0.1 %
+    result = np.histogram(drawn, edges)[0]
+    assert (((result - expected) ** 2 / expected).sum()) < 16.3  # χ² of 3, 0.1 %
 
 
 def test_the_number_of_drops_is_poisson(paper):
@@ -88,7 +88,7 @@ def test_the_number_of_drops_is_poisson(paper):
         drop_field(falling, scene, paper, 1, np.random.default_rng(seed)) for seed in range(200)
     ]
     mean = falling.number_per_m3 * np.diff(fields[0].box, axis=0).prod()
-    counts = np.array([len(field.places_m) for field in fields])
+    counts = np.array([len(field.starts_m) for field in fields])
     assert abs(counts.mean() - mean) / np.sqrt(mean / 200) < 4
     assert abs(counts.var(ddof=1) / mean - 1) / np.sqrt(2 / 199) < 4
 
@@ -104,9 +104,9 @@ def test_drops_fall_past_a_moving_drone(paper):
     falling = rain(10.0, far_m=1.0, wind_m_s=(0.0, 3.0, 0.0))
     field = drop_field(falling, turning, paper, 1, np.random.default_rng(0))
     time_s = paper.frame_time_s
-    place, diameter = field.places_m[0], field.diameters_mm[0]
+    position, diameter = field.starts_m[0], field.diameters_mm[0]
     # Optical axes of the start: x is the world's -y, y its -z, z its x.
-    apart = place + np.array([-3.0, terminal_speed_m_s(diameter), -5.0]) * time_s
+    apart = position + np.array([-3.0, terminal_speed_m_s(diameter), -5.0]) * time_s
     turn = 0.4 * time_s  # to the left: the scene turns to the right
     x = np.cos(turn) * apart[0] + np.sin(turn) * apart[2]
     z = np.cos(turn) * apart[2] - np.sin(turn) * apart[0]
@@ -121,7 +121,7 @@ def test_the_box_is_full_at_any_time(paper):
     assert (positions >= full.box[0]).all()
     assert (positions <= full.box[1]).all()
     size = np.diff(full.box, axis=0)
-    shift = (full.places_m - field.places_m) / size
+    shift = (full.starts_m - field.starts_m) / size
     np.testing.assert_allclose(shift, np.rint(shift), atol=1e-9)
 
 
@@ -131,8 +131,8 @@ def test_equal_seeds_give_equal_drops(paper):
         drop_field(rain(10.0, far_m=1.0), scene, paper, 1, np.random.default_rng(seed))
         for seed in (3, 3, 4)
     ]
-    np.testing.assert_array_equal(fields[0].places_m, fields[1].places_m)
-    assert not np.array_equal(fields[0].places_m[:9], fields[2].places_m[:9])
+    np.testing.assert_array_equal(fields[0].starts_m, fields[1].starts_m)
+    assert not np.array_equal(fields[0].starts_m[:9], fields[2].starts_m[:9])
 
 
 def test_what_is_scattered_is_the_albedo():
@@ -206,12 +206,12 @@ def test_ice_is_clear_in_the_near_infrared():
 
 
 def test_flakes_tell_of_themselves():
-    told = snow(2.0, flake_density_kg_m3=50.0).summary()
-    assert (told["albedo"], told["kind"]) == (0.5, "snow, 2 mm/h, single drops")
-    assert told["g"] == pytest.approx(0.6, abs=1e-3)
+    reported = snow(2.0, flake_density_kg_m3=50.0).summary()
+    assert (reported["albedo"], reported["kind"]) == (0.5, "snow, 2 mm/h, single drops")
+    assert reported["g"] == pytest.approx(0.6, abs=1e-3)
     # π ρ N0 / Λ⁴ of the drops that they melt into, less those out of bounds
     melted = np.pi * 3800 * 2.0**-0.87 / (2.55 * 2.0**-0.48) ** 4
-    assert told["water_g_per_m3"] == pytest.approx(1e-3 * melted, rel=0.05)
+    assert reported["water_g_per_m3"] == pytest.approx(1e-3 * melted, rel=0.05)
     # which all flakes make, be they heavy or light
     assert snow_medium(2.0).water_g_per_m3 == pytest.approx(1e-3 * melted, rel=1e-9)
 

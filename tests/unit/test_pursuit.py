@@ -33,9 +33,9 @@ def textbook_omp(dictionary, measured, atoms, ridge=0.0):
         normal = part.T @ part + ridge * np.eye(len(chosen))
         values = np.linalg.solve(normal, part.T @ measured)
         residual = measured - part @ values
-    found = np.zeros(dictionary.shape[1], measured.dtype)
-    found[chosen] = values
-    return found
+    result = np.zeros(dictionary.shape[1], measured.dtype)
+    result[chosen] = values
+    return result
 
 
 def measure(image, patterns):
@@ -87,10 +87,10 @@ class TestBatchOmp:
     def test_frames_are_pursued_as_in_the_textbook(self, pursued, dictionary, ridge, turn):
         rng = np.random.default_rng(1)
         measured = rng.standard_normal((6, 40)) + turn * rng.standard_normal((6, 40))
-        found = pursued(dictionary, measured, ridge=ridge, max_atoms=15)
+        result = pursued(dictionary, measured, ridge=ridge, max_atoms=15)
         expected = [textbook_omp(dictionary, each, 15, ridge) for each in measured]
-        assert np.allclose(found, expected, rtol=0, atol=1e-12)
-        assert np.array_equal(found != 0, np.array(expected) != 0)
+        assert np.allclose(result, expected, rtol=0, atol=1e-12)
+        assert np.array_equal(result != 0, np.array(expected) != 0)
 
     def test_a_frame_of_many_is_as_it_is_alone(self, pursuit, dictionary):
         gram = dictionary.T @ dictionary
@@ -98,36 +98,38 @@ class TestBatchOmp:
         limits = {"energy": np.full((2, 3), 40.0), "ridge": 0.1, "tolerance": np.zeros((2, 3))}
         limits["tolerance"][1] = [10, 20, 30]
         together = pursuit(gram, correlation, **limits, max_atoms=20)
-        for place in np.ndindex(2, 3):
-            each = {name: np.broadcast_to(limit, (2, 3))[place] for name, limit in limits.items()}
-            alone = pursuit(gram, correlation[place], **each, max_atoms=20)
-            assert np.allclose(together[place], alone, rtol=0, atol=1e-12)
-            assert np.array_equal(together[place] != 0, alone != 0)
+        for position in np.ndindex(2, 3):
+            each = {
+                name: np.broadcast_to(limit, (2, 3))[position] for name, limit in limits.items()
+            }
+            alone = pursuit(gram, correlation[position], **each, max_atoms=20)
+            assert np.allclose(together[position], alone, rtol=0, atol=1e-12)
+            assert np.array_equal(together[position] != 0, alone != 0)
         assert np.unique((together != 0).sum(axis=-1)).size > 1
 
     def test_the_pursuit_stops_at_the_tolerance_and_no_step_earlier(self, pursued, dictionary):
         measured = np.random.default_rng(3).standard_normal(40)
         for atoms in (1, 7, 8):
-            found = textbook_omp(dictionary, measured, atoms, 0.2)
-            left = np.sum((measured - dictionary @ found) ** 2) + 0.2 * found @ found
+            result = textbook_omp(dictionary, measured, atoms, 0.2)
+            left = np.sum((measured - dictionary @ result) ** 2) + 0.2 * result @ result
             limits = {"ridge": 0.2, "tolerance": left * (1 + 1e-9), "max_atoms": 40}
-            assert np.allclose(pursued(dictionary, measured, **limits), found)
+            assert np.allclose(pursued(dictionary, measured, **limits), result)
 
     def test_a_sparse_signal_is_found_and_the_pursuit_stops_there(self, pursued, dictionary):
         truth = np.zeros(100)
         truth[[7, 42, 63]] = [3.0, -2.0, 1.5]
         measured = dictionary @ truth
         energy = measured @ measured
-        found = pursued(dictionary, measured, tolerance=1e-9 * energy, max_atoms=40)
-        assert np.allclose(found, truth, rtol=0, atol=1e-12)
-        assert np.flatnonzero(found).tolist() == [7, 42, 63]
+        result = pursued(dictionary, measured, tolerance=1e-9 * energy, max_atoms=40)
+        assert np.allclose(result, truth, rtol=0, atol=1e-12)
+        assert np.flatnonzero(result).tolist() == [7, 42, 63]
 
     def test_a_repeated_column_is_taken_once(self, pursued, dictionary):
         doubled = np.hstack([dictionary[:, :5], dictionary[:, :5], np.zeros((40, 1))])
         measured = doubled @ np.arange(11.0)
-        found = pursued(doubled, measured, max_atoms=11)
-        assert sorted(np.flatnonzero(found) % 5) == [0, 1, 2, 3, 4]
-        assert np.allclose(doubled @ found, measured)
+        result = pursued(doubled, measured, max_atoms=11)
+        assert sorted(np.flatnonzero(result) % 5) == [0, 1, 2, 3, 4]
+        assert np.allclose(doubled @ result, measured)
 
     @pytest.mark.parametrize("atoms", [0, 4])
     def test_nothing_measured_or_allowed_takes_no_atom(self, pursued, atoms):
@@ -139,10 +141,10 @@ class TestBatchOmp:
 
 
 def test_deviation_falls_with_spatial_frequency_in_cycles_per_pixel():
-    deviation = DICTIONARIES["dct"].deviation((32, 64))
-    assert deviation[0, 0] == 0
-    assert deviation[0, 4] == pytest.approx(2 * deviation[0, 8])
-    assert deviation[3, 0] == pytest.approx(deviation[0, 6])
+    sigma = DICTIONARIES["dct"].sigma((32, 64))
+    assert sigma[0, 0] == 0
+    assert sigma[0, 4] == pytest.approx(2 * sigma[0, 8])
+    assert sigma[3, 0] == pytest.approx(sigma[0, 6])
 
 
 def test_variance_fit_finds_signal_and_white_part():

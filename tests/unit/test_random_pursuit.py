@@ -20,8 +20,8 @@ def problem(rng, *, readings=20, atoms=30, there=3, ridge=0.01):
     return dictionary, truth, dictionary @ truth + rng.standard_normal(readings)
 
 
-def draws(several, most=10, seed=0):
-    return np.random.default_rng(seed).random((several, most))
+def draws(several, maximum=10, seed=0):
+    return np.random.default_rng(seed).random((several, maximum))
 
 
 def pursue(dictionary, measured, *, ridge=0.01, odds=0.1, of=draws(16)):  # noqa: B008
@@ -33,9 +33,9 @@ class TestDrawn:
     def test_things_are_drawn_by_their_weights(self):
         weights = np.array([0.5, 2.0, 0.0, 1.5])
         with np.errstate(divide="ignore"):
-            found = drawn(np.tile(np.log(weights), (SEVERAL, 1)), draws(SEVERAL)[:, 0])
+            result = drawn(np.tile(np.log(weights), (SEVERAL, 1)), draws(SEVERAL)[:, 0])
         chances = np.append(weights, 1.0) / (weights.sum() + 1)
-        counts = np.array([(found == each).sum() for each in (0, 1, 2, 3, -1)])
+        counts = np.array([(result == each).sum() for each in (0, 1, 2, 3, -1)])
         spread = np.sqrt(SEVERAL * chances * (1 - chances))
         assert (np.abs(counts - SEVERAL * chances) <= 4 * spread).all()
 
@@ -51,9 +51,9 @@ def test_coefficients_are_the_means_given_the_atoms(turn):
     rng = np.random.default_rng(1)
     dictionary, _, measured = problem(rng)
     measured = measured + turn * problem(rng)[2]
-    found = pursue(dictionary, measured, ridge=0.3)
-    assert len({tuple(np.flatnonzero(each)) for each in found}) > 1
-    for each in found:
+    result = pursue(dictionary, measured, ridge=0.3)
+    assert len({tuple(np.flatnonzero(each)) for each in result}) > 1
+    for each in result:
         part = dictionary[:, each != 0]
         normal = part.T @ part + 0.3 * np.eye(part.shape[1])
         np.testing.assert_allclose(each[each != 0], np.linalg.solve(normal, part.T @ measured))
@@ -66,10 +66,12 @@ def test_of_one_atom_the_mean_is_the_posterior_mean(measured, parts):
     exponent = abs(measured) ** 2 / (1 + ridge) - np.log1p(1 / ridge)
     there = odds * np.exp(parts * exponent)
     chance = there / (1 + there)
-    found = pursue(np.eye(1), np.array([measured]), ridge=ridge, odds=odds, of=draws(SEVERAL))[:, 0]
-    assert np.allclose(found[found != 0], measured / (1 + ridge))
+    result = pursue(np.eye(1), np.array([measured]), ridge=ridge, odds=odds, of=draws(SEVERAL))[
+        :, 0
+    ]
+    assert np.allclose(result[result != 0], measured / (1 + ridge))
     spread = np.sqrt(chance * (1 - chance) / SEVERAL)
-    assert abs(np.mean(found != 0) - chance) < 4 * spread
+    assert abs(np.mean(result != 0) - chance) < 4 * spread
 
 
 def test_the_mean_of_many_is_nearer_than_the_greedy_one():
@@ -92,8 +94,8 @@ def test_the_mean_of_many_is_nearer_than_the_greedy_one():
 def test_nothing_but_noise_takes_hardly_an_atom():
     measured = np.random.default_rng(3).standard_normal(20)
     dictionary, _, _ = problem(np.random.default_rng(4))
-    found = pursue(dictionary, measured, ridge=1e-4, odds=1e-3)
-    assert np.mean((found != 0).sum(axis=1)) < 0.5
+    result = pursue(dictionary, measured, ridge=1e-4, odds=1e-3)
+    assert np.mean((result != 0).sum(axis=1)) < 0.5
 
 
 class TestMethod:
@@ -112,10 +114,10 @@ class TestMethod:
         images = []
         for _ in range(2):
             solve, operator = self.solver()
-            found = solve(self.coefficients(operator, natural_image(32, 1), 1.0))
-            images.append((found.image, found.deviation))
+            result = solve(self.coefficients(operator, natural_image(32, 1), 1.0))
+            images.append((result.image, result.sigma))
         np.testing.assert_array_equal(*[image for image, _ in images])
-        np.testing.assert_array_equal(*[deviation for _, deviation in images])
+        np.testing.assert_array_equal(*[sigma for _, sigma in images])
 
     def test_an_image_of_few_atoms_is_better_than_by_least_squares(self):
         solve, operator = self.solver("haar")
@@ -150,7 +152,7 @@ class TestMethod:
 
     def test_all_patterns_are_left_to_least_squares(self):
         operator = decoder_for(make_plan((64, 64), polarity="signed")).operator
-        found, linear = (
+        result, linear = (
             image_method(name).compile(operator) for name in ("random-pursuit", "least-squares")
         )
-        assert found is linear
+        assert result is linear

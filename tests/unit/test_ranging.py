@@ -159,13 +159,13 @@ def test_unknown_noise_is_estimated_from_the_tap_to_spare():
     away, sigmas = [], []
     for _ in range(300):
         noisy = ideal(4) + rms * rng.standard_normal((4, 4))
-        found = measure_ranges(spots(noisy, 4, noise_electrons=np.nan))
-        away.append((found.range_m - RANGES) / found.sigma_m)
-        sigmas.append(found.sigma_m)
-    known = measure_ranges(spots(ideal(4), 4, noise_electrons=rms)).sigma_m
+        result = measure_ranges(spots(noisy, 4, noise_electrons=np.nan))
+        away.append((result.range_m - RANGES) / result.sigma_m)
+        sigmas.append(result.sigma_m)
+    given = measure_ranges(spots(ideal(4), 4, noise_electrons=rms)).sigma_m
     assert np.nanmean(np.abs(away) > 3) < 0.02
     mean = np.sqrt(np.nanmean(np.square(sigmas), axis=0))
-    np.testing.assert_allclose(mean, np.sqrt(2) * known, rtol=0.1)
+    np.testing.assert_allclose(mean, np.sqrt(2) * given, rtol=0.1)
 
 
 def test_unknown_noise_that_nothing_tells_is_refused():

@@ -31,10 +31,10 @@ WINDOWS = {
 
 def binned(path_m, rate, bins):
     """Rates by path length, each shared between the two bins about it."""
-    place = path_m / PATH_STEP_M
-    low = place.astype(int)
-    return np.bincount(low, rate * (1 + low - place), bins) + np.bincount(
-        low + 1, rate * (place - low), bins
+    position = path_m / PATH_STEP_M
+    low = position.astype(int)
+    return np.bincount(low, rate * (1 + low - position), bins) + np.bincount(
+        low + 1, rate * (position - low), bins
     )
 
 
@@ -42,8 +42,8 @@ def binned(path_m, rate, bins):
 def seen(name, z):
     """Steps of the fog up to z; for their middles and z the overlap and path, (4, steps + 1)."""
     edges = np.append(np.arange(0, z, FOG_STEP_M), z)
-    places = np.append((edges[1:] + edges[:-1]) / 2, z)
-    return np.diff(edges), *overlap(load_instrument(name).spot_optics, places)
+    positions = np.append((edges[1:] + edges[:-1]) / 2, z)
+    return np.diff(edges), *overlap(load_instrument(name).spot_optics, positions)
 
 
 def received(instrument, name, range_m, reflectance, extinction, backscatter, steady):
@@ -130,8 +130,8 @@ def test_in_fog_it_is_the_inverse_of_numeric_information(name: str, changes: dic
     scale = np.sqrt(np.diagonal(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
-    found = make_bound(spots, 5.0, VAGUE)(targets, readings)
-    assert found == pytest.approx(np.sqrt(np.diagonal(inverse)[:4]), rel=0.02)
+    result = make_bound(spots, 5.0, VAGUE)(targets, readings)
+    assert result == pytest.approx(np.sqrt(np.diagonal(inverse)[:4]), rel=0.02)
 
 
 def test_what_is_known_beforehand_narrows_it() -> None:
@@ -141,8 +141,8 @@ def test_what_is_known_beforehand_narrows_it() -> None:
     readings, spots = recorded(paper, light)
     targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
     sigmas = [
-        make_bound(spots, 5.0, beforehand)(targets, readings)
-        for beforehand in ((10.0, 10.0), VAGUE, (0.1, 0.1), (1e-9, 1e-9))
+        make_bound(spots, 5.0, prior)(targets, readings)
+        for prior in ((10.0, 10.0), VAGUE, (0.1, 0.1), (1e-9, 1e-9))
     ]
     assert (np.diff(sigmas, axis=0) < 0).all()
     dark = replace(targets, reflectance=REFLECTANCE * [1, 1e-9, 1e-9, 1e-9])

@@ -178,8 +178,8 @@ def test_a_pulse_much_shorter_than_a_bin_is_known_to_the_bin():
 def test_odd_histograms_give_finite_numbers(width):
     cycles, bins = 1000, 12
     some = np.random.default_rng(4)
-    shares = some.dirichlet(np.full(bins + 1, 0.05), 200)
-    histograms = some.multinomial(cycles, shares)[:, :-1].astype(float)
+    fractions = some.dirichlet(np.full(bins + 1, 0.05), 200)
+    histograms = some.multinomial(cycles, fractions)[:, :-1].astype(float)
     histograms[:bins] = cycles * np.eye(bins)  # every cycle in one bin
     histograms[bins : 2 * bins] = np.eye(bins)  # one arrival at all
     histograms[2 * bins] = 0

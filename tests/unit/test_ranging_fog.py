@@ -54,10 +54,10 @@ def measure(spots: Spots, method: str = "fog") -> list[Ranges]:
     return [solve(between(spots, k, k + 1)) for k in range(len(spots.readings))]
 
 
-def numbers(found: list[Ranges]) -> tuple[np.ndarray, np.ndarray]:
+def numbers(result: list[Ranges]) -> tuple[np.ndarray, np.ndarray]:
     """Ranges and their error bars, (frames, 4), all of them valid."""
-    assert {status for each in found for status in each.status} == {"ok"}
-    return np.array([each.range_m for each in found]), np.array([each.sigma_m for each in found])
+    assert {status for each in result for status in each.status} == {"ok"}
+    return np.array([each.range_m for each in result]), np.array([each.sigma_m for each in result])
 
 
 # Ranges and error bars
@@ -75,8 +75,8 @@ def test_ranges_scatter_about_the_truth_as_sigma_says(name: str, frames: int) ->
 
 
 def test_the_plain_method_is_off_in_this_fog() -> None:
-    found = measure(record("windows", frames=10, **FOG), "pulsed")
-    z = [(each.range_m - RANGES) / each.sigma_m for each in found]
+    result = measure(record("windows", frames=10, **FOG), "pulsed")
+    z = [(each.range_m - RANGES) / each.sigma_m for each in result]
     assert np.nanmean(z) < -2
 
 
@@ -92,11 +92,11 @@ def test_in_clear_air_it_is_the_plain_method(name: str, frames: int) -> None:
 
 def test_the_radiometric_scale_need_not_be_known() -> None:
     spots = record(**FOG)
-    (known,) = measure(spots)
+    (given,) = measure(spots)
     (unknown,) = measure(replace(spots, electrons_per_joule=np.nan))
     assert unknown.status == ("ok",) * 4
-    assert (np.abs(unknown.range_m - known.range_m) < 0.3 * known.sigma_m).all()
-    np.testing.assert_allclose(unknown.sigma_m, known.sigma_m, rtol=0.1)
+    assert (np.abs(unknown.range_m - given.range_m) < 0.3 * given.sigma_m).all()
+    np.testing.assert_allclose(unknown.sigma_m, given.sigma_m, rtol=0.1)
 
 
 def test_steady_light_does_not_move_a_range() -> None:
@@ -115,64 +115,64 @@ def test_steady_light_does_not_move_a_range() -> None:
 def test_a_saturated_spot_is_left_out_and_the_others_stay() -> None:
     spots = record(**FOG)
     spots.saturated[0, 1, 5] = True
-    (found,) = measure(spots)
-    assert found.status == ("ok", "saturated", "ok", "ok")
-    assert found.alternatives[1] == ()
-    assert np.isnan(found.range_m[1])
+    (result,) = measure(spots)
+    assert result.status == ("ok", "saturated", "ok", "ok")
+    assert result.alternatives[1] == ()
+    assert np.isnan(result.range_m[1])
     others = [0, 2, 3]
-    assert (np.abs(found.range_m - RANGES) < 4 * found.sigma_m)[others].all()
+    assert (np.abs(result.range_m - RANGES) < 4 * result.sigma_m)[others].all()
 
 
 def test_one_spot_alone_has_a_range_where_fog_lets_it() -> None:
     spots = record(**FOG)
     spots.saturated[0, 1:] = True
-    (found,) = measure(spots)
-    assert found.status == ("ok", *("saturated",) * 3)
-    assert abs(found.range_m[0] - 3.0) < 4 * found.sigma_m[0]
+    (result,) = measure(spots)
+    assert result.status == ("ok", *("saturated",) * 3)
+    assert abs(result.range_m[0] - 3.0) < 4 * result.sigma_m[0]
 
 
 @pytest.mark.parametrize("name", ["fog", "windows", "photons"])
 def test_without_any_spot_there_is_no_range(name: str) -> None:
     spots = record(name, **FOG)
     spots.saturated[:] = True
-    (found,) = measure(spots)
-    assert found.status == ("saturated",) * 4
-    assert np.isnan([found.range_m, found.sigma_m]).all()
-    assert found.alternatives == ((), (), (), ())
+    (result,) = measure(spots)
+    assert result.status == ("saturated",) * 4
+    assert np.isnan([result.range_m, result.sigma_m]).all()
+    assert result.alternatives == ((), (), (), ())
 
 
 def test_a_faint_target_in_clear_air_is_weak() -> None:
     spots = record(reflectances=[0.3, 0.3, 0.3, 1e-4], frames=20)
-    found = measure(spots)
-    assert all(each.status[:3] == ("ok",) * 3 for each in found)
-    assert sum(each.status[3] == "weak" for each in found) >= 17
-    assert "ok" not in {each.status[3] for each in found}
+    result = measure(spots)
+    assert all(each.status[:3] == ("ok",) * 3 for each in result)
+    assert sum(each.status[3] == "weak" for each in result) >= 17
+    assert "ok" not in {each.status[3] for each in result}
 
 
 @pytest.mark.parametrize("name", ["fog", "windows", "photons"])
 def test_without_fog_and_targets_there_is_no_range(name: str) -> None:
-    found = measure(record(name, ranges_m=np.inf, frames=10))
-    statuses = [status for each in found for status in each.status]
+    result = measure(record(name, ranges_m=np.inf, frames=10))
+    statuses = [status for each in result for status in each.status]
     assert "ok" not in statuses
     assert statuses.count("weak") > 0.8 * len(statuses)
 
 
 def test_fog_without_a_target_gives_no_range() -> None:
-    found = measure(record(ranges_m=[3.0, 4.5, 5.5, np.inf], frames=10, **FOG))
-    assert {each.status[:3] for each in found} == {("ok",) * 3}
-    assert {each.status[3] for each in found} <= {"fog", "weak"}
+    result = measure(record(ranges_m=[3.0, 4.5, 5.5, np.inf], frames=10, **FOG))
+    assert {each.status[:3] for each in result} == {("ok",) * 3}
+    assert {each.status[3] for each in result} <= {"fog", "weak"}
 
 
 def test_a_bright_sky_without_a_target_gives_no_range() -> None:
-    found = measure(record("photons", np.inf, frames=16, steady_per_s=1e7))
-    assert "ok" not in {status for each in found for status in each.status}
+    result = measure(record("photons", np.inf, frames=16, steady_per_s=1e7))
+    assert "ok" not in {status for each in result for status in each.status}
 
 
 def test_a_fog_bank_before_all_targets_is_seen_through() -> None:
     bank = {"extinction_per_m": 0.1, "backscatter_per_sr": 0.03, "fog_m": (2.0, np.inf)}
-    found = measure(record(frames=20, **bank))
-    valid = np.array([each.valid for each in found])
-    z = np.array([(each.range_m - RANGES) / each.sigma_m for each in found])[valid]
+    result = measure(record(frames=20, **bank))
+    valid = np.array([each.valid for each in result])
+    z = np.array([(each.range_m - RANGES) / each.sigma_m for each in result])[valid]
     assert valid[:, :3].mean() > 0.8
     assert np.abs(z).max() < 4
 
@@ -185,8 +185,8 @@ def test_a_cloud_before_a_target_makes_no_range_wrong() -> None:
     steady = np.concatenate([one.steady_per_s for one in each])
     tof, optics = instrument("fog").tof, instrument("fog").spot_optics
     given = replace(each[0], echo_per_s=echo, steady_per_s=steady)
-    found = measure(tof.record(given, optics, np.random.default_rng(0)))
-    wrong = np.abs(np.array([one.range_m for one in found]) - ranges_m) > 0.3
+    result = measure(tof.record(given, optics, np.random.default_rng(0)))
+    wrong = np.abs(np.array([one.range_m for one in result]) - ranges_m) > 0.3
     assert np.count_nonzero(wrong) <= 1
 
 
@@ -201,17 +201,17 @@ def on_an_edge(name: str, extinction_per_m: float, frames: int = 10) -> list[Ran
     return measure(tof.record(given, optics, np.random.default_rng(2)))
 
 
-def has_both_sides(found: Ranges) -> bool:
-    near, far = sorted(found.alternatives[1][:2])
+def has_both_sides(result: Ranges) -> bool:
+    near, far = sorted(result.alternatives[1][:2])
     return abs(near.range_m - 3.8) < 0.03 and abs(far.range_m - 4.5) < 0.03
 
 
 @pytest.mark.parametrize("extinction_per_m", [0.0, 0.04])
 def test_a_spot_on_an_edge_is_ambiguous(extinction_per_m: float) -> None:
-    for found in on_an_edge("fog", extinction_per_m):
-        assert found.status[1] == "ambiguous"
-        assert len(found.alternatives[1]) > 1
-        weights = [each.weight for each in found.alternatives[1]]
+    for result in on_an_edge("fog", extinction_per_m):
+        assert result.status[1] == "ambiguous"
+        assert len(result.alternatives[1]) > 1
+        weights = [each.weight for each in result.alternatives[1]]
         assert weights == sorted(weights, reverse=True)
         assert sum(weights) == pytest.approx(1, abs=1e-3)
 
@@ -241,8 +241,10 @@ def test_what_is_beyond_the_common_wrap_of_all_frequencies_looks_nearer() -> Non
     spots = wraps.tof.record(given, wraps.spot_optics, np.random.default_rng(1))
     repeats_m = ranging_method("fog", spots).unambiguous_range_m(spots)
     assert repeats_m == pytest.approx(c / 60e6 / 2)
-    (found,) = measure(spots)
-    np.testing.assert_allclose(found.range_m, np.array([1.5, 2.2, 4.0, 6.0]) % repeats_m, atol=0.01)
+    (result,) = measure(spots)
+    np.testing.assert_allclose(
+        result.range_m, np.array([1.5, 2.2, 4.0, 6.0]) % repeats_m, atol=0.01
+    )
 
 
 # What is not known
@@ -298,16 +300,16 @@ def test_a_detector_that_never_sees_its_beam_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "changes", "told"),
+    ("name", "changes", "reported"),
     [
         ("photons", {"start_s": -1.0}, r"ranges up to -1\.5e\+08 m, and ranging in fog begins at"),
         ("windows", {"delay_offset_s": -1.0}, "no echo from within 150 m comes into any reading"),
     ],
 )
 def test_times_that_no_light_can_have_are_refused(
-    name: str, changes: dict[str, float], told: str
+    name: str, changes: dict[str, float], reported: str
 ) -> None:
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=reported):
         measure(replace(record(name), **changes))
 
 

@@ -15,18 +15,18 @@ RANGE_M = 0.01 + STEP_M * np.arange(800)
 
 def test_a_frame_later_the_fog_is_a_mixture_of_what_drifted_and_of_another() -> None:
     """Mean and variance of the mixture, by its two parts: how far apart they are is part of it."""
-    share, prior_share = np.array([0.7, 0.3]), np.array([0.2, 0.8])
-    held = FogBelief(share, np.array([0.0, 1.0]), np.array([0.1, 0.2]))
-    prior = FogBelief(prior_share, np.array([3.0, -2.0]), np.array([0.6, 0.6]))
-    later = held.later(prior)
-    weights = np.stack([(1 - CHANGE) * share, CHANGE * prior_share])
+    fraction, prior_fraction = np.array([0.7, 0.3]), np.array([0.2, 0.8])
+    held = FogBelief(fraction, np.array([0.0, 1.0]), np.array([0.1, 0.2]))
+    prior = FogBelief(prior_fraction, np.array([3.0, -2.0]), np.array([0.6, 0.6]))
+    following = held.predict(prior)
+    weights = np.stack([(1 - CHANGE) * fraction, CHANGE * prior_fraction])
     weights /= weights.sum(axis=0)
     mean = np.stack([held.log_median, prior.log_median])
-    variance = np.stack([held.log_deviation**2 + DRIFT**2, prior.log_deviation**2])
+    variance = np.stack([held.log_sigma**2 + DRIFT**2, prior.log_sigma**2])
     expected = (weights * mean).sum(axis=0)
     squares = (weights * (variance + mean**2)).sum(axis=0)
-    np.testing.assert_allclose(later.log_median, expected)
-    np.testing.assert_allclose(later.log_deviation, np.sqrt(squares - expected**2))
+    np.testing.assert_allclose(following.log_median, expected)
+    np.testing.assert_allclose(following.log_sigma, np.sqrt(squares - expected**2))
 
 
 def templates() -> Templates:
@@ -35,8 +35,8 @@ def templates() -> Templates:
     A Lambertian target of reflectance 1 sends 1 / pi back per steradian, fog its backscattering.
     """
     phases = 2 * np.pi * RANGE_M[None] / np.array([[20.0], [7.0]])
-    told = np.concatenate([np.cos(phases), np.sin(phases)])  # (4 readings, R)
-    target = 1e4 / RANGE_M**2 * told
+    reported = np.concatenate([np.cos(phases), np.sin(phases)])  # (4 readings, R)
+    target = 1e4 / RANGE_M**2 * reported
     fog = np.pi * np.cumsum(target, axis=-1) * STEP_M
     whole = (4, 2, 4, RANGE_M.size)
     return Templates(
@@ -52,19 +52,21 @@ def test_the_range_of_a_mode_has_the_variance_of_its_linear_model() -> None:
     """Cramér and Rao, of derivatives by differences: a target farther off has more fog before it,
     which moves readings, too."""
     tables, rho, beta = templates(), 0.3, 0.1
-    place = 500
+    position = 500
 
     def model(at: int, reflectance: float, scattering: float) -> np.ndarray:
         return reflectance * tables.target[0, 0, :, at] + scattering * tables.fog[0, 0, :, at]
 
-    along = (model(place + 1, rho, beta) - model(place - 1, rho, beta)) / (2 * STEP_M)
-    jacobian = np.stack([along, tables.target[0, 0, :, place], tables.fog[0, 0, :, place]], axis=1)
+    along = (model(position + 1, rho, beta) - model(position - 1, rho, beta)) / (2 * STEP_M)
+    jacobian = np.stack(
+        [along, tables.target[0, 0, :, position], tables.fog[0, 0, :, position]], axis=1
+    )
     information = jacobian.T @ jacobian
     inner = np.linalg.inv(information[:2, :2])
-    readings = np.tile(model(place, rho, beta), (4, 1))
+    readings = np.tile(model(position, rho, beta), (4, 1))
     covariance = np.tile(np.eye(4), (4, 1, 1))
-    found = find_modes(tables, readings, covariance, np.ones(4, dtype=bool), False)
-    near = found.only(np.abs(found.range_m - RANGE_M[place]) < 0.005)
+    result = find_modes(tables, readings, covariance, np.ones(4, dtype=bool), False)
+    near = result.only(np.abs(result.range_m - RANGE_M[position]) < 0.005)
     assert near.spot.size > 0
     np.testing.assert_allclose(near.backscatter, beta, rtol=0.02)
     np.testing.assert_allclose(near.variance_m2, inner[0, 0], rtol=0.03)
@@ -77,5 +79,5 @@ def test_the_range_of_a_mode_has_the_variance_of_its_linear_model() -> None:
 def test_three_readings_of_a_spot_leave_one_to_judge_it_by(misfit: float, odd: bool) -> None:
     """Range and reflectance take two. Chance gives 10.8 or more once in a thousand times of one."""
     spot = SpotPosterior(alternatives=(Alternative(3.0, 0.01, 1.0),), misfit=misfit)
-    known = Posterior((spot,) * 4, FogBelief(*(np.ones(1),) * 3))
-    assert odd_spots(known, 3) == (list(range(4)) if odd else [])
+    given = Posterior((spot,) * 4, FogBelief(*(np.ones(1),) * 3))
+    assert odd_spots(given, 3) == (list(range(4)) if odd else [])

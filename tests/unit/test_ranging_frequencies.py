@@ -81,8 +81,8 @@ def test_frequencies_that_contradict_each_other_are_told():
 def test_a_noisy_phase_makes_a_path_ambiguous_where_another_fits_nearly_as_well():
     phases = 2 * np.pi * FREQUENCIES[:, None] * 7.0 / c
     for sigma, ambiguous in ((0.1, False), (0.5, True)):
-        found = path_from_phases(phases, np.full((2, 1), sigma), FREQUENCIES)
-        assert found[2].tolist() == [ambiguous]
+        result = path_from_phases(phases, np.full((2, 1), sigma), FREQUENCIES)
+        assert result[2].tolist() == [ambiguous]
 
 
 def test_one_weak_frequency_is_no_signal():
@@ -106,8 +106,8 @@ def test_one_weak_frequency_is_no_signal():
     ],
 )
 def test_the_unambiguous_path_follows_the_beat(frequencies_mhz, path_m):
-    found = unambiguous_path_m(1e6 * np.array(frequencies_mhz))
-    assert found == pytest.approx(path_m)
+    result = unambiguous_path_m(1e6 * np.array(frequencies_mhz))
+    assert result == pytest.approx(path_m)
 
 
 @pytest.mark.parametrize("frequencies_mhz", [[15], [30, 40], [16, 20, 24], [40, 50, 63]])
@@ -115,8 +115,8 @@ def test_every_path_below_it_is_found(frequencies_mhz):
     frequencies = 1e6 * np.array(frequencies_mhz, dtype=float)
     paths = np.linspace(0.01, 0.99, 500) * unambiguous_path_m(frequencies)
     phases = 2 * np.pi * frequencies[:, None] * paths / c
-    found, _, ambiguous = path_from_phases(phases, np.full(phases.shape, 0.01), frequencies)
-    assert np.allclose(found, paths)
+    result, _, ambiguous = path_from_phases(phases, np.full(phases.shape, 0.01), frequencies)
+    assert np.allclose(result, paths)
     assert not ambiguous.any()
 
 
@@ -128,10 +128,10 @@ def test_many_wraps_of_many_pixels_fit_into_memory():
     paths = np.random.default_rng(0).uniform(0, limit_m, (64, 64))
     phases = 2 * np.pi * frequencies[:, None, None] * paths / c
     tracemalloc.start()
-    found, sigma, ambiguous = path_from_phases(phases, np.full(phases.shape, 1e-3), frequencies)
+    result, sigma, ambiguous = path_from_phases(phases, np.full(phases.shape, 1e-3), frequencies)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 80e6
-    assert found.shape == sigma.shape == ambiguous.shape == (64, 64)
-    assert np.allclose(found, paths)
+    assert result.shape == sigma.shape == ambiguous.shape == (64, 64)
+    assert np.allclose(result, paths)
     assert not ambiguous.any()

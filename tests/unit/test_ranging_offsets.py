@@ -63,11 +63,11 @@ def test_readings_and_slopes_of_target_and_fog() -> None:
         )
         return (other - one) / (2 * step)
 
-    found = np.concatenate([echo.of_fog, echo.of_target[:, :2]], axis=1)
+    result = np.concatenate([echo.of_fog, echo.of_target[:, :2]], axis=1)
     expected = [slope(1e-3, fog_log=(1, 0)), slope(1e-3, fog_log=(0, 1)), slope(0.01, 1)]
     expected = np.stack([*expected, slope(0.1, reflectance=1)], axis=1)
     size = np.abs(expected).max(axis=0)
-    np.testing.assert_allclose(found / size, expected / size, atol=5e-3)
+    np.testing.assert_allclose(result / size, expected / size, atol=5e-3)
     shifted = EchoModel(spots, lambda path_m: response(path_m + 0.01), 9.0)(2, 4.0, 0.3, fog)
     turned = (shifted.readings - echo.readings) / 0.01
     np.testing.assert_allclose(echo.of_target[:, 2], turned, atol=0.05 * np.abs(turned).max())
@@ -75,24 +75,24 @@ def test_readings_and_slopes_of_target_and_fog() -> None:
 
 @pytest.mark.parametrize("offset_m", [0.2, -0.15])
 def test_an_offset_of_one_spot_is_told(offset_m: float) -> None:
-    found = measure_path_offsets(record(offset_m, **DENSE))
-    assert found.frames == 30
-    assert found.told.tolist() == [False, True, False, False]
-    assert (np.abs(found.offset_m - [0, offset_m, 0, 0]) < 3.5 * found.sigma_m).all()
-    assert found.sigma_m.max() < 0.04
+    result = measure_path_offsets(record(offset_m, **DENSE))
+    assert result.frames == 30
+    assert result.reported.tolist() == [False, True, False, False]
+    assert (np.abs(result.offset_m - [0, offset_m, 0, 0]) < 3.5 * result.sigma_m).all()
+    assert result.sigma_m.max() < 0.04
 
 
 def test_windows_of_pulses_tell_an_offset_too() -> None:
-    found = measure_path_offsets(record(0.2, name="windows", **DENSE))
-    assert found.told.tolist() == [False, True, False, False]
+    result = measure_path_offsets(record(0.2, name="windows", **DENSE))
+    assert result.reported.tolist() == [False, True, False, False]
 
 
 def test_offsets_scatter_as_their_sigma_says() -> None:
     spots = record(frames=40, **DENSE)
     find = path_check(between(spots, 0, 0))
-    told = [find(between(spots, k, k + 1)) for k in range(40)]
-    each = [path_offsets(told[k : k + 4]) for k in range(0, 40, 4)]
-    z = np.array([found.offset_m / found.sigma_m for found in each])
+    reported = [find(between(spots, k, k + 1)) for k in range(40)]
+    each = [path_offsets(reported[k : k + 4]) for k in range(0, 40, 4)]
+    z = np.array([result.offset_m / result.sigma_m for result in each])
     assert np.abs(z).max() < 3.5
     # Of each four, three differ; where they agree by chance, sigma grows all the same.
     assert 0.4 < (z**2).mean() < 1 + 4 * np.sqrt(2 / (3 * len(each)))
@@ -103,8 +103,8 @@ def test_patches_that_stand_still_are_not_told_as_an_offset() -> None:
     density = np.ones((4, PATHS.size))
     density[1, PATHS < 3.0] = 1.5
     density[3, PATHS < 2.0] = 0.7
-    found = measure_path_offsets(record(density=density, **DENSE))
-    assert not found.told.any()
+    result = measure_path_offsets(record(density=density, **DENSE))
+    assert not result.reported.any()
 
 
 def test_clear_air_tells_nothing() -> None:
@@ -150,8 +150,8 @@ def test_captures_are_checked_together(tmp_path, capsys) -> None:
 
 def test_what_a_check_says(tmp_path, capsys) -> None:
     assert main(["check", write(tmp_path / "fog.h5", record(0.6, frames=8, **DENSE))]) == 0
-    assert "standard deviation" in (told := capsys.readouterr().out)
-    assert told.count("wrongly calibrated, its ranges are") == 1
+    assert "standard deviation" in (messages := capsys.readouterr().out)
+    assert messages.count("wrongly calibrated, its ranges are") == 1
     assert main(["check", write(tmp_path / "clear.h5", record(0.6, frames=2))]) == 0
     assert "too little fog" in capsys.readouterr().out
 

@@ -20,7 +20,7 @@ from fourspots import (
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.ranging import MIN_SIGNAL, measure_ranges
 from reconstruction.ranging.geometry import range_from_path
-from reconstruction.ranging.methods.pulsed import share_in_second
+from reconstruction.ranging.methods.pulsed import fraction_in_second
 
 WIDTH_S = 65e-9  # ranges up to 9.7 m
 STARTS_S = np.array([-70e-9, 3e-9, 68e-9])
@@ -65,18 +65,18 @@ def test_sigma_is_the_formula_and_the_scatter_of_20000_trials(background, noise,
     expected = measure_ranges(
         spots(mean, noise_electrons=noise, excess_noise_factor=excess)
     ).sigma_m
-    share = (PATHS / c + DELAY_S - STARTS_S[1]) / WIDTH_S
+    fraction = (PATHS / c + DELAY_S - STARTS_S[1]) / WIDTH_S
     steady = excess * background + noise**2
-    spread = (1 - share) ** 2 + share**2 + (1 - 2 * share) ** 2
-    variance = excess * share * (1 - share) / signal + steady * spread / signal**2
+    spread = (1 - fraction) ** 2 + fraction**2 + (1 - 2 * fraction) ** 2
+    variance = excess * fraction * (1 - fraction) / signal + steady * spread / signal**2
     slope = range_from_path(PATHS, DIRECTIONS, DETECTORS)[1]
     # A window without electrons is taken to have the noise of one.
     assert np.allclose(expected, slope * c * WIDTH_S * np.sqrt(variance), rtol=1e-3)
 
     trials = np.broadcast_to(mean, (20_000, 4, 3))
     recorded = charge(np.random.default_rng(1), trials, excess, noise)
-    shares, _, _ = share_in_second(recorded, recorded)
-    paths = c * (STARTS_S[1] + shares * WIDTH_S - DELAY_S)
+    fractions, _, _ = fraction_in_second(recorded, recorded)
+    paths = c * (STARTS_S[1] + fractions * WIDTH_S - DELAY_S)
     ranges, _ = range_from_path(paths, DIRECTIONS, DETECTORS)
     assert_scatter(ranges, RANGES, expected)
 

@@ -22,12 +22,13 @@ from reconstruction.ranging import (
     usual_rangings,
 )
 from reconstruction.ranging.brightness import bucket_optics
-from reconstruction.ranging.fog.modes import BACKSCATTER_PER_SR, LOG_DEVIATION
+from reconstruction.ranging.fog.modes import BACKSCATTER_PER_SR, LOG_SIGMA
 from reconstruction.ranging.fog.overlap import overlap
-from reconstruction.ranging.fog.reflectance import LOG_SIGMA, MEDIAN
+from reconstruction.ranging.fog.reflectance import LOG_SIGMA as REFLECTANCE_LOG_SIGMA
+from reconstruction.ranging.fog.reflectance import MEDIAN
 from reconstruction.ranging.fog.underdetermined import CLEAR
 from spisim.instrument import load_instrument
-from spisim.simulation.measurement import told_optics
+from spisim.simulation.measurement import recorded_optics
 
 RANGES = np.array([3.0, 4.5, 5.5, 7.0])
 
@@ -50,7 +51,7 @@ def measure(
 
 def pictured(spots: Spots, reflectance: float = 0.3) -> Ranges:
     """With the image that clear air makes of the targets."""
-    optics = told_optics(load_instrument("paper"))
+    optics = recorded_optics(load_instrument("paper"))
     (seen,) = bucket_optics(optics, spots)
     surface = optics.pixel_electrons * reflectance / np.pi * np.diag(overlap(seen, RANGES)[0])
     return measure(spots, optics, Brightness(surface, 0.05 * surface))
@@ -60,7 +61,7 @@ def pictured(spots: Spots, reflectance: float = 0.3) -> Ranges:
 def drawn(count: int, seed: int) -> list[tuple[np.ndarray, Ranges, Ranges]]:
     """True, default and plain ranges of weather, surfaces and ranges as the prior has them."""
     rng = np.random.default_rng(seed)
-    found = []
+    result = []
     solve = ranging_method("fog", record()).compile(between(record(), 0, 0))
     for number in range(count):
         ranges_m = rng.uniform(0.5, 9.5, 4)
@@ -68,16 +69,16 @@ def drawn(count: int, seed: int) -> list[tuple[np.ndarray, Ranges, Ranges]]:
         spots = record(
             ranges_m,
             number,
-            reflectances=MEDIAN * np.exp(LOG_SIGMA * rng.standard_normal(4)),
+            reflectances=MEDIAN * np.exp(REFLECTANCE_LOG_SIGMA * rng.standard_normal(4)),
             extinction_per_m=foggy * np.exp(rng.uniform(np.log(0.003), np.log(0.28))),
-            backscatter_per_sr=BACKSCATTER_PER_SR * np.exp(LOG_DEVIATION * rng.standard_normal()),
+            backscatter_per_sr=BACKSCATTER_PER_SR * np.exp(LOG_SIGMA * rng.standard_normal()),
         )
-        found.append((ranges_m, solve(spots), measure_ranges(spots)))
-    return found
+        result.append((ranges_m, solve(spots), measure_ranges(spots)))
+    return result
 
 
-def within(found: list[tuple[np.ndarray, Ranges]], sigmas: float) -> float:
-    away = [(each.range_m - true_m) / each.sigma_m for true_m, each in found]
+def within(result: list[tuple[np.ndarray, Ranges]], sigmas: float) -> float:
+    away = [(each.range_m - true_m) / each.sigma_m for true_m, each in result]
     away = np.concatenate(away)
     return float((np.abs(away[np.isfinite(away)]) < sigmas).mean())
 
@@ -96,20 +97,20 @@ def test_sigma_holds_what_the_readings_leave_open_of_the_fog() -> None:
 
 
 def test_the_status_says_what_a_range_rests_on() -> None:
-    found = measure(record([2.0, 2.5, 3.0, 3.5], extinction_per_m=0.02))
-    assert "weather prior" in found.status
-    assert found.valid.tolist() == [status in RANGED for status in found.status]
+    result = measure(record([2.0, 2.5, 3.0, 3.5], extinction_per_m=0.02))
+    assert "weather prior" in result.status
+    assert result.valid.tolist() == [status in RANGED for status in result.status]
     near = measure(stated(record([1.0, 1.0, 1.0, 1.0]), "clear"))
     assert near.status == ("ok",) * 4
 
 
 def test_in_clear_air_sigma_is_a_little_wider_than_the_plain_one() -> None:
     spots = record()
-    found, plain = pictured(spots), measure_ranges(spots)
-    assert found.valid.all()
-    assert (np.abs(found.range_m - plain.range_m) < found.sigma_m + plain.sigma_m).all()
-    assert (found.sigma_m >= 0.95 * plain.sigma_m).all()
-    assert np.median(found.sigma_m / plain.sigma_m) < 3
+    result, plain = pictured(spots), measure_ranges(spots)
+    assert result.valid.all()
+    assert (np.abs(result.range_m - plain.range_m) < result.sigma_m + plain.sigma_m).all()
+    assert (result.sigma_m >= 0.95 * plain.sigma_m).all()
+    assert np.median(result.sigma_m / plain.sigma_m) < 3
 
 
 def test_stated_clear_the_plain_ranges_come_first() -> None:
@@ -121,17 +122,17 @@ def test_stated_clear_the_plain_ranges_come_first() -> None:
 
 def test_a_stated_visibility_tells_the_fog() -> None:
     spots = record(extinction_per_m=0.05)
-    unknown, known = measure(spots), measure(stated(spots, 3.9 / 0.05))
-    assert known.valid.sum() >= 3
-    assert known.fog.log_sigma < 0.7 * unknown.fog.log_sigma
-    assert known.fog.extinction_per_m == pytest.approx(0.05, rel=0.3)
-    assert (np.abs(known.range_m - RANGES) < 3 * known.sigma_m)[known.valid].all()
+    unknown, given = measure(spots), measure(stated(spots, 3.9 / 0.05))
+    assert given.valid.sum() >= 3
+    assert given.fog.log_sigma < 0.7 * unknown.fog.log_sigma
+    assert given.fog.extinction_per_m == pytest.approx(0.05, rel=0.3)
+    assert (np.abs(given.range_m - RANGES) < 3 * given.sigma_m)[given.valid].all()
     assert measure(stated(spots, "fog")).fog.extinction_per_m > unknown.fog.extinction_per_m
 
 
 def test_the_image_tells_the_fog_that_two_numbers_cannot() -> None:
     """Pixels as bright as clear air makes them exclude fog, and brighter ones clear air."""
-    optics = told_optics(load_instrument("paper"))
+    optics = recorded_optics(load_instrument("paper"))
     spots = record(extinction_per_m=0.02)
     (seen,) = bucket_optics(optics, spots)
     surface = optics.pixel_electrons * 0.3 / np.pi * np.diag(overlap(seen, RANGES)[0])
@@ -151,7 +152,7 @@ def test_without_an_image_sigma_holds_any_fog(extinction_per_m: float) -> None:
     solve = ranging_method("fog", record()).compile(between(record(), 0, 0))
     for number in range(25):
         ranges_m = rng.uniform(2, 8, 4)
-        found = solve(
+        result = solve(
             record(
                 ranges_m,
                 number,
@@ -160,8 +161,8 @@ def test_without_an_image_sigma_holds_any_fog(extinction_per_m: float) -> None:
                 backscatter_per_sr=BACKSCATTER_PER_SR,
             )
         )
-        error_m = np.abs(found.range_m - ranges_m)[found.valid]
-        away.extend(error_m / found.sigma_m[found.valid])
+        error_m = np.abs(result.range_m - ranges_m)[result.valid]
+        away.extend(error_m / result.sigma_m[result.valid])
         wrong += np.count_nonzero(error_m > 0.3)
     assert wrong == 0
     assert np.mean(np.array(away) < 1) > 0.5
@@ -170,13 +171,13 @@ def test_without_an_image_sigma_holds_any_fog(extinction_per_m: float) -> None:
 
 def test_an_image_says_nothing_of_spots_outside_of_it() -> None:
     image = np.arange(16.0).reshape(4, 4)
-    found = brightness_at(np.array([[1, 1], [0, 3], [4, 1], [-3, 2]]), image, np.ones((4, 4)))
-    np.testing.assert_allclose(found.electrons, [5.0, 4.5, np.nan, np.nan])
-    optics = told_optics(load_instrument("paper"))
+    result = brightness_at(np.array([[1, 1], [0, 3], [4, 1], [-3, 2]]), image, np.ones((4, 4)))
+    np.testing.assert_allclose(result.electrons, [5.0, 4.5, np.nan, np.nan])
+    optics = recorded_optics(load_instrument("paper"))
     spots = record()
-    nothing = Brightness(np.full(4, np.nan), np.full(4, np.nan))
+    no_return = Brightness(np.full(4, np.nan), np.full(4, np.nan))
     np.testing.assert_allclose(
-        measure(spots, optics, nothing).range_m, measure(spots, optics).range_m, rtol=1e-9
+        measure(spots, optics, no_return).range_m, measure(spots, optics).range_m, rtol=1e-9
     )
 
 
@@ -197,9 +198,9 @@ def test_two_windows_are_ranged_alike() -> None:
     hybrid = load_instrument("hybrid")
     received = light(hybrid, [1.2, 1.6, 2.0, 2.4], extinction_per_m=0.06)
     spots = hybrid.tof.record(received, hybrid.spot_optics, np.random.default_rng(1))
-    found = measure(spots)
-    away = (found.range_m - [1.2, 1.6, 2.0, 2.4]) / found.sigma_m
-    assert (np.abs(away[found.valid]) < 4).all()
+    result = measure(spots)
+    away = (result.range_m - [1.2, 1.6, 2.0, 2.4]) / result.sigma_m
+    assert (np.abs(away[result.valid]) < 4).all()
 
 
 @pytest.mark.parametrize("weather", ["sunny", "", "-3", "nan", "1e9", 0.0])
@@ -218,7 +219,7 @@ def test_an_instrument_states_its_weather() -> None:
 def test_without_a_radiometric_scale_sigma_is_wider() -> None:
     """Then no reflectance is more likely than another, and no image can be compared."""
     spots = record(extinction_per_m=0.02)
-    optics = told_optics(load_instrument("paper"))
+    optics = recorded_optics(load_instrument("paper"))
     bright = Brightness(np.full(4, 1e4), np.full(4, 10.0))
     unscaled = replace(spots, electrons_per_joule=np.nan)
     scaled, free, seen = measure(spots), measure(unscaled), measure(unscaled, optics, bright)
@@ -230,16 +231,16 @@ def test_without_a_radiometric_scale_sigma_is_wider() -> None:
 
 def test_visibilities_beyond_the_grid_are_at_its_ends() -> None:
     hazy, thick = record(extinction_per_m=0.02), record(extinction_per_m=0.25)
-    found = measure(stated(hazy, 20_000))
-    np.testing.assert_allclose(found.range_m, measure_ranges(hazy).range_m, rtol=0.01)
+    result = measure(stated(hazy, 20_000))
+    np.testing.assert_allclose(result.range_m, measure_ranges(hazy).range_m, rtol=0.01)
     assert measure(stated(thick, 2)).fog.extinction_per_m > 0.25
 
 
 def test_a_scale_of_the_image_that_is_off_is_part_of_sigma() -> None:
     """A common factor of 1.5 on all pixels must not be read as fog beyond what sigma says."""
-    optics = told_optics(load_instrument("paper"))
+    optics = recorded_optics(load_instrument("paper"))
     spots = record()
     (seen,) = bucket_optics(optics, spots)
     surface = optics.pixel_electrons * 0.3 / np.pi * np.diag(overlap(seen, RANGES)[0])
-    found = measure(spots, optics, Brightness(1.5 * surface, 0.1 * surface))
-    assert (np.abs(found.range_m - RANGES) < 3 * found.sigma_m)[found.valid].all()
+    result = measure(spots, optics, Brightness(1.5 * surface, 0.1 * surface))
+    assert (np.abs(result.range_m - RANGES) < 3 * result.sigma_m)[result.valid].all()

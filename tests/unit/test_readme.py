@@ -19,7 +19,7 @@ def local_targets(markdown: str) -> list[str]:
     return [t.partition("#")[0] for t in targets if not re.match(r"#|[a-z]+:", t)]
 
 
-def kept_by_git() -> set[str]:
+def tracked_by_git() -> set[str]:
     """Files that are tracked, or would be by `git add`; all files where there is no Git."""
     listing = subprocess.run(
         ["git", "ls-files", "--cached", "--others", "--exclude-standard"],
@@ -40,7 +40,7 @@ def test_all_kinds_of_links_are_seen() -> None:
 
 @pytest.mark.parametrize("target", local_targets(README))
 def test_every_link_leads_to_a_file_of_the_repository(target: str) -> None:
-    assert target in kept_by_git()
+    assert target in tracked_by_git()
 
 
 @pytest.mark.slow

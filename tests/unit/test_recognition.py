@@ -11,7 +11,7 @@ from images import natural_image
 from reconstruction import capture_warnings
 from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import capture_from_readings
-from reconstruction.image import UNLIT, dark_estimate, doubt, known_layouts, recognise
+from reconstruction.image import UNLIT, candidate_layouts, dark_estimate, doubt, recognise
 from reconstruction.image.spectra import fit, gaussian, heavy_tails, powers, spectra
 from reconstruction.image.transforms import haar, other_spectra
 from reconstruction.operators import (
@@ -50,19 +50,19 @@ def recorded(plan, seed, noise=0.1):
 def test_layouts_are_recognised_and_not_doubted(order, polarity):
     plan = make_plan(SHAPE, 400, order, polarity)
     readings = recorded(plan, 3)
-    found = recognise(readings, SHAPE)
-    assert found[0].layout.polarity == polarity
+    result = recognise(readings, SHAPE)
+    assert result[0].layout.polarity == polarity
     # Several orders go by sums of frequencies, and are as likely.
-    assert order in ("sequency-2d", found[0].layout.order)
-    assert found[0].probability > (0.2 if order == "sequency-2d" else 0.9)
+    assert order in ("sequency-2d", result[0].layout.order)
+    assert result[0].probability > (0.2 if order == "sequency-2d" else 0.9)
     assert doubt(plan, readings) is None
 
 
 def test_probabilities_are_of_all_that_is_known():
     plan = make_plan(SHAPE, 60, "sequency-2d", "signed")
-    found = recognise(recorded(plan, 4), SHAPE)
-    assert sum(candidate.probability for candidate in found) == pytest.approx(1)
-    assert found == sorted(found, key=lambda candidate: -candidate.probability)
+    result = recognise(recorded(plan, 4), SHAPE)
+    assert sum(candidate.probability for candidate in result) == pytest.approx(1)
+    assert result == sorted(result, key=lambda candidate: -candidate.probability)
 
 
 def test_pixels_numbered_by_columns_are_told_where_sides_differ():
@@ -79,21 +79,21 @@ def test_transposed_plans_show_transposed_patterns():
 
 
 @pytest.mark.parametrize(
-    ("shown", "told"),
+    ("displayed", "reported"),
     [("natural", "natural"), ("natural", "sequency-2d"), ("sequency", "natural")],
 )
-def test_another_order_is_doubted(shown, told):
-    readings = recorded(make_plan(SHAPE, order=shown, polarity="differential"), 6)
-    found = doubt(make_plan(SHAPE, order=told, polarity="differential"), readings)
-    assert (found is None) == (shown == told)
-    if found:
-        assert f"they look like order {shown}, polarity differential" in found
+def test_another_order_is_doubted(displayed, reported):
+    readings = recorded(make_plan(SHAPE, order=displayed, polarity="differential"), 6)
+    result = doubt(make_plan(SHAPE, order=reported, polarity="differential"), readings)
+    assert (result is None) == (displayed == reported)
+    if result:
+        assert f"they look like order {displayed}, polarity differential" in result
 
 
 def test_polarities_in_another_sequence_are_doubted():
     readings = recorded(make_plan(SHAPE, 100, "sequency", "halves"), 7)
-    found = doubt(make_plan(SHAPE, 100, "sequency", "differential"), readings)
-    assert "polarity halves" in found
+    result = doubt(make_plan(SHAPE, 100, "sequency", "differential"), readings)
+    assert "polarity halves" in result
 
 
 def test_noise_is_not_doubted_and_not_recognised():
@@ -107,8 +107,8 @@ def test_noise_is_not_doubted_and_not_recognised():
 def test_an_order_that_nobody_knows_is_doubted_and_not_recognised():
     readings = recorded(make_plan(SHAPE, order="natural", polarity="signed"), 9)
     readings[:, 1:] = np.random.default_rng(9).permutation(readings[:, 1:], axis=1)
-    found = doubt(make_plan(SHAPE, order="natural", polarity="signed"), readings)
-    assert "have nothing to do with the pattern plan's order" in found
+    result = doubt(make_plan(SHAPE, order="natural", polarity="signed"), readings)
+    assert "have nothing to do with the pattern plan's order" in result
     with pytest.raises(InputError, match="no known layout explains"):
         recognise(readings, SHAPE)
 
@@ -178,8 +178,8 @@ def test_recordings_are_warned_of_and_simulations_are_not():
 
 def test_all_zero_frames_are_told():
     plan = make_plan(SHAPE, order="natural", polarity="signed")
-    told = capture_warnings(capture_from_readings(np.zeros(1024), plan))
-    assert told == ["all 1024 bucket readings are the same: there is no image in them"]
+    reported = capture_warnings(capture_from_readings(np.zeros(1024), plan))
+    assert reported == ["all 1024 bucket readings are the same: there is no image in them"]
 
 
 def test_plans_of_other_repetitions_cannot_be_doubted():
@@ -189,10 +189,10 @@ def test_plans_of_other_repetitions_cannot_be_doubted():
 
 def test_known_layouts_have_so_many_readings():
     for exposures in (64, 65, 128):
-        found = list(known_layouts((8, 8), exposures))
-        assert found
-        assert all(layout.plan.exposures == exposures for layout in found)
-    assert not list(known_layouts((8, 8), 129))
+        result = list(candidate_layouts((8, 8), exposures))
+        assert result
+        assert all(layout.plan.exposures == exposures for layout in result)
+    assert not list(candidate_layouts((8, 8), 129))
 
 
 def test_spectra_are_those_of_images_with_that_spectrum():
@@ -215,7 +215,7 @@ def test_likelihoods_are_greatest_ones():
     values = np.random.default_rng(14).normal(0, 3, 5000)
     closed = -2500 * (np.log(2 * np.pi * np.mean(values**2)) + 1)
     assert gaussian(values) == pytest.approx(closed)
-    found = fit(values, np.ones((1, 5000)))
-    assert closed - 40 < found.white < closed + 5
-    assert found.gain == pytest.approx(0, abs=1e-6)
+    result = fit(values, np.ones((1, 5000)))
+    assert closed - 40 < result.white < closed + 5
+    assert result.gain == pytest.approx(0, abs=1e-6)
     assert heavy_tails(values) < 0 < heavy_tails(values**3)

@@ -117,15 +117,17 @@ def test_saturated_readings_are_left_out(capture):
     counts = capture.buckets.counts.copy()
     saturated = np.zeros(counts.shape, dtype=bool)
     counts[0, 41], saturated[0, 41] = 1e9, True
-    spoilt = replace(capture, buckets=replace(capture.buckets, counts=counts, saturated=saturated))
-    image = reconstruct(spoilt).image
+    outliers = replace(
+        capture, buckets=replace(capture.buckets, counts=counts, saturated=saturated)
+    )
+    image = reconstruct(outliers).image
     assert np.corrcoef(image.ravel(), make_image().ravel())[0, 1] > 0.99
     saturated[:] = True
     with pytest.raises(
         InputError,
         match="saturated reading, so there is no image; record again",
     ):
-        reconstruct(spoilt)
+        reconstruct(outliers)
 
 
 def test_without_a_valid_spot_there_is_no_map(capture):
@@ -165,9 +167,9 @@ def test_command_writes_every_file_and_the_result_reads_back(path, tmp_path, cap
         assert matplotlib.image.imread(tmp_path / "out" / name).std() > 0.05
     result, copy = reconstruct(read_capture(path)), read_result(tmp_path / "out" / "result.h5")
     for group in ("images", "depths"):
-        found, expected = getattr(copy, group), getattr(result, group)
-        assert list(found) == list(expected)  # the default method first
-        assert all(np.array_equal(found[name], expected[name]) for name in expected)
+        outcome, expected = getattr(copy, group), getattr(result, group)
+        assert list(outcome) == list(expected)  # the default method first
+        assert all(np.array_equal(outcome[name], expected[name]) for name in expected)
     assert np.array_equal(copy.range_m, result.range_m)
     assert list(copy.rangings) == ["cw"]
     assert np.array_equal(copy.ranges.valid, result.ranges.valid)
@@ -437,13 +439,13 @@ def far_from(obstacle_m):
 
 
 def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
-    deviation = np.full(SHAPE, 0.2, np.float32)
-    deviation[0] = np.nan
-    nothing = np.where(np.isnan(deviation), 0.9, 0.1).astype(np.float32)
+    sigma = np.full(SHAPE, 0.2, np.float32)
+    sigma[0] = np.nan
+    no_return = np.where(np.isnan(sigma), 0.9, 0.1).astype(np.float32)
     result = replace(
         reconstruct(capture),
-        depth_deviations={"nearest": deviation},
-        nothings={"anchored": nothing, "nearest": nothing},
+        log_depth_sigmas={"nearest": sigma},
+        no_returns={"anchored": no_return, "nearest": no_return},
         free_probabilities={"anchored": far_from(2.5), "nearest": np.ones(DISTANCES_M.size)},
         min_free=0.8,
         notes={"depth anchored": "a guess"},
@@ -451,16 +453,16 @@ def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):
     files = write_outputs(result, capture, tmp_path)
     assert {"depth-deviation_nearest.png", "nothing.png", "nothing_nearest.png"} <= files.keys()
     copy = read_result(tmp_path / "result.h5")
-    assert copy.nothings.keys() == {"anchored", "nearest"}
+    assert copy.no_returns.keys() == {"anchored", "nearest"}
     assert copy.min_free == 0.8
     assert copy.obstacle_m == pytest.approx(2.5, rel=0.1)
     np.testing.assert_array_equal(copy.free_probability, far_from(2.5))
     assert np.isnan(copy.obstacles_m["nearest"])
     assert copy.notes == result.notes
     assert copy.warnings == ["depth 'anchored' is a guess"]
-    np.testing.assert_array_equal(copy.depth_deviations["nearest"], deviation)
-    np.testing.assert_array_equal(copy.nothing, nothing)
-    assert copy.depth_deviation is None
+    np.testing.assert_array_equal(copy.log_depth_sigmas["nearest"], sigma)
+    np.testing.assert_array_equal(copy.no_return, no_return)
+    assert copy.log_depth_sigma is None
     again = write_outputs(reconstruct(capture), capture, tmp_path)
     assert {file.name for file in tmp_path.iterdir()} == again.keys()  # the others are gone
 

@@ -48,22 +48,22 @@ def frames_of(capture: Capture, frames: int) -> Capture:
     )
 
 
-def assert_alike(found, expected):
+def assert_alike(result, expected):
     """Two results have the same methods in the same order, and the same numbers."""
     for name in ("unit", "recording", "frame", "patterns"):
-        assert getattr(found, name) == getattr(expected, name)
+        assert getattr(result, name) == getattr(expected, name)
     for group in ("images", "depths"):
-        one, other = getattr(found, group), getattr(expected, group)
+        one, other = getattr(result, group), getattr(expected, group)
         assert list(one) == list(other)
         for name in one:
             assert one[name].dtype == np.float32
             np.testing.assert_array_equal(one[name], other[name], err_msg=name)
-    assert list(found.rangings) == list(expected.rangings)
-    for name, ranges in found.rangings.items():
+    assert list(result.rangings) == list(expected.rangings)
+    for name, ranges in result.rangings.items():
         assert ranges.status == expected.rangings[name].status
         np.testing.assert_array_equal(ranges.range_m, expected.rangings[name].range_m)
         np.testing.assert_array_equal(ranges.sigma_m, expected.rangings[name].sigma_m)
-    assert found.timings_s.keys() == expected.timings_s.keys()
+    assert result.timings_s.keys() == expected.timings_s.keys()
 
 
 # Frame by frame
@@ -92,8 +92,8 @@ def test_a_batch_of_least_squares_is_a_product_for_all_frames(capture):
     reconstructor = Reconstructor(several.setup, image="least-squares", ranging=(), depth=())
     for result in reconstructor.batch(several.batch(0, 40)):
         alone = reconstructor(several.frame(result.frame))
-        for found, expected in ((result.image, alone.image), (result.deviation, alone.deviation)):
-            np.testing.assert_allclose(found, expected, rtol=1e-5, atol=1e-5 * alone.image.max())
+        for outcome, expected in ((result.image, alone.image), (result.sigma, alone.sigma)):
+            np.testing.assert_allclose(outcome, expected, rtol=1e-5, atol=1e-5 * alone.image.max())
 
 
 def test_frames_and_captures_of_all_kinds_are_reconstructed_alike():
@@ -128,10 +128,10 @@ def test_a_failed_reading_takes_no_compiling(capture, lost):
     for k in range(1, 6):
         without = every.copy()
         without[k : k + lost] = False
-        found = imaging.of(without)
-        assert found.decoder is first.decoder
-        assert found.solver("edge-preserving") is first.solver("edge-preserving")
-        assert found.patterns < first.patterns
+        result = imaging.of(without)
+        assert result.decoder is first.decoder
+        assert result.solver("edge-preserving") is first.solver("edge-preserving")
+        assert result.patterns < first.patterns
 
 
 @pytest.mark.parametrize("lost", [1, 10, 60])
@@ -144,22 +144,22 @@ def test_with_failed_readings_an_image_is_that_of_a_plan_without_them(lost):
     signal = expose(plan, image) + np.sqrt(variance) * rng.standard_normal(plan.exposures)
     usable = np.ones(plan.exposures, dtype=bool)
     usable[1 + rng.choice(plan.exposures - 1, lost, replace=False)] = False
-    spoilt = np.where(usable, signal, 1e9)
+    outliers = np.where(usable, signal, 1e9)
     some = Imaging(plan).of(usable)
     fewer = Imaging(plan.only(usable)).of(usable[usable])
     assert some.patterns == fewer.patterns == plan.exposures - lost
     for method in ("least-squares", "zero-filled", "pursuit", "total-variation"):
-        found, expected = (
-            readings.solver(method)(readings.decode(*told))
-            for readings, told in (
-                (some, (spoilt, variance)),
+        result, expected = (
+            readings.solver(method)(readings.decode(*reported))
+            for readings, reported in (
+                (some, (outliers, variance)),
                 (fewer, (signal[usable], variance[usable])),
             )
         )
-        error = np.abs(found.image - expected.image).max() / np.ptp(expected.image)
+        error = np.abs(result.image - expected.image).max() / np.ptp(expected.image)
         assert error < 0.01, method
-        if expected.deviation is not None:
-            np.testing.assert_allclose(found.deviation, expected.deviation, rtol=0.02)
+        if expected.sigma is not None:
+            np.testing.assert_allclose(result.sigma, expected.sigma, rtol=0.02)
 
 
 def test_what_is_compiled_goes_with_its_reconstructor(capture):
@@ -205,8 +205,8 @@ def test_image_methods_are_chosen_by_name_the_first_is_the_default_the_plain_one
     assert list(result.images) == names
     assert result.image is result.images[names[0]]
     usual = reconstruct(capture).images
-    for name, found in result.images.items():
-        np.testing.assert_array_equal(found, usual[name.partition(":")[0]])
+    for name, outcome in result.images.items():
+        np.testing.assert_array_equal(outcome, usual[name.partition(":")[0]])
 
 
 def test_all_are_all_that_there_are_the_usual_first(capture):
@@ -305,8 +305,10 @@ def register(monkeypatch, registry, **methods):
         monkeypatch.setitem(registry._loaded, name, method)
 
 
-def depths(depth_m=1.0, **told):
-    return DepthEstimate(depth_m * np.ones((16, 16)) if np.isscalar(depth_m) else depth_m, **told)
+def depths(depth_m=1.0, **reported):
+    return DepthEstimate(
+        depth_m * np.ones((16, 16)) if np.isscalar(depth_m) else depth_m, **reported
+    )
 
 
 GREY = np.full((16, 16), 3, dtype=np.int16)
@@ -314,7 +316,7 @@ GREY = np.full((16, 16), 3, dtype=np.int16)
 
 def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     register(monkeypatch, IMAGE_METHODS, grey=Giving(Estimate(GREY)))
-    nowhere = DepthEstimate(np.full((16, 16), np.nan), nothing=np.ones((16, 16)), note="all sky")
+    nowhere = DepthEstimate(np.full((16, 16), np.nan), no_return=np.ones((16, 16)), note="all sky")
     register(monkeypatch, DEPTH_METHODS, nowhere=Giving(nowhere), never=Giving(None))
     result = reconstruct(capture, image=["grey", "pursuit"], depth=["nowhere", "never", "anchored"])
     assert list(result.images) == ["grey", "pursuit", "zero-filled"]
@@ -322,8 +324,8 @@ def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
     assert result.image.dtype == np.float32
     assert list(result.depths) == ["nowhere", "anchored"]
     assert np.isnan(result.depth_m).all()
-    assert (result.nothing == 1).all()
-    assert result.depth_deviation is None
+    assert (result.no_return == 1).all()
+    assert result.log_depth_sigma is None
     assert result.warnings == ["depth 'nowhere' is all sky"]
     assert {"image grey", "depth never"} <= result.timings_s.keys()
 
@@ -372,12 +374,12 @@ def test_an_image_method_that_gives_no_estimate_is_named(capture, monkeypatch, v
         (depths(np.full((16, 16), "far")), r"gave <U3 of shape"),
         (depths(np.full((16, 16), np.inf)), "gave values that are not finite"),
         (depths(np.zeros((16, 16))), "gave a depth of 0 m"),
-        (depths(deviation=np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
-        (depths(deviation=np.full((16, 16), -0.1)), "a deviation that is negative or not known"),
-        (depths(deviation=np.full((16, 16), np.nan)), "a deviation that is negative or not known"),
-        (depths(nothing=np.ones((1, 16))), r"of nothing within reach, gave .* shape \(1, 16\)"),
-        (depths(nothing=np.full((16, 16), 1.1)), "probabilities .* beyond 0 to 1"),
-        (depths(nothing=np.full((16, 16), np.nan)), "probabilities .* beyond 0 to 1"),
+        (depths(sigma=np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
+        (depths(sigma=np.full((16, 16), -0.1)), "a deviation that is negative or not known"),
+        (depths(sigma=np.full((16, 16), np.nan)), "a deviation that is negative or not known"),
+        (depths(no_return=np.ones((1, 16))), r"of nothing within reach, gave .* shape \(1, 16\)"),
+        (depths(no_return=np.full((16, 16), 1.1)), "probabilities .* beyond 0 to 1"),
+        (depths(no_return=np.full((16, 16), np.nan)), "probabilities .* beyond 0 to 1"),
     ],
 )
 def test_a_depth_method_that_gives_no_depths_is_named(capture, monkeypatch, value, message):
@@ -388,11 +390,9 @@ def test_a_depth_method_that_gives_no_depths_is_named(capture, monkeypatch, valu
 
 def test_where_there_is_no_depth_there_is_no_deviation(capture, monkeypatch):
     half = np.where(np.arange(16) < 8, 3.0, np.nan) * np.ones((16, 1))
-    register(
-        monkeypatch, DEPTH_METHODS, half=Giving(depths(half, deviation=np.full((16, 16), 0.1)))
-    )
+    register(monkeypatch, DEPTH_METHODS, half=Giving(depths(half, sigma=np.full((16, 16), 0.1))))
     result = reconstruct(capture, depth="half")
-    np.testing.assert_array_equal(np.isfinite(result.depth_deviation), np.isfinite(half))
+    np.testing.assert_array_equal(np.isfinite(result.log_depth_sigma), np.isfinite(half))
 
 
 def ranges(**changes):
@@ -472,14 +472,14 @@ def test_one_unknown_variance_does_not_switch_off_the_denoising(polarity):
     usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
 
     def error(variance):
-        found = usable.solver("pursuit")(usable.decode(readings, variance)).image
-        return np.sqrt(np.mean((found - image) ** 2))
+        result = usable.solver("pursuit")(usable.decode(readings, variance)).image
+        return np.sqrt(np.mean((result - image) ** 2))
 
     one_unknown = variance.copy()
     one_unknown[5] = np.nan
-    known, unknown = usable.decode(readings, variance), usable.decode(readings, one_unknown)
-    np.testing.assert_allclose(unknown.noise, known.noise, rtol=1e-9)
-    np.testing.assert_allclose(unknown.values, known.values, rtol=1e-9)
+    given, unknown = usable.decode(readings, variance), usable.decode(readings, one_unknown)
+    np.testing.assert_allclose(unknown.noise, given.noise, rtol=1e-9)
+    np.testing.assert_allclose(unknown.values, given.values, rtol=1e-9)
     assert error(variance) < 0.8 * error(np.zeros(plan.exposures))
     assert error(one_unknown) == pytest.approx(error(variance))
 
@@ -489,9 +489,9 @@ def test_noise_of_which_nothing_is_known_is_estimated(polarity):
     plan = make_plan((32, 32), polarity=polarity)
     _, readings, variance = noisy(plan, 8e3)
     usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
-    known = usable.decode(readings, variance)
-    found = usable.decode(readings, np.full_like(variance, np.nan))
-    assert np.median(found.noise / known.noise) == pytest.approx(1, abs=0.15)
+    given = usable.decode(readings, variance)
+    result = usable.decode(readings, np.full_like(variance, np.nan))
+    assert np.median(result.noise / given.noise) == pytest.approx(1, abs=0.15)
 
 
 def test_an_unknown_variance_is_the_median_of_the_others():
@@ -501,10 +501,10 @@ def test_an_unknown_variance_is_the_median_of_the_others():
     signal = np.arange(64.0)
     unknown = variance.copy()
     unknown[[3, 60]] = np.nan
-    told = unknown.copy()
-    told[[3, 60]] = np.nanmedian(unknown)
-    found, expected = usable.decode(signal, unknown), usable.decode(signal, told)
-    np.testing.assert_array_equal(found.noise, expected.noise)
+    reported = unknown.copy()
+    reported[[3, 60]] = np.nanmedian(unknown)
+    result, expected = usable.decode(signal, unknown), usable.decode(signal, reported)
+    np.testing.assert_array_equal(result.noise, expected.noise)
 
 
 def test_frames_of_another_plan_and_ranging_without_spots_are_refused():
@@ -543,7 +543,7 @@ def test_a_method_cannot_change_what_the_next_one_gets(monkeypatch):
         def compile(self, operator):
             def solve(coefficients):
                 coefficients.values[:] = 0
-                return operator.least_energy(coefficients.values)
+                return operator.min_norm(coefficients.values)
 
             return solve
 

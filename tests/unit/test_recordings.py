@@ -110,13 +110,13 @@ def test_readings_come_in_rows_or_columns(shape):
 
 def test_rows_are_counted_in_any_order_from_0_or_1(tmp_path, capsys):
     rng = np.random.default_rng(2)
-    shown = rng.permutation(128)
-    rows = ordered_rows(Hadamard(SHAPE), "sequency-2d")[shown]
-    np.savez(tmp_path / "a.npz", counts=NATURAL[rows], rows=shown, matlab=shown + 1)
+    displayed = rng.permutation(128)
+    rows = ordered_rows(Hadamard(SHAPE), "sequency-2d")[displayed]
+    np.savez(tmp_path / "a.npz", counts=NATURAL[rows], rows=displayed, matlab=displayed + 1)
     named = ["--variable", "counts", "--order", "sequency-2d", "--rows"]
     np.testing.assert_allclose(imported(tmp_path, "a.npz", *named, "rows"), IMAGE, atol=1e-5)
-    found = imported(tmp_path, "a.npz", *named, "matlab", "--first-row", "1")
-    np.testing.assert_allclose(found, IMAGE, atol=1e-5)
+    result = imported(tmp_path, "a.npz", *named, "matlab", "--first-row", "1")
+    np.testing.assert_allclose(result, IMAGE, atol=1e-5)
     assert "--rows go from 1 to 128: add --first-row 1" in refused(
         capsys, tmp_path, "a.npz", *named, "matlab"
     )
@@ -145,14 +145,14 @@ def test_sequences_of_polarities(tmp_path, polarity):
 def test_a_dark_reading_that_was_not_recorded_is_told(tmp_path, capsys):
     plan = make_plan(SHAPE, order="natural", polarity="single-ended")
     np.save(tmp_path / "a.npy", expose(plan, IMAGE)[:-1] + 50)
-    found = imported(tmp_path, "a.npy", "--polarity", "single-ended", "--dark", "50")
-    assert np.corrcoef(found.ravel(), IMAGE.ravel())[0, 1] > 0.99
+    result = imported(tmp_path, "a.npy", "--polarity", "single-ended", "--dark", "50")
+    assert np.corrcoef(result.ravel(), IMAGE.ravel())[0, 1] > 0.99
     rows = np.arange(128)
     np.savez(tmp_path / "b.npz", counts=NATURAL, rows=rows, signs=np.ones(128))
-    told = refused(
+    reported = refused(
         capsys, tmp_path, "b.npz", "--variable", "counts", "--rows", "rows", "--signs", "signs"
     )
-    assert "the background cannot be removed from pattern index" in told
+    assert "the background cannot be removed from pattern index" in reported
 
 
 def test_pixels_numbered_by_columns(tmp_path):
@@ -214,10 +214,10 @@ def test_complex_fourier_coefficients(tmp_path, capsys):
         np.testing.assert_allclose(imported(tmp_path, f"{name}.npy"), IMAGE, atol=1e-4)
     low = np.array([[0, 0], [0, 1], [1, 0], [-1, 1], [2, 2]])
     np.savez(tmp_path / "some.npz", y=spectrum[low[:, 0], low[:, 1]], f=low)
-    found = imported(tmp_path, "some.npz", "--variable", "y", "--frequencies", "f")
-    kept = np.zeros(SHAPE)
-    kept[low[:, 0], low[:, 1]] = kept[-low[:, 0], -low[:, 1]] = 1
-    np.testing.assert_allclose(found, np.fft.ifft2(spectrum * kept).real, atol=1e-4)
+    result = imported(tmp_path, "some.npz", "--variable", "y", "--frequencies", "f")
+    retained = np.zeros(SHAPE)
+    retained[low[:, 0], low[:, 1]] = retained[-low[:, 0], -low[:, 1]] = 1
+    np.testing.assert_allclose(result, np.fft.ifft2(spectrum * retained).real, atol=1e-4)
     np.save(tmp_path / "moved.npy", np.roll(spectrum, 1))
     assert "[0, 1], must be at [0, 0] or [4, 8]" in refused(capsys, tmp_path, "moved.npy")
 
@@ -256,8 +256,8 @@ def test_recordings_of_spas(tmp_path, written):
     order = np.random.default_rng(5).permutation(128)
     numbers = np.stack([2 * order, 2 * order + 1], axis=1).ravel().tolist()
     spas(tmp_path, str(written(numbers)).replace("'", ""), walsh_counts(numbers))
-    found = imported(tmp_path, "cat_spectraldata.npz", shape=None)
-    np.testing.assert_allclose(found, 3 * IMAGE, atol=1e-4)
+    result = imported(tmp_path, "cat_spectraldata.npz", shape=None)
+    np.testing.assert_allclose(result, 3 * IMAGE, atol=1e-4)
     buckets = read_capture(tmp_path / "a.h5").buckets
     assert (buckets.exposure_time_s, buckets.pattern_period_s) == (1e-3, 1.25e-3)
     band = imported(tmp_path, "cat_spectraldata.npz", "--band-nm", "540-550", shape=None)
@@ -373,17 +373,17 @@ def test_auto_finds_the_layout_and_says_how_sure_it_is(tmp_path, capsys):
     image = natural_image(32, 7)
     plan = make_plan((32, 32), 512, "sequency", "halves")
     np.save(tmp_path / "a.npy", expose(plan, image).reshape(1, -1).T + 200)
-    found = imported(tmp_path, "a.npy", "--order", "auto", shape=(32, 32))
-    told = capsys.readouterr().out
-    assert told.startswith("order sequency, polarity halves: ")
-    assert correlation(found, image) > 0.9
+    result = imported(tmp_path, "a.npy", "--order", "auto", shape=(32, 32))
+    messages = capsys.readouterr().out
+    assert messages.startswith("order sequency, polarity halves: ")
+    assert correlation(result, image) > 0.9
 
 
 def test_an_image_on_its_side_is_turned(tmp_path):
     image = natural_image(32, 8)
     np.save(tmp_path / "a.npy", expose(make_plan((32, 32), None, "natural", "signed"), image))
-    found = imported(tmp_path, "a.npy", "--order", "auto", "--transposed", shape=(32, 32))
-    np.testing.assert_allclose(found, image.T, atol=1e-4)
+    result = imported(tmp_path, "a.npy", "--order", "auto", "--transposed", shape=(32, 32))
+    np.testing.assert_allclose(result, image.T, atol=1e-4)
 
 
 def test_polarities_that_nobody_knows_are_refused_in_auto_too(tmp_path, capsys):

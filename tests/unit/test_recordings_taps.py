@@ -48,14 +48,14 @@ def ranges_of(capture, frame=0):
     return reconstruct(capture, frame, image="zero-filled").rangings[capture.spots.method]
 
 
-KNOWN = ["--taps-electrons-per-count", 2, "--taps-noise-electrons", NOISE]
+AVAILABLE = ["--taps-electrons-per-count", 2, "--taps-noise-electrons", NOISE]
 
 
 @pytest.mark.parametrize("layout", [(4, 4), (1, 16), (3, 16), (12, 4), (3, 4, 4)])
 def test_taps_in_any_layout_have_their_ranges_with_the_sigma_of_the_closed_form(tmp_path, layout):
     frames = np.tile(cw_taps(20e6) / 2, (int(np.prod(layout)) // 16, 1, 1))
     np.save(tmp_path / "taps.npy", frames.reshape(layout))
-    taps = ["--taps", tmp_path / "taps.npy", "--frequency", "20e6", *KNOWN]
+    taps = ["--taps", tmp_path / "taps.npy", "--frequency", "20e6", *AVAILABLE]
     capture = imported(tmp_path, *taps)
     assert capture.frames == len(frames)
     ranges = ranges_of(capture, capture.frames - 1)
@@ -67,10 +67,10 @@ def test_taps_in_any_layout_have_their_ranges_with_the_sigma_of_the_closed_form(
 def test_a_text_of_taps_alone_is_a_capture_without_an_image(tmp_path, capsys):
     np.savetxt(tmp_path / "taps.csv", cw_taps(20e6), delimiter=",", header="0,90,180,270")
     imported(tmp_path, "--taps", tmp_path / "taps.csv", "--frequency", "20e6")
-    told = capsys.readouterr()
-    assert "1 frame(s) of continuous wave, 4 taps, 20 MHz" in told.out
-    assert "directions are not told" in told.err
-    assert "electrons_per_count of the taps is not told" in told.err
+    reported = capsys.readouterr()
+    assert "1 frame(s) of continuous wave, 4 taps, 20 MHz" in reported.out
+    assert "directions are not told" in reported.err
+    assert "electrons_per_count of the taps is not told" in reported.err
     assert main([str(tmp_path / "a.h5"), "-o", str(tmp_path / "result")]) == 0
     assert "ranges alone, hardware" in capsys.readouterr().out
     assert [path.name for path in (tmp_path / "result").iterdir()] == ["result.h5"]
@@ -85,8 +85,8 @@ def test_several_frequencies_with_phases_and_calibration_of_their_own(tmp_path):
     capture = imported(
         tmp_path,
         *("--taps", f"{tmp_path / 'rig.mat'}:taps", "--frequency", "60e6", "80e6"),
-        *("--phases-deg", *phases_deg, "--phase-offsets-deg", *offsets_deg, *KNOWN[:1], 1),
-        *KNOWN[2:],
+        *("--phases-deg", *phases_deg, "--phase-offsets-deg", *offsets_deg, *AVAILABLE[:1], 1),
+        *AVAILABLE[2:],
     )
     assert ranges_of(capture).range_m == pytest.approx(RANGES_M, abs=1e-6)
 
@@ -127,7 +127,7 @@ def test_taps_beside_readings_of_patterns(tmp_path):
         tmp_path,
         *(tmp_path / "rig.npz", "--variable", "readings", "--shape", "8x8"),
         *("--polarity", "differential", "--taps", "taps", "--frequency", "20e6"),
-        *("--directions", "at", "--fov-deg", "60x40", *KNOWN),
+        *("--directions", "at", "--fov-deg", "60x40", *AVAILABLE),
     )
     assert capture.frames == 2
     assert capture.optics.tan_half_width == pytest.approx(np.tan(np.radians(30)))
@@ -140,8 +140,8 @@ def test_taps_beside_readings_of_patterns(tmp_path):
 def test_saturated_taps_are_not_used(tmp_path):
     np.save(tmp_path / "t.npy", cw_taps(20e6).round().astype(int))
     taps = ["--taps", tmp_path / "t.npy", "--frequency", "20e6"]
-    most = int(cw_taps(20e6)[2].max())
-    (tmp_path / "about.yaml").write_text(f"saturation_counts: {most}\n")
+    maximum = int(cw_taps(20e6)[2].max())
+    (tmp_path / "about.yaml").write_text(f"saturation_counts: {maximum}\n")
     capture = imported(tmp_path, *taps, "--taps-about", tmp_path / "about.yaml")
     assert ranges_of(capture).status[2] == "saturated"
     assert set(imported(tmp_path, *taps).spots.saturated.ravel()) == {False}
@@ -151,9 +151,9 @@ def test_saturated_taps_are_not_used(tmp_path):
 def test_numbers_that_may_be_taps_are_asked_about(tmp_path, capsys, shape):
     file = tmp_path / "t.csv"
     np.savetxt(file, np.random.default_rng(0).poisson(900, shape), delimiter=",")
-    told = refused(capsys, tmp_path, file, "--shape", "4x4")
-    assert "taps of the four spots, or readings of 4 x 4 patterns?" in told
-    assert "--taps" in told
+    reported = refused(capsys, tmp_path, file, "--shape", "4x4")
+    assert "taps of the four spots, or readings of 4 x 4 patterns?" in reported
+    assert "--taps" in reported
     capture = imported(tmp_path, file, "--shape", "4x4", "--order", "natural")
     assert capture.spots is None
 
@@ -184,8 +184,8 @@ PULSED = ("--windows", "0", "1e-8", "2e-8", "3e-8", "--pulse-width")
 )
 def test_taps_that_cannot_be_are_refused(tmp_path, capsys, options, message):
     np.savetxt(tmp_path / "t.csv", 1.0 + np.arange(16).reshape(4, 4), delimiter=",")
-    told = refused(capsys, tmp_path, "--taps", tmp_path / "t.csv", *options)
-    assert re.search(message, told), told
+    reported = refused(capsys, tmp_path, "--taps", tmp_path / "t.csv", *options)
+    assert re.search(message, reported), reported
 
 
 def test_options_of_spots_need_taps(tmp_path, capsys):

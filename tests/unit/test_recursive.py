@@ -45,20 +45,20 @@ def test_of_a_still_scene_the_variance_is_that_of_the_mean():
         memory = Memory(OPERATOR, speeds=(0.0,))
         for _ in range(frames):
             read = Coefficients(truth + rng.normal(0, noise, 60), np.full(60, noise))
-            known = memory.take(EVERY, read)
-        errors[run] = known.values - truth
-        np.testing.assert_allclose(known.noise, noise / np.sqrt(frames), rtol=1e-6)
+            given = memory.take(EVERY, read)
+        errors[run] = given.values - truth
+        np.testing.assert_allclose(given.noise, noise / np.sqrt(frames), rtol=1e-6)
     z = (np.mean(errors**2) * frames / noise**2 - 1) / np.sqrt(2 / errors.size)
     assert abs(z) < 4
 
 
 def test_the_first_frame_is_as_it_was_read():
     values = OPERATOR.forward(natural_image(16, 2))[:30]
-    known = Memory(OPERATOR).take(EVERY[:30], Coefficients(values, np.full(30, 2.0)))
-    np.testing.assert_allclose(known.values[:30], values)
-    np.testing.assert_allclose(known.noise[:30], 2.0)
-    assert not known.measured[30:].any()
-    assert not known.values[30:].any()
+    given = Memory(OPERATOR).take(EVERY[:30], Coefficients(values, np.full(30, 2.0)))
+    np.testing.assert_allclose(given.values[:30], values)
+    np.testing.assert_allclose(given.noise[:30], 2.0)
+    assert not given.measured[30:].any()
+    assert not given.values[30:].any()
 
 
 def test_a_steady_shift_takes_off_the_square_of_its_age():
@@ -67,17 +67,17 @@ def test_a_steady_shift_takes_off_the_square_of_its_age():
     memory = Memory(OPERATOR, speeds=(0.1,))
     memory.take(EVERY, Coefficients(OPERATOR.forward(natural_image(16, 3)), np.full(60, 1e-3)))
     prior, stays = memory._expected * memory._scale, memory.weights[0]
-    nothing = np.zeros(0)
+    no_return = np.zeros(0)
 
-    def told():
+    def reported():
         """E(x) of every coefficient: what is held, by how much that counts against the prior."""
-        known = memory._precision * prior
-        return memory._values * known / (1 + known)
+        valid = memory._precision * prior
+        return memory._values * valid / (1 + valid)
 
-    first, left = told(), memory._left[0]
+    first, left = reported(), memory._left[0]
     for age in (1, 2, 3):
-        memory._predict(prior, np.zeros(0, dtype=int), nothing, nothing)
-        np.testing.assert_allclose(told(), stays**age * left ** (age**2) * first, rtol=1e-3)
+        memory._predict(prior, np.zeros(0, dtype=int), no_return, no_return)
+        np.testing.assert_allclose(reported(), stays**age * left ** (age**2) * first, rtol=1e-3)
 
 
 def test_what_a_shift_leaves_is_the_correlation_of_shifted_images():
@@ -129,8 +129,8 @@ def test_the_speed_is_told_from_the_readings(pixels_per_frame):
         memory.take(
             np.arange(120), Coefficients(values + rng.normal(0, 0.3, 120), np.full(120, 0.3))
         )
-    told = memory.weights[:-1] @ SPEEDS
-    assert told < 0.05 if pixels_per_frame == 0 else 0.2 < told / pixels_per_frame < 2
+    reported = memory.weights[:-1] @ SPEEDS
+    assert reported < 0.05 if pixels_per_frame == 0 else 0.2 < reported / pixels_per_frame < 2
 
 
 def test_a_cut_is_told_and_nothing_is_left_of_what_was():
@@ -139,13 +139,13 @@ def test_a_cut_is_told_and_nothing_is_left_of_what_was():
     noise = np.full(60, 0.1)
     before, after = (OPERATOR.forward(natural_image(16, seed)) for seed in (6, 7))
     for _ in range(10):
-        known = memory.take(EVERY, Coefficients(before, noise))
-    np.testing.assert_allclose(known.noise, 0.1 / np.sqrt(10), rtol=0.1)
-    known = memory.take(EVERY[:40], Coefficients(after[:40], noise[:40]))
+        given = memory.take(EVERY, Coefficients(before, noise))
+    np.testing.assert_allclose(given.noise, 0.1 / np.sqrt(10), rtol=0.1)
+    given = memory.take(EVERY[:40], Coefficients(after[:40], noise[:40]))
     assert memory.weights[:5].sum() < 1e-6
-    np.testing.assert_allclose(known.noise[:40], 0.1, rtol=0.01)
-    np.testing.assert_allclose(known.values[:40], after[:40], atol=0.1)
-    assert (known.noise[40:] > 30 * 0.1).all()
+    np.testing.assert_allclose(given.noise[:40], 0.1, rtol=0.01)
+    np.testing.assert_allclose(given.values[:40], after[:40], atol=0.1)
+    assert (given.noise[40:] > 30 * 0.1).all()
 
 
 # Images
@@ -178,9 +178,9 @@ def test_a_still_scene_is_soon_as_if_all_patterns_were_one_frame_s():
     image = natural_image(32, 8)
     plans = cycle_of((32, 32), 64, 8, common=0)
     whole = make_plan((32, 32), 1 + 8 * 63, polarity="single-ended")
-    found = reconstruct(video([image] * 8, plans, 1.0), 7, image=METHODS[1]).image
+    result = reconstruct(video([image] * 8, plans, 1.0), 7, image=METHODS[1]).image
     at_once = reconstruct(video([image], [whole], 1.0), image=METHODS[0]).image
-    errors = [np.mean((each - image) ** 2) for each in (found, at_once)]
+    errors = [np.mean((each - image) ** 2) for each in (result, at_once)]
     assert 10 * np.log10(errors[0] / errors[1]) < 0.3
 
 
@@ -198,12 +198,12 @@ def test_the_command_leads_a_frame_in_too(tmp_path):
     write_capture(recording, tmp_path / "capture.h5")
     command = ["reconstruct", str(tmp_path / "capture.h5"), "--frame", "4", "--image", METHODS[1]]
     assert main([*command, "-o", str(tmp_path / "result")]) == 0
-    found, expected = (
+    result, expected = (
         read_result(tmp_path / "result" / "result.h5"),
         reconstruct(recording, 4, image=METHODS[1]),
     )
-    np.testing.assert_array_equal(found.image, expected.image)
-    assert (found.frame, found.recording) == (4, expected.recording)
+    np.testing.assert_array_equal(result.image, expected.image)
+    assert (result.frame, result.recording) == (4, expected.recording)
 
 
 def test_every_recording_has_a_memory_of_its_own():

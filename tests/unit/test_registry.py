@@ -158,27 +158,27 @@ def test_an_entry_that_cannot_be_loaded_is_told_with_its_package(
 @pytest.mark.parametrize(
     ("registry", "names", "fits"),
     [
-        (IMAGE_METHODS, {"pursuit", "zero-filled"}, lambda found: found.title and found.compile),
+        (IMAGE_METHODS, {"pursuit", "zero-filled"}, lambda result: result.title and result.compile),
         (
             DEPTH_METHODS,
             {"anchored", "nearest", "dense"},
-            lambda found: found.title and found.needs,
+            lambda result: result.title and result.needs,
         ),
         (
             RANGING_METHODS,
             {"cw", "pulsed", "dtof", "fog", "fog-carried"},
-            lambda found: all(issubclass(kind, Spots) for kind in np.atleast_1d(found.reads)),
+            lambda result: all(issubclass(kind, Spots) for kind in np.atleast_1d(result.reads)),
         ),
-        (READINGS, {"cw", "pulsed", "dtof"}, lambda found: issubclass(found, Spots)),
+        (READINGS, {"cw", "pulsed", "dtof"}, lambda result: issubclass(result, Spots)),
         (
             DICTIONARIES,
             {"dct", "haar", "db4", "learned"},
-            lambda found: len(found.bands((4, 8))[0].vertical) == 4,
+            lambda result: len(result.bands((4, 8))[0].vertical) == 4,
         ),
         (
             BASES,
             {"hadamard", "dense", "fourier", "scrambled"},
-            lambda found: issubclass(found, Basis),
+            lambda result: issubclass(result, Basis),
         ),
         (ORDERS, {"natural", "cake-cutting", "random"}, callable),
     ],
@@ -188,13 +188,13 @@ def test_every_entry_of_the_stations_is_what_it_must_be(
     registry: Registry[Any], names: set[str], fits: Callable[[Any], bool]
 ) -> None:
     assert set(registry) >= names
-    assert all(fits(found) for found in registry.values())
+    assert all(fits(result) for result in registry.values())
 
 
 @pytest.mark.parametrize("registry", [READINGS, BASES], ids=lambda registry: registry.kind)
 def test_what_files_name_is_named_as_its_file(registry: Registry[Any]) -> None:
     key = "method" if registry is READINGS else "name"
-    assert all(getattr(found, key) == name for name, found in registry.items())
+    assert all(getattr(result, key) == name for name, result in registry.items())
 
 
 METHODS = """

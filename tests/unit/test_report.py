@@ -185,11 +185,11 @@ def test_a_recording_without_truth_and_spots_gives_a_shorter_page(
 def test_metrics_that_do_not_exist_are_shown_as_dashes(
     capture: Capture, result: Result, tmp_path: Path
 ) -> None:
-    nothing = dict.fromkeys(("correlation", "nrmse", "psnr_db", "gain_db"))
+    no_return = dict.fromkeys(("correlation", "nrmse", "psnr_db", "gain_db"))
     spots = [dict.fromkeys(("range_m", "true_m", "error_m", "sigma_m"))] * 4
     metrics = {
         "truth": {"image_error": None},
-        "images": dict.fromkeys(result.images, nothing),
+        "images": dict.fromkeys(result.images, no_return),
         "spots": dict.fromkeys(result.rangings, spots),
         "depths": {},
     }
@@ -239,23 +239,23 @@ def test_the_report_has_settings_and_the_noise_of_the_truth(
 
 
 def test_the_report_tells_the_weather(capture: Capture, tmp_path: Path) -> None:
-    def told(settings: str) -> str:
+    def reported(settings: str) -> str:
         provenance = replace(capture.provenance, settings=settings)
         return report_of(replace(capture, provenance=provenance), tmp_path)
 
     medium = {"where": "volume <bank>", "visibility_m": None, "backscatter_per_sr": 0.0477491}
-    page = told(yaml.safe_dump({"media": [medium]}))
+    page = reported(yaml.safe_dump({"media": [medium]}))
     assert "<h2>Weather</h2>" in page
     assert ">volume &lt;bank&gt;</td>" in page
     assert ">0.04775</td>" in page
     assert ">–</td>" in page
     for settings in ("", "media: []", "media: fog", "- media", "a: b: c"):
-        assert "<h2>Weather</h2>" not in told(settings)
+        assert "<h2>Weather</h2>" not in reported(settings)
 
 
-@pytest.mark.parametrize(("patterns", "share"), [(256, "100 %"), (3, "1.17 %")])
+@pytest.mark.parametrize(("patterns", "fraction"), [(256, "100 %"), (3, "1.17 %")])
 def test_the_share_of_patterns_is_a_plain_number(
-    capture: Capture, tmp_path: Path, patterns: int, share: str
+    capture: Capture, tmp_path: Path, patterns: int, fraction: str
 ) -> None:
     plan = make_plan(capture.plan.shape, patterns)
     buckets = replace(
@@ -264,7 +264,7 @@ def test_the_share_of_patterns_is_a_plain_number(
         saturated=np.zeros((1, plan.exposures), bool),
     )
     text = report_of(replace(capture, plan=plan, buckets=buckets), tmp_path)
-    assert f"<b>{share}</b>" in text
+    assert f"<b>{fraction}</b>" in text
 
 
 def test_counts_of_unknown_scale_are_no_electrons(capture: Capture, tmp_path: Path) -> None:
@@ -307,8 +307,10 @@ def test_spots_are_marked_where_their_rays_cross_the_image(
 ) -> None:
     marks = spot_marks(capture)
     assert [k for k, _, _ in marks] == [0, 1, 2, 3]
-    places = [(25, 25), (75, 25), (25, 75), (75, 75)]
-    assert [place for _, *place in marks] == [pytest.approx(place) for place in places]
+    positions = [(25, 25), (75, 25), (25, 75), (75, 75)]
+    assert [position for _, *position in marks] == [
+        pytest.approx(position) for position in positions
+    ]
     assert 'style="left:75.00%;top:25.00%;--colour:var(--spot-1)"' in report_of(capture, tmp_path)
 
 
@@ -354,12 +356,12 @@ def test_recorded_arrivals_are_drawn_where_their_path_is(capture: Capture, tmp_p
 
 
 def test_the_table_of_spots_tells_ranges_that_one_may_have() -> None:
-    nothing = dict.fromkeys(("range_m", "error_m", "sigma_m"))
+    no_return = dict.fromkeys(("range_m", "error_m", "sigma_m"))
     alternatives = [
         {"range_m": 2.314, "sigma_m": 0.01, "weight": 0.7},
         {"range_m": 2.941, "sigma_m": 0.02, "weight": 0.3},
     ]
-    spot = {"true_m": 2.3, "status": "ambiguous", "alternatives": alternatives} | nothing
+    spot = {"true_m": 2.3, "status": "ambiguous", "alternatives": alternatives} | no_return
     (table,) = compared_spots({"spots": {"cw": [spot]}})
     assert table.rows == [
         ("spot 0", "2.300", "ambiguous: 2.31 m (70 %), 2.94 m (30 %)", "–", "–", "ambiguous")

@@ -16,7 +16,7 @@ def path(capture, tmp_path):
     return tmp_path / "flight.h5"
 
 
-def told(capsys, *arguments):
+def reported(capsys, *arguments):
     """The one object that a command prints."""
     assert main([*map(str, arguments), "--json"]) == 0
     return json.loads(capsys.readouterr().out)
@@ -32,7 +32,7 @@ def test_every_command_has_the_option(command, capsys):
 def test_import(tmp_path, capsys):
     np.save(tmp_path / "a.npy", np.random.default_rng(0).poisson(900, (2, 64)))
     new = tmp_path / "new.h5"
-    report = told(capsys, "import", tmp_path / "a.npy", "--shape", "8x8", "-o", new)
+    report = reported(capsys, "import", tmp_path / "a.npy", "--shape", "8x8", "-o", new)
     assert report.pop("warnings")
     assert report == {
         "written": str(new),
@@ -44,21 +44,21 @@ def test_import(tmp_path, capsys):
     }
     np.save(tmp_path / "t.npy", 1.0 + np.arange(16).reshape(4, 4))
     taps = ["--taps", tmp_path / "t.npy", "--frequency", "20e6"]
-    report = told(capsys, "import", *taps, "-o", new)
+    report = reported(capsys, "import", *taps, "-o", new)
     assert (report["exposures"], report["shape"], report["time_of_flight"]) == (0, None, "cw")
 
 
 def test_export(path, tmp_path, capsys):
     out = tmp_path / "clouds"
-    report = told(capsys, "export", path, "-o", out, "--format", "pcd")
+    report = reported(capsys, "export", path, "-o", out, "--format", "pcd")
     assert report == {"written": str(out), "frames": 3}
 
 
 def test_replay_and_live(path, tmp_path, capsys):
     stream, copy = tmp_path / "flight.stream", tmp_path / "copy.h5"
-    report = told(capsys, "replay", path, "--to", stream, "--times", 2)
+    report = reported(capsys, "replay", path, "--to", stream, "--times", 2)
     assert report == {"to": str(stream), "frames": 6}
-    report = told(capsys, "live", stream, "--to", copy, "--image", "zero-filled", "--quiet")
+    report = reported(capsys, "live", stream, "--to", copy, "--image", "zero-filled", "--quiet")
     assert (report["received"], report["reconstructed"], report["lost"]) == (6, 6, 0)
     assert report["sinks"] == {str(copy): {"lost": 0, "dropped": 0}}
     assert read_capture(copy).frames == 6

@@ -40,7 +40,7 @@ DRONE = "drone: {position_m: [0, 0, 1], look_at_m: [5, 0, 1]}"
 def test_mistake_in_a_field(load: Load, wrong: tuple[str, str], parts: list[str]) -> None:
     text = MINIMAL.replace(*wrong)
     assert text != MINIMAL
-    assert_told(load, text, parts)
+    assert_reported(load, text, parts)
 
 
 @pytest.mark.parametrize(
@@ -66,7 +66,7 @@ def test_mistake_in_a_field(load: Load, wrong: tuple[str, str], parts: list[str]
     ],
 )
 def test_mistake_in_another_section(load: Load, added: str, parts: list[str]) -> None:
-    assert_told(load, f"{MINIMAL}{added}\n", parts)
+    assert_reported(load, f"{MINIMAL}{added}\n", parts)
 
 
 @pytest.mark.parametrize(
@@ -82,7 +82,7 @@ def test_mistake_in_another_section(load: Load, added: str, parts: list[str]) ->
     ],
 )
 def test_mistake_in_an_object(load: Load, item: str, parts: list[str]) -> None:
-    assert_told(load, with_objects(item), parts)
+    assert_reported(load, with_objects(item), parts)
 
 
 @pytest.mark.parametrize(
@@ -98,10 +98,10 @@ def test_mistake_in_an_object(load: Load, item: str, parts: list[str]) -> None:
     ],
 )
 def test_no_scene_at_all(load: Load, text: str, parts: list[str]) -> None:
-    assert_told(load, text, parts)
+    assert_reported(load, text, parts)
 
 
-def assert_told(load: Load, text: str, parts: list[str]) -> None:
+def assert_reported(load: Load, text: str, parts: list[str]) -> None:
     """Loading the text raises one short InputError that holds the file's name and all parts."""
     with pytest.raises(InputError) as caught:
         load(text)

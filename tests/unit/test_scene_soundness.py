@@ -82,7 +82,7 @@ def test_a_drone_beyond_all_distances_is_told(load: Load) -> None:
 
 
 @pytest.mark.parametrize(
-    ("scale", "x_m", "told"),
+    ("scale", "x_m", "reported"),
     [
         (1e-4, 500, r"is 0\.0001 m wide"),
         (100, 500, None),
@@ -91,16 +91,16 @@ def test_a_drone_beyond_all_distances_is_told(load: Load) -> None:
     ],
 )
 def test_sizes_of_another_unit_are_told(
-    load: Load, scale: float, x_m: float, told: str | None
+    load: Load, scale: float, x_m: float, reported: str | None
 ) -> None:
     text = with_objects(
         f"name: other drone, shape: box, size_m: [1, 1, 0.2], scale: {scale},"
         f" translate_m: [{x_m}, 0, 0], material: brick"
     )
-    if told is None:
+    if reported is None:
         without_warning(load, text)
         return
-    with pytest.warns(SceneWarning, match=rf"'other drone' {told}; all lengths are metres"):
+    with pytest.warns(SceneWarning, match=rf"'other drone' {reported}; all lengths are metres"):
         load(text)
 
 
@@ -113,18 +113,20 @@ def test_what_is_too_far_away_to_trace_is_refused(load: Load, nonsense: str) -> 
 
 
 @pytest.mark.parametrize(
-    ("ambient", "told"),
+    ("ambient", "reported"),
     [
         ("sun_klx: 1.0e+9, sun_direction: [0, 0, -1]", "sun_klx 1e+09 is more"),
         ("sky_klx: 200", "sky_klx 200 is more than the 150 klx that daylight has at most"),
         ("sun_klx: 90, sun_direction: [1, 0, 0.1]", "the sun stands below the horizon"),
     ],
 )
-def test_daylight_that_the_earth_does_not_have_is_told(load: Load, ambient: str, told: str) -> None:
+def test_daylight_that_the_earth_does_not_have_is_told(
+    load: Load, ambient: str, reported: str
+) -> None:
     with pytest.warns(SceneWarning) as caught:
         load(f"{with_objects()}ambient: {{{ambient}}}\n")
     (warning,) = caught
-    assert told in str(warning.message)
+    assert reported in str(warning.message)
 
 
 @pytest.mark.parametrize("ambient", ["sun_klx: 130, sky_klx: 20", "sun_direction: [0, 0, 1]"])

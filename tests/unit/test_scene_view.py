@@ -33,10 +33,10 @@ def show(*arguments: str | Path) -> Any:
 def test_sight_finds_the_first_surface_and_says_where_there_is_none() -> None:
     caster = RayCaster.of(scene(plane(5), plane(3, half_size_m=1.0)))
     rays = np.array([[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, 0.0, -1.0]])
-    found = caster.along(np.zeros((3, 3)), rays)
-    assert found.object_id.tolist() == [1, 0, -1]
-    assert found.range_m[:2] == pytest.approx([3, 5 / 0.8], rel=1e-6)
-    assert np.isinf(found.range_m[2])
+    result = caster.along(np.zeros((3, 3)), rays)
+    assert result.object_id.tolist() == [1, 0, -1]
+    assert result.range_m[:2] == pytest.approx([3, 5 / 0.8], rel=1e-6)
+    assert np.isinf(result.range_m[2])
 
 
 def test_brightness_follows_reflectance_and_hidden_sky() -> None:
@@ -59,34 +59,34 @@ def test_panes_are_looked_through_in_pictures_and_met_by_rays() -> None:
 
 
 def test_survey_agrees_with_the_truth() -> None:
-    place, instrument = spisim.load_scene("warehouse"), spisim.load_instrument("paper")
-    found = survey(place, instrument, RayCaster.of(place))
-    truth = ground_truth(place, instrument)
-    assert [spot.object for spot in found.spots] == list(truth.spot_object)
-    assert [spot.range_m for spot in found.spots] == pytest.approx(truth.spot_range_m, rel=1e-5)
-    assert found.nearest.range_m == pytest.approx(np.nanmin(truth.range_m), rel=0.005)
-    assert found.nearest.object == "drum"
-    assert found.farthest.range_m == pytest.approx(np.nanmax(truth.range_m), rel=0.005)
-    assert found.clearance_m == pytest.approx(1.6)  # above the floor
-    assert found.problem is None
+    position, instrument = spisim.load_scene("warehouse"), spisim.load_instrument("paper")
+    result = survey(position, instrument, RayCaster.of(position))
+    truth = ground_truth(position, instrument)
+    assert [spot.object for spot in result.spots] == list(truth.spot_object)
+    assert [spot.range_m for spot in result.spots] == pytest.approx(truth.spot_range_m, rel=1e-5)
+    assert result.nearest.range_m == pytest.approx(np.nanmin(truth.range_m), rel=0.005)
+    assert result.nearest.object == "drum"
+    assert result.farthest.range_m == pytest.approx(np.nanmax(truth.range_m), rel=0.005)
+    assert result.clearance_m == pytest.approx(1.6)  # above the floor
+    assert result.problem is None
 
 
 def test_survey_of_a_scene_that_the_spots_miss() -> None:
     block = surface("block", trimesh.creation.box((0.2, 0.2, 0.2)), 0.5)
-    place = replace(scene(block), drone_pose=look_at((0, 0, 3), (9, 0, 3), (0, 0, 1)))
-    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
-    assert all(spot.object is None and np.isinf(spot.range_m) for spot in found.spots)
-    assert found.nearest.object is None
-    assert np.isnan(found.nearest_m).all()
-    assert found.problem is not None
-    assert "laser spot" in found.problem
+    position = replace(scene(block), drone_pose=look_at((0, 0, 3), (9, 0, 3), (0, 0, 1)))
+    result = survey(position, spisim.load_instrument("paper"), RayCaster.of(position))
+    assert all(spot.object is None and np.isinf(spot.range_m) for spot in result.spots)
+    assert result.nearest.object is None
+    assert np.isnan(result.nearest_m).all()
+    assert result.problem is not None
+    assert "laser spot" in result.problem
 
 
 def test_a_sheet_that_is_turned_has_no_thickness(tmp_path: Path) -> None:
     (tmp_path / "sheet.yaml").write_text(MINIMAL)
-    place = spisim.load_scene(tmp_path / "sheet.yaml")
-    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
-    assert found.extents_m == (0, 4, 4)
+    position = spisim.load_scene(tmp_path / "sheet.yaml")
+    result = survey(position, spisim.load_instrument("paper"), RayCaster.of(position))
+    assert result.extents_m == (0, 4, 4)
 
 
 def test_clearance_is_the_distance_to_the_nearest_of_all_triangles() -> None:
@@ -104,7 +104,7 @@ def test_a_section_shows_points_where_its_rays_meet_them() -> None:
     section = Section(np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 0.0]), np.array([0, 0, 1.0]))
     point = np.array([-4.0, 3.05, 2.55])
     assert section.into == pytest.approx([-1, 0, 0])
-    assert section.place(point) == pytest.approx([1.05, -0.45])
+    assert section.position(point) == pytest.approx([1.05, -0.45])
     origins, directions = section.rays((10, 20), (0, 2, -1, 0), cut_m=0.5)
     row, column = 4, 10
     origin, towards = origins[20 * row + column], directions[20 * row + column]
@@ -149,13 +149,13 @@ def test_show_draws_and_tells(tmp_path: Path) -> None:
 def test_texts_in_the_view_do_not_overlap(monkeypatch: pytest.MonkeyPatch) -> None:
     """The nearest point is put on, above and below the number of a spot."""
     monkeypatch.setattr(picture, "_picture", lambda *_: np.zeros((1, 1, 3)))
-    place, instrument = spisim.load_scene("target-plane"), spisim.load_instrument("paper")
-    caster = RayCaster.of(place)
-    found = survey(place, instrument, caster)
+    position, instrument = spisim.load_scene("target-plane"), spisim.load_instrument("paper")
+    caster = RayCaster.of(position)
+    result = survey(position, instrument, caster)
     for shift in (-0.06, -0.03, 0.0, 0.03):
         ray = instrument.lasers.directions[0] + (0, shift, 0)
-        nearest_m = place.drone_pose[:3, 3] + 4 * place.drone_pose[:3, :3] @ ray
-        look = Look(place, instrument, caster, replace(found, nearest_m=nearest_m))
+        nearest_m = position.drone_pose[:3, 3] + 4 * position.drone_pose[:3, :3] @ ray
+        look = Look(position, instrument, caster, replace(result, nearest_m=nearest_m))
         texts = picture.look_figure(look).axes[0].texts
         boxes = [text.get_window_extent() for text in texts]
         assert any("nearest" in text.get_text() for text in texts)
@@ -193,7 +193,7 @@ def test_mistakes_are_told_before_the_work(tmp_path: Path) -> None:
 
 
 def test_the_nearest_point_lies_where_the_nearest_surface_is() -> None:
-    place = replace(scene(plane(4)), drone_pose=look_at((1, 0, 0), (1, 0, 9), (0, 1, 0)))
-    found = survey(place, spisim.load_instrument("paper"), RayCaster.of(place))
-    assert found.nearest_m[2] == pytest.approx(4, abs=1e-3)
-    assert found.nearest_m[0] == pytest.approx(1, abs=0.1)
+    position = replace(scene(plane(4)), drone_pose=look_at((1, 0, 0), (1, 0, 9), (0, 1, 0)))
+    result = survey(position, spisim.load_instrument("paper"), RayCaster.of(position))
+    assert result.nearest_m[2] == pytest.approx(4, abs=1e-3)
+    assert result.nearest_m[0] == pytest.approx(1, abs=0.1)

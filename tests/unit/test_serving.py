@@ -26,8 +26,8 @@ def place(load):
     return load(MINIMAL)
 
 
-def fly(drone, told, frames, start=0):
-    motions = [drone.fly(told, (start + n) * FRAME_S, FRAME_S) for n in range(frames)]
+def fly(drone, reported, frames, start=0):
+    motions = [drone.fly(reported, (start + n) * FRAME_S, FRAME_S) for n in range(frames)]
     return motions, motions[-1].stop_m
 
 
@@ -113,22 +113,22 @@ def test_key_poses_are_where_their_numbers_say(place):
     keys = PoseKeys(place, 0.04)
     drone = Drone(place)
     motions, _ = fly(drone, Pose((0.02, 0.01, 0.0), (0, np.sin(0.01), 0, np.cos(0.01))), 5)
-    places = keys.places(motions[-1], np.array([0.0, 1.0]))
+    positions = keys.positions(motions[-1], np.array([0.0, 1.0]))
     # Optical axes: x right, y down, z ahead.
-    np.testing.assert_allclose(places[1, :3], [-0.25, 0, 0.5], atol=1e-9)
-    np.testing.assert_allclose(places[1, 3:], [-2.2918, 0, 0], atol=1e-3)
+    np.testing.assert_allclose(positions[1, :3], [-0.25, 0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(positions[1, 3:], [-2.2918, 0, 0], atol=1e-3)
     node = (1, -2, 3, 10, 0, -20)
     pose = keys.scene(node).drone_pose
     turn = motions[0].start.from_matrix(pose[:3, :3])
     there = type(motions[0])(0.0, 1.0, pose[:3, 3], pose[:3, 3], turn, turn)
-    np.testing.assert_allclose(keys.places(there, np.zeros(1))[0], node, atol=1e-9)
+    np.testing.assert_allclose(keys.positions(there, np.zeros(1))[0], node, atol=1e-9)
 
 
 def test_where_things_move_keys_have_a_time(load):
     scene = load(MINIMAL.replace("material:", "velocity_m_s: [-1, 0, 0], material:"))
     keys = PoseKeys(scene, 0.05)
     motion = Drone(scene).fly(None, 0.5, FRAME_S)
-    assert keys.places(motion, np.zeros(1))[0, 6] == pytest.approx(10.0)
+    assert keys.positions(motion, np.zeros(1))[0, 6] == pytest.approx(10.0)
     wall = keys.scene((0, 0, 0, 0, 0, 0, 10)).objects[0]
     assert wall.mesh.bounds[0, 0] == pytest.approx(4.5)
 
@@ -144,7 +144,7 @@ def test_keys_of_a_path_are_near_each_other(place, tmp_path):
     np.testing.assert_allclose(poses[0], path.pose(0), atol=1e-9)
     np.testing.assert_allclose(poses[-1], path.pose(4), atol=1e-9)
     motion = Follower(path).fly(None, 1.0, FRAME_S)
-    place_there = keys.places(motion, np.zeros(1))[0, 0]
+    place_there = keys.positions(motion, np.zeros(1))[0, 0]
     low, high = (keys.scene((int(place_there) + n,)).drone_pose[0, 3] for n in (0, 1))
     assert low <= motion.start_m[0] <= high
     assert Follower(path).fly(None, 3.995, FRAME_S) is None
@@ -208,10 +208,10 @@ def serve(capture, wire, clock=None, costs_s=(), **options):
 
     said = []
     line = Line(wire, wire, lasting=True, say=said.append, wait=clock.wait, clock=clock)
-    pilot = SimpleNamespace(trouble=None, told=[])
+    pilot = SimpleNamespace(trouble=None, reported=[])
 
-    def go(told, time_s, duration_s):
-        pilot.told.append(told)
+    def go(reported, time_s, duration_s):
+        pilot.reported.append(reported)
         return SimpleNamespace(time_s=time_s)
 
     pilot.fly = go
@@ -249,8 +249,8 @@ def test_in_step_there_is_a_frame_for_each_command(capture):
     server, pilot, said = serve(capture, wire)
     server.run_in_step()
     server.end()
-    told = [(each.kind, each.number, each.time_ns) for each in wire.messages]
-    assert told == [
+    messages = [(each.kind, each.number, each.time_ns) for each in wire.messages]
+    assert messages == [
         (Kind.SETUP, 0, 0),
         (Kind.FRAME, 0, 0),
         (Kind.FRAME, 1, 10_000_000),
@@ -258,7 +258,7 @@ def test_in_step_there_is_a_frame_for_each_command(capture):
         (Kind.FRAME, 2, 20_000_000),
         (Kind.END, 3, 30_000_000),
     ]
-    assert pilot.told == [None, POSE, POSE]  # what was told last, until it is told to the pilot
+    assert pilot.reported == [None, POSE, POSE]  # what was told last, until it is told to the pilot
     tally = server.tally
     assert (tally.frames, tally.repeated, tally.refused, tally.corrupted) == (3, 1, 3, 1)
     assert "it asks for frame 9; the next is 2" in said[0]
@@ -316,10 +316,10 @@ def test_commands_come_from_one_sender_at_a_time(capture):
     clock = Clock()
     line = Line(outlet, datagrams, lasting=True, say=print, wait=clock.wait, clock=clock)
     line.open()
-    told = []
+    reported = []
     while not line.over:
-        told += line.messages(0)
-    assert [(each.kind, each.number) for each in told] == [(Kind.COMMAND, 0), (Kind.COMMAND, 1)]
+        reported += line.messages(0)
+    assert [(each.kind, each.number) for each in reported] == [(Kind.COMMAND, 0), (Kind.COMMAND, 1)]
     assert line.senders.ignored_bytes == len(command(POSE, 1)) + len(pack(Message(Kind.END)))
 
 
@@ -335,11 +335,11 @@ def test_at_rate_frames_leave_when_they_are_over(capture):
     clock = Clock()
     began_s = clock.now_s
     wire = Wire(*[b""] * 3, command(POSE, 0), *[b""] * 300)
-    server, pilot, _ = serve(capture, wire, clock, costs_s=[0.002] * 300, most=250)
+    server, pilot, _ = serve(capture, wire, clock, costs_s=[0.002] * 300, maximum=250)
     server.run_at_rate()
     assert clock.now_s - began_s == pytest.approx(250 * FRAME_S)
     assert (server.tally.late, server.tally.behind_s) == (0, 0.0)
-    assert [n for n, told in enumerate(pilot.told) if told is not None] == [3]
+    assert [n for n, reported in enumerate(pilot.reported) if reported is not None] == [3]
     kinds = [each.kind for each in wire.messages]
     assert kinds.count(Kind.SETUP) == 3  # once a second
     stamps = [each.time_ns for each in wire.messages if each.kind == Kind.FRAME]
@@ -351,7 +351,7 @@ def test_late_frames_are_counted_and_not_made_up_for(capture):
     began_s = clock.now_s
     wire = Wire(*[b""] * 30)
     costs_s = [0.002, 0.002, 0.5, 0.002, 0.013, 0.002]
-    server, _, _ = serve(capture, wire, clock, costs_s=costs_s, most=6)
+    server, _, _ = serve(capture, wire, clock, costs_s=costs_s, maximum=6)
     server.run_at_rate()
     assert server.tally.late == 2
     assert server.tally.behind_s == pytest.approx(0.49 + 0.003)
@@ -364,8 +364,8 @@ def test_whoever_goes_away_may_come_back(capture):
     server, _, said = serve(capture, wire)
     server.run_in_step()
     assert wire.opened == 2
-    told = [(each.kind, each.number) for each in wire.messages]
-    assert told == [(Kind.SETUP, 0), (Kind.FRAME, 0), (Kind.SETUP, 1), (Kind.FRAME, 1)]
+    messages = [(each.kind, each.number) for each in wire.messages]
+    assert messages == [(Kind.SETUP, 0), (Kind.FRAME, 0), (Kind.SETUP, 1), (Kind.FRAME, 1)]
     assert said == ["wire: the other side has closed the connection."]
 
 
@@ -380,7 +380,7 @@ def test_at_rate_nothing_is_late_while_nobody_is_there(capture):
             clock.wait(5.0)
 
     wire.__class__ = Slow
-    server, _, said = serve(capture, wire, clock, most=5)
+    server, _, said = serve(capture, wire, clock, maximum=5)
     server.run_at_rate()
     assert wire.opened == 2
     assert (server.tally.frames, server.tally.late) == (5, 0)

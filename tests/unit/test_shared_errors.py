@@ -59,7 +59,7 @@ def test_two_shared_readings_are_the_generalised_least_squares_of_the_formula():
     prior = np.append(np.inf, rng.uniform(0.1, 50, plan.sampled - 1))
     coefficients = rng.normal(0, 5, plan.sampled)
     decoder = decoder_for(plan)
-    found, left = without_shared_errors(
+    result, left = without_shared_errors(
         decoder.shared_columns(),
         coefficients,
         own=decoder.own_variance(variance),
@@ -69,13 +69,13 @@ def test_two_shared_readings_are_the_generalised_least_squares_of_the_formula():
 
     # The posterior mean and variance of the shared errors, from the joint covariance.
     matrix = decoder.matrix @ np.eye(plan.exposures)
-    weight_of_level = 1e9  # stands for an unknown level
-    image = np.diag(np.append(weight_of_level, prior[1:]))
+    weight_of_dc = 1e9  # stands for an unknown level
+    image = np.diag(np.append(weight_of_dc, prior[1:]))
     covariance = image + matrix @ np.diag(variance) @ matrix.T
     shared = matrix[:, [0, -1]]
     cross = np.diag(variance[[0, -1]]) @ shared.T
     errors = cross @ np.linalg.solve(covariance, coefficients)
-    np.testing.assert_allclose(found, coefficients - shared @ errors, rtol=1e-5)
+    np.testing.assert_allclose(result, coefficients - shared @ errors, rtol=1e-5)
     posterior = np.diag(variance[[0, -1]]) - cross @ np.linalg.solve(covariance, cross.T)
     own = 4 * np.append(0, variance[1:-1])
     expected = own + np.diag(shared @ posterior @ shared.T)
@@ -91,14 +91,14 @@ def test_one_common_number_is_the_weighted_mean_of_the_docstring():
     coefficients = np.random.default_rng(1).normal(0, 3, 8)
     weight = 1 / (prior + 4)
     common = (weight * coefficients).sum() / (weight.sum() + 1)
-    found, _ = without_shared_errors(
+    result, _ = without_shared_errors(
         decoder.shared_columns()[1:],  # all rows but the level
         coefficients,
         own=decoder.own_variance(variance)[1:],
         shared=variance[decoder.shared],
         prior=prior,
     )
-    np.testing.assert_allclose(found, coefficients - common)
+    np.testing.assert_allclose(result, coefficients - common)
 
 
 @pytest.mark.parametrize("polarity", ["differential", "signed"])
@@ -141,10 +141,10 @@ def test_the_false_pixel_in_the_corner_is_gone(capture: Capture, patterns: int) 
     error = 10 * NOISE
     counts = one.buckets.counts.copy()
     counts[0, -1] += error
-    spoilt = replace(one, buckets=replace(one.buckets, counts=counts, noise_electrons=error))
-    _, coefficients, _ = measured(spoilt)
+    outliers = replace(one, buckets=replace(one.buckets, counts=counts, noise_electrons=error))
+    _, coefficients, _ = measured(outliers)
     exact = fwht(image.ravel())[one.plan.distinct]
-    assert np.allclose(decoded(spoilt)[1:] - exact[1:], -error)
+    assert np.allclose(decoded(outliers)[1:] - exact[1:], -error)
     common = np.mean(coefficients[1:] - exact[1:])
     assert abs(common) < 0.2 * error
 

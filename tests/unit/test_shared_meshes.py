@@ -13,7 +13,7 @@ from spisim import load_instrument
 from spisim.scene import Material, Scene
 from spisim.transport import ground_truth
 from spisim.transport.backend import activate
-from spisim.transport.meshes import _KEPT, Meshes
+from spisim.transport.meshes import _CACHED, Meshes
 from spisim.transport.world import build_world
 
 
@@ -22,9 +22,9 @@ def scene() -> Scene:
 
 
 def test_other_poses_and_fog_share_one_search_tree() -> None:
-    place = scene()
-    first = build_world(place)
-    moved = replace(place, drone_pose=worlds.pose_at((0.1, 0.0, 0.2)))
+    position = scene()
+    first = build_world(position)
+    moved = replace(position, drone_pose=worlds.pose_at((0.1, 0.0, 0.2)))
     assert build_world(moved).geometry.scene is first.geometry.scene
 
 
@@ -32,19 +32,19 @@ def test_truth_and_light_share_one_search_tree(monkeypatch: pytest.MonkeyPatch) 
     built = []
     make = Meshes._made
     monkeypatch.setattr(Meshes, "_made", lambda objects: built.append(objects) or make(objects))
-    place = scene()
-    ground_truth(place, load_instrument("paper"))
-    build_world(place)
-    ground_truth(place, load_instrument("paper"))
+    position = scene()
+    ground_truth(position, load_instrument("paper"))
+    build_world(position)
+    ground_truth(position, load_instrument("paper"))
     assert len(built) == 1
 
 
 def test_a_mesh_that_was_moved_in_place_is_seen_where_it_is() -> None:
     activate()
-    place = scene()
-    before = Meshes.of(place.objects)
-    place.objects[0].mesh.apply_translation((0.0, 0.0, 0.5))
-    after = Meshes.of(place.objects)
+    position = scene()
+    before = Meshes.of(position.objects)
+    position.objects[0].mesh.apply_translation((0.0, 0.0, 0.5))
+    after = Meshes.of(position.objects)
     assert after is not before
     assert after.scene.bbox() != before.scene.bbox()
 
@@ -91,10 +91,10 @@ def test_materials_that_are_alike_share_a_mesh() -> None:
 
 def test_meshes_go_with_their_objects() -> None:
     activate()
-    place = scene()
-    Meshes.of(place.objects)
+    position = scene()
+    Meshes.of(position.objects)
     gc.collect()
-    before = len(_KEPT)
-    del place
+    before = len(_CACHED)
+    del position
     gc.collect()
-    assert len(_KEPT) == before - 1
+    assert len(_CACHED) == before - 1

@@ -45,8 +45,8 @@ def _unread(code: str, *arguments: str) -> tuple[int, str]:
         assert process.stdout
         assert process.stderr
         process.stdout.close()
-        told = process.stderr.read().decode()
-    return process.returncode, told
+        reported = process.stderr.read().decode()
+    return process.returncode, reported
 
 
 def test_who_stops_reading_is_told_nothing(file: str, tmp_path: Path) -> None:
@@ -56,10 +56,10 @@ def test_who_stops_reading_is_told_nothing(file: str, tmp_path: Path) -> None:
 
 
 def test_an_error_is_told_though_nobody_reads_its_object(file: str) -> None:
-    status, told = _unread(RIG, "check", file, "--json")
+    status, reported = _unread(RIG, "check", file, "--json")
     assert status == 2
-    assert told.count("\n") == 1
-    assert told.startswith(f"error: {file}: spots/detector_axes is not known")
+    assert reported.count("\n") == 1
+    assert reported.startswith(f"error: {file}: spots/detector_axes is not known")
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")
@@ -84,8 +84,8 @@ def test_an_interrupt_while_the_program_loads_ends_it_without_a_word() -> None:
 
 
 def test_a_file_is_named_once() -> None:
-    for told in ("c.h5: no such capture file", "c.h5 is a folder"):
-        with pytest.raises(InputError, match=f"^{told}$"), naming("c.h5"):
-            raise InputError(told)
+    for reported in ("c.h5: no such capture file", "c.h5 is a folder"):
+        with pytest.raises(InputError, match=f"^{reported}$"), naming("c.h5"):
+            raise InputError(reported)
     with pytest.raises(InputError, match=r"^c\.h5: frame 1"), naming("c.h5"):
         raise InputError("frame 1")

@@ -122,12 +122,12 @@ def test_a_scene_s_fog_drifts(tmp_path):
     path.write_text(SCENE + structure)
     scene = load_scene(path)
     assert scene.moves
-    (start,), (later,) = scene.volumes, scene.at(0.2).volumes
+    (start,), (following,) = scene.volumes, scene.at(0.2).volumes
     assert start.density.shape == (16, 16, 16)
-    np.testing.assert_array_equal(scene.at(0.1).at(0.1).volumes[0].density, later.density)
-    shifted = start.structure.density(later.to_world, 0.2)
-    np.testing.assert_array_equal(shifted, later.density)
-    assert not np.allclose(start.density, later.density)
+    np.testing.assert_array_equal(scene.at(0.1).at(0.1).volumes[0].density, following.density)
+    shifted = start.structure.density(following.to_world, 0.2)
+    np.testing.assert_array_equal(shifted, following.density)
+    assert not np.allclose(start.density, following.density)
 
 
 @pytest.mark.parametrize(

@@ -23,18 +23,18 @@ from spisim.dataset.study.profile import CENTRES_M, EDGES_M, depth_profile
 def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:
     assert capture.truth is not None
     result = reconstruct(capture)
-    told = evaluate(result, capture)
-    found = evaluation_of(capture).metrics
-    assert set(QUANTITIES) < set(found)
+    reported = evaluate(result, capture)
+    outcome = evaluation_of(capture).metrics
+    assert set(QUANTITIES) < set(outcome)
     default = next(iter(result.images))
-    assert found["image_correlation"] == told["images"][default]["correlation"]
-    assert found[f"image_correlation[{default}]"] == found["image_correlation"]
-    for method, figures in told["images"].items():
-        assert found[f"image_psnr_db[{method}]"] == figures["psnr_db"]
-    for method, figures in told["depths"].items():
-        assert found[f"depth_within_25[{method}]"] == figures["within_25_percent"]
-    assert found["depth_mae_m"] == next(iter(told["depths"].values()))["mae_m"]
-    assert (found["valid_spots"], found["saturated"]) == (4, 0)
+    assert outcome["image_correlation"] == reported["images"][default]["correlation"]
+    assert outcome[f"image_correlation[{default}]"] == outcome["image_correlation"]
+    for method, figures in reported["images"].items():
+        assert outcome[f"image_psnr_db[{method}]"] == figures["psnr_db"]
+    for method, figures in reported["depths"].items():
+        assert outcome[f"depth_within_25[{method}]"] == figures["within_25_percent"]
+    assert outcome["depth_mae_m"] == next(iter(reported["depths"].values()))["mae_m"]
+    assert (outcome["valid_spots"], outcome["saturated"]) == (4, 0)
 
 
 def test_unknown_metrics_are_told_with_the_nearest_names() -> None:
@@ -56,9 +56,9 @@ def test_named_methods_are_evaluated_beside_the_usual_ones(capture: Capture) -> 
     names = ["image_nrmse[zero-filled]", "depth_mae_m", "image_nrmse[pursuit:dct]"]
     methods = named_methods(names)
     assert methods == (("images", "zero-filled"), ("images", "pursuit:dct"))
-    usual, found = evaluation_of(capture).metrics, evaluation_of(capture, methods).metrics
-    assert found["image_nrmse[pursuit:dct]"] == usual["image_nrmse[pursuit]"]
-    assert {name: found[name] for name in usual} == usual
+    usual, result = evaluation_of(capture).metrics, evaluation_of(capture, methods).metrics
+    assert result["image_nrmse[pursuit:dct]"] == usual["image_nrmse[pursuit]"]
+    assert {name: result[name] for name in usual} == usual
 
 
 def test_range_metrics_are_over_the_spots_that_have_a_range(capture: Capture) -> None:
@@ -69,14 +69,14 @@ def test_range_metrics_are_over_the_spots_that_have_a_range(capture: Capture) ->
     lost = capture.spots.saturated.copy()
     lost[0, 3] = True
     spots = replace(capture.spots, saturated=lost)
-    found = evaluation_of(replace(capture, truth=shifted, spots=spots)).metrics
-    assert found["valid_spots"] == 3
-    assert found["range_bias_m"] == pytest.approx(0.0, abs=1e-6)
-    assert found["range_error_m"] == pytest.approx(0.2, abs=1e-6)
+    result = evaluation_of(replace(capture, truth=shifted, spots=spots)).metrics
+    assert result["valid_spots"] == 3
+    assert result["range_bias_m"] == pytest.approx(0.0, abs=1e-6)
+    assert result["range_error_m"] == pytest.approx(0.2, abs=1e-6)
     all_lost = replace(capture.spots, saturated=np.ones_like(lost))
-    nothing = evaluation_of(replace(capture, spots=all_lost)).metrics
-    assert nothing["valid_spots"] == 0
-    assert nothing["range_bias_m"] is nothing["depth_mae_m"] is None
+    no_return = evaluation_of(replace(capture, spots=all_lost)).metrics
+    assert no_return["valid_spots"] == 0
+    assert no_return["range_bias_m"] is no_return["depth_mae_m"] is None
 
 
 def test_saturated_is_the_share_of_readings(capture: Capture) -> None:
@@ -166,29 +166,29 @@ def test_a_capture_that_cannot_be_reconstructed_is_told(capture: Capture, tmp_pa
     dark = np.ones_like(capture.buckets.saturated)
     blind = replace(capture, buckets=replace(capture.buckets, saturated=dark))
     folder = make_set(tmp_path / "walls", blind, done=1, failed=0)
-    _, found = evaluate_all(folder, InProcess)
-    assert not found[0].metrics
-    assert "every pattern rests on a saturated reading" in str(found[0].error)
+    _, result = evaluate_all(folder, InProcess)
+    assert not result[0].metrics
+    assert "every pattern rests on a saturated reading" in str(result[0].error)
 
 
 def test_a_capture_that_takes_its_worker_with_it_is_told_and_tried_again(
     capture: Capture, tmp_path: Path
 ) -> None:
     folder = make_set(tmp_path / "walls", capture, done=1, failed=0)
-    _, found = evaluate_all(folder, Deadly)
-    assert found[0] == Evaluation({}, error="evaluation: worker killed by SIGKILL")
-    _, found = evaluate_all(folder, InProcess)
-    assert found[0].error is None
+    _, result = evaluate_all(folder, Deadly)
+    assert result[0] == Evaluation({}, error="evaluation: worker killed by SIGKILL")
+    _, result = evaluate_all(folder, InProcess)
+    assert result[0].error is None
 
 
 def test_a_capture_is_known_by_its_content(capture: Capture, tmp_path: Path) -> None:
     """Metrics belong to the capture that the manifest tells of, not to its place."""
     folder = make_set(tmp_path / "walls", capture, done=1, failed=0)
-    _, found = evaluate_all(folder, InProcess)
+    _, result = evaluate_all(folder, InProcess)
     other = make_set(tmp_path / "others", replace(capture, provenance=replace(
         capture.provenance, scene="name: other")), done=1, failed=0)  # fmt: skip
-    kept = Layout(other).metrics(0)
-    kept.parent.mkdir(parents=True)
-    kept.write_bytes(Layout(folder).metrics(0).read_bytes().replace(b"4.0", b"1.0"))
+    retained = Layout(other).metrics(0)
+    retained.parent.mkdir(parents=True)
+    retained.write_bytes(Layout(folder).metrics(0).read_bytes().replace(b"4.0", b"1.0"))
     _, again = evaluate_all(other, InProcess)
-    assert again == found
+    assert again == result

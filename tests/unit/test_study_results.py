@@ -134,11 +134,11 @@ def test_every_sample_and_every_combination_has_a_row(tmp_path: Path) -> None:
 def test_differences_are_between_samples_of_the_same_round(tmp_path: Path) -> None:
     """Rounds differ by metres, but within each fog costs the same half a metre."""
     results = made(tmp_path, lost=(7,))
-    found = {
+    result = {
         (row["scene.fog.visibility_m"], row["metric"], row["minus_metric"]): row
         for row in table(differences_csv(results))
     }
-    fog = found["100", "depth_mae_m", "depth_mae_m"]
+    fog = result["100", "depth_mae_m", "depth_mae_m"]
     assert fog["minus_scene.fog.visibility_m"] == "20"
     assert [float(fog[name]) for name in ("mean", "low", "high")] == pytest.approx([-0.5] * 3)
     assert fog["n"] == "9"  # the lost sample's partner counts no more
@@ -146,10 +146,10 @@ def test_differences_are_between_samples_of_the_same_round(tmp_path: Path) -> No
     assert summary.low is not None
     assert summary.high is not None
     assert summary.high - summary.low > 2
-    method = found["100", "depth_mae_m", "depth_mae_m[nearest]"]
+    method = result["100", "depth_mae_m", "depth_mae_m[nearest]"]
     assert float(method["mean"]) == pytest.approx(-float(summary.mean or 0))
-    assert ("20", "depth_mae_m", "depth_mae_m") not in found
-    assert len(found) == 3 + 2
+    assert ("20", "depth_mae_m", "depth_mae_m") not in result
+    assert len(result) == 3 + 2
 
 
 def test_scenes_are_the_units_where_there_are_several(tmp_path: Path) -> None:
@@ -165,8 +165,8 @@ def test_scenes_are_the_units_where_there_are_several(tmp_path: Path) -> None:
         records.append(record(index, sample.scene_name, dict(sample.parameters)))
         value = 1.0 if sample.scene_name == "target-plane" else 3.0
         evaluations[index] = Evaluation(dict.fromkeys(QUANTITIES) | {"range_bias_m": value})
-    found = results_of(study, records, evaluations).summaries[(20,), "range_bias_m"].estimate
-    assert (found.n, found.units, found.mean) == (6, 2, 2.0)
+    result = results_of(study, records, evaluations).summaries[(20,), "range_bias_m"].estimate
+    assert (result.n, result.units, result.mean) == (6, 2, 2.0)
 
 
 def test_all_scenes_stand_together_beside_each(tmp_path: Path) -> None:
@@ -236,13 +236,13 @@ def test_a_depth_profile_is_over_the_scenes_that_have_such_a_depth(tmp_path: Pat
     results = made(tmp_path)
     rows = [row for row in results.groups()[()] if row.parameters["scene.fog.visibility_m"] == 20]
     values = [1.0 + row.round for row in rows]
-    known: list[Any] = [None] * CENTRES_M.size
+    valid: list[Any] = [None] * CENTRES_M.size
     profiled = []
     for row, value in zip(rows, values, strict=True):
-        anchored = list(known)
+        anchored = list(valid)
         anchored[4] = value
         anchored[5] = value if row.round < 2 else None
-        profiled.append(replace(row, profile={"anchored": anchored, "nearest": known}))
+        profiled.append(replace(row, profile={"anchored": anchored, "nearest": valid}))
     profile = profile_of(profiled, "anchored")
     assert list(profile) == [CENTRES_M[4]]  # two rounds are not enough for the next
     assert (profile[CENTRES_M[4]].mean, profile[CENTRES_M[4]].n) == (5.5, 10)

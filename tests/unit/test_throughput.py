@@ -15,8 +15,10 @@ def losing(plan, image, seed):
     """Readings of fine patterns that lose up to half of their light, more or less of it."""
     rng = np.random.default_rng(seed)
     fine = np.sum(frequencies(plan.patterns, "natural"), axis=0)[plan.distinct] / 2
-    share = dict(zip(plan.distinct, (1 - fine) * rng.uniform(0.8, 1.2, plan.sampled), strict=True))
-    light = expose(plan, image) * np.array([share[k] for k in plan.index])
+    fraction = dict(
+        zip(plan.distinct, (1 - fine) * rng.uniform(0.8, 1.2, plan.sampled), strict=True)
+    )
+    light = expose(plan, image) * np.array([fraction[k] for k in plan.index])
     noise = 0.002 * light.max()
     return light + noise * rng.standard_normal(light.shape), noise
 
@@ -30,12 +32,12 @@ def test_what_patterns_lose_is_no_noise(patterns):
     for seed in range(6):
         image = natural_image(32, seed) + 0.2
         readings, noise = losing(plan, image, seed)
-        assert not usable.spoilt(readings).any()
-        unknown, told = (
+        assert not usable.outliers(readings).any()
+        unknown, reported = (
             correlation(solve(usable.decode(readings, np.full(readings.size, each))).image, image)
             for each in (np.nan, noise**2)
         )
-        lost.append(told - unknown)
+        lost.append(reported - unknown)
     assert np.mean(lost) < 0.02
 
 

@@ -13,7 +13,7 @@ from reconstruction import InputError
 from spisim.scene import (
     Scene,
     Trajectory,
-    at_moment,
+    at_drone_state,
     check_clear_path,
     draw_scene,
     load_trajectory,
@@ -177,11 +177,11 @@ def same(one: Scene, other: Scene) -> bool:
 
 def test_the_drone_of_a_moment_is_that_of_the_flight() -> None:
     flight = curved()
-    place = at_moment(spisim.load_scene("warehouse"), flight.moment(1.7))
-    assert place.drone_pose == pytest.approx(flight.pose(1.7), abs=1e-9)
-    assert place.drone_velocity_m_s == pytest.approx(flight.velocity(1.7))
-    assert place.drone_angular_velocity_rad_s == pytest.approx(flight.angular_velocity(1.7))
-    assert place.drone_moves
+    position = at_drone_state(spisim.load_scene("warehouse"), flight.moment(1.7))
+    assert position.drone_pose == pytest.approx(flight.pose(1.7), abs=1e-9)
+    assert position.drone_velocity_m_s == pytest.approx(flight.velocity(1.7))
+    assert position.drone_angular_velocity_rad_s == pytest.approx(flight.angular_velocity(1.7))
+    assert position.drone_moves
 
 
 def test_the_text_of_a_moment_makes_the_same_scene() -> None:
@@ -191,30 +191,30 @@ def test_the_text_of_a_moment_makes_the_same_scene() -> None:
         "     velocity_m_s: [0, 1, 0], angular_velocity_deg_s: [0, 0, 90]}\n"
     )
     moment = load_trajectory(scenes_folder() / "warehouse-flight.csv").moment(2.3)
-    place = make_scene(text, Path(), "x")
-    moved = at_moment(place, moment)
+    position = make_scene(text, Path(), "x")
+    moved = at_drone_state(position, moment)
     again = make_scene(moved.text, Path(), "x")
     assert same(moved, again)
     assert again.text == moved.text
-    fan = place.objects[0]
+    fan = position.objects[0]
     assert np.array_equal(moved.objects[0].mesh.vertices, fan.at(2.3).mesh.vertices)
     assert not np.array_equal(moved.objects[0].mesh.vertices, fan.mesh.vertices)
 
 
 def test_a_family_draws_the_same_world_for_every_moment() -> None:
     """Though a drone that flies there would make another draw necessary."""
-    place = draw_scene("targets", 1)
+    position = draw_scene("targets", 1)
     moment = curved().moment(0.4)
-    moved = at_moment(place, moment.model_copy(update={"position_m": (-30.0, 0.0, 1.5)}))
+    moved = at_drone_state(position, moment.model_copy(update={"position_m": (-30.0, 0.0, 1.5)}))
     again = make_scene(moved.text, Path(), "drawn")
     assert same(moved, again)
-    assert np.array_equal(place.objects[0].mesh.triangles, again.objects[0].mesh.triangles)
+    assert np.array_equal(position.objects[0].mesh.triangles, again.objects[0].mesh.triangles)
 
 
 def test_a_moment_inside_an_object_is_refused() -> None:
-    place = spisim.load_scene("warehouse")
+    position = spisim.load_scene("warehouse")
     inside = curved().moment(0).model_copy(update={"position_m": (3.0, 0.47, 0.9)})
-    moved = at_moment(place, inside.model_copy(update={"look_at_m": (9.0, 0.0, 0.9)}))
+    moved = at_drone_state(position, inside.model_copy(update={"look_at_m": (9.0, 0.0, 0.9)}))
     with pytest.raises(InputError, match="inside object 'drum'"):
         make_scene(moved.text, scenes_folder(), "moved")
     with pytest.raises(InputError, match=r"moment\.time_s"):

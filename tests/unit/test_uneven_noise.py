@@ -22,11 +22,11 @@ def posterior(noise):
 
 def closed_form(contrast, measured, noise):
     """Mean (N,) and covariance (N, N) of the posterior's spectrum."""
-    known = np.isfinite(noise)
-    rows = SOLVER.model.rows[known]
+    finite = np.isfinite(noise)
+    rows = SOLVER.model.rows[finite]
     prior = contrast * np.diag(FIELD.variance.ravel())
-    gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise[known] ** 2))
-    return gain @ measured[known], prior - gain @ rows @ prior
+    gain = prior @ rows.T @ np.linalg.inv(rows @ prior @ rows.T + np.diag(noise[finite] ** 2))
+    return gain @ measured[finite], prior - gain @ rows @ prior
 
 
 def sizes(seed=1):
@@ -36,26 +36,26 @@ def sizes(seed=1):
 def test_the_mean_and_the_covariance_are_those_of_the_closed_form():
     noise = sizes()
     noise[5:20] = np.inf
-    found, measured, length_1 = posterior(noise)
-    mean, covariance = closed_form(found.contrast, measured, length_1)
-    np.testing.assert_allclose(found.mean.ravel(), mean, atol=1e-9 * np.abs(mean).max())
+    result, measured, length_1 = posterior(noise)
+    mean, covariance = closed_form(result.contrast, measured, length_1)
+    np.testing.assert_allclose(result.mean.ravel(), mean, atol=1e-9 * np.abs(mean).max())
     image = natural_image(16, 4)
     np.testing.assert_allclose(
-        found.covariance(image).ravel(),
+        result.covariance(image).ravel(),
         covariance @ image.ravel(),
         atol=1e-9 * np.abs(covariance).max() * image.size,
     )
 
 
 def test_variance_is_that_of_pixels_nearby():
-    found, measured, length_1 = posterior(sizes())
-    _, covariance = closed_form(found.contrast, measured, length_1)
+    result, measured, length_1 = posterior(sizes())
+    _, covariance = closed_form(result.contrast, measured, length_1)
     atoms = FIELD.image(np.eye(256).reshape(256, 16, 16)).reshape(256, 256)
     exact = np.diag(atoms.T @ covariance @ atoms).reshape(16, 16)
-    ratio = np.sqrt(found.variance / exact)
+    ratio = np.sqrt(result.variance / exact)
     assert abs(ratio.mean() - 1) < 0.05
     assert ratio.std() < 0.15
-    assert (np.isclose(found.variance, exact).sum()) >= 16  # those that were asked
+    assert (np.isclose(result.variance, exact).sum()) >= 16  # those that were asked
 
 
 def test_noise_that_is_hardly_uneven_makes_hardly_a_difference():

@@ -39,11 +39,11 @@ def test_lengths_and_times_are_short() -> None:
 
 
 def test_numbers_of_a_scale_share_a_prefix_and_stand_apart() -> None:
-    share = Scale(0.0, 6.1e-10, "gray", "", exponent=1 / 2.2)
-    assert share.prefix == Prefix(1e-12, "× 10⁻¹²")
-    words, places = zip(*share.ticks, strict=True)
+    fraction = Scale(0.0, 6.1e-10, "gray", "", exponent=1 / 2.2)
+    assert fraction.prefix == Prefix(1e-12, "× 10⁻¹²")
+    words, positions = zip(*fraction.ticks, strict=True)
     assert all(len(each) <= 4 for each in words)
-    assert np.diff(places).min() >= 11
+    assert np.diff(positions).min() >= 11
     assert [words for words, _ in Scale(0.0, 0.8, "gray", "").ticks] == [
         *("0", "0.2", "0.4", "0.6", "0.8"),
     ]
@@ -63,9 +63,9 @@ def test_axes_are_written_in_the_prefix_of_their_ends() -> None:
 
 
 def test_maps_are_packed_to_steps_of_what_they_span() -> None:
-    told = packed([[1.0, np.nan], [3.0, 2.0]])
-    steps = np.frombuffer(b64decode(str(told["values"])), "<u2")
+    reported = packed([[1.0, np.nan], [3.0, 2.0]])
+    steps = np.frombuffer(b64decode(str(reported["values"])), "<u2")
     assert steps.tolist()[:3] == [0, UNKNOWN, UNKNOWN - 1]
-    assert told["low"] + told["step"] * steps[3] == pytest.approx(2.0, abs=1e-4)
+    assert reported["low"] + reported["step"] * steps[3] == pytest.approx(2.0, abs=1e-4)
     assert packed([[np.nan]])["values"]
     assert packed([[2.0, 2.0]])["step"] == 1.0

@@ -19,7 +19,7 @@ from reconstruction import InputError, write_capture
 from spisim.cli import app
 from spisim.report.viewer import Recording, window
 from spisim.report.viewer.readings import phasors_of
-from spisim.report.viewer.sights import sights_of_captures
+from spisim.report.viewer.views import views_of_captures
 from streams import film, messages
 
 
@@ -56,9 +56,9 @@ TRUE = {"/images/truth", "/depth/truth", "/world/drone/truth", "/world/drone/spo
 def test_a_capture_is_shown_with_its_scene_and_truth(folder, tmp_path):
     run = view(folder / "hall.h5", "--save", tmp_path / "hall.rrd")
     assert run.exit_code == 0, run.output
-    found = entities(tmp_path / "hall.rrd")
-    assert found >= SEEN | TRUE
-    assert any(each.startswith("/world/scene/000") for each in found)
+    result = entities(tmp_path / "hall.rrd")
+    assert result >= SEEN | TRUE
+    assert any(each.startswith("/world/scene/000") for each in result)
     assert [path.name for path in tmp_path.iterdir()] == ["hall.rrd"]
     assert view(folder / "hall.h5", "--save", tmp_path / "hall.rrd").exit_code == 0  # its own
     (tmp_path / "mine.rrd").write_text("mine")
@@ -70,9 +70,9 @@ def test_a_capture_is_shown_with_its_scene_and_truth(folder, tmp_path):
 def test_a_stream_is_shown_as_it_comes(folder, tmp_path):
     run = view(folder / "hall.stream", "--save", tmp_path / "live.rrd")
     assert run.exit_code == 0, run.output
-    found = entities(tmp_path / "live.rrd")
-    assert found >= SEEN
-    assert not found & TRUE
+    result = entities(tmp_path / "live.rrd")
+    assert result >= SEEN
+    assert not result & TRUE
 
 
 def test_a_data_set_is_shown_sample_by_sample(capture, tmp_path):
@@ -83,15 +83,15 @@ def test_a_data_set_is_shown_sample_by_sample(capture, tmp_path):
 
 
 def test_times_and_places_are_those_of_the_scene(folder):
-    sights = list(sights_of_captures([folder / "hall.h5"]))
+    views = list(views_of_captures([folder / "hall.h5"]))
     period_ns = round(1e9 * 2 * 128 / 15_000)
-    assert np.diff([each.shot.stamp_ns for each in sights]).tolist() == pytest.approx(
+    assert np.diff([each.shot.stamp_ns for each in views]).tolist() == pytest.approx(
         [period_ns] * 2, abs=2
     )
-    for each in sights:
+    for each in views:
         expected = each.scene.drone_pose_at(each.since_s)
         assert each.shot.pose == pytest.approx(expected, abs=1e-12)
-    assert [each.truth is not None for each in sights] == [True, False, False]
+    assert [each.truth is not None for each in views] == [True, False, False]
 
 
 def test_phasors_are_of_the_taps(capture):
@@ -122,9 +122,9 @@ def test_a_scene_whose_meshes_are_gone_is_left_out_and_told(capture, tmp_path):
     write_capture(with_scene(capture, text), tmp_path / "a.h5")
     with warnings.catch_warnings(record=True) as odd:
         warnings.simplefilter("always")
-        (sight,) = sights_of_captures([tmp_path / "a.h5"])
-    assert sight.scene is None
-    assert sight.shot.pose[:3, 2] == pytest.approx([1, 0, 0])
+        (frame_view,) = views_of_captures([tmp_path / "a.h5"])
+    assert frame_view.scene is None
+    assert frame_view.shot.pose[:3, 2] == pytest.approx([1, 0, 0])
     assert any("shown without its surroundings" in str(each.message) for each in odd)
 
 

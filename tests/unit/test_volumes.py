@@ -72,7 +72,7 @@ def test_medium_by_coefficients_with_a_density(tmp_path: Path) -> None:
     ],
 )
 def test_mistake_in_a_volume(tmp_path: Path, volume: str, parts: list[str]) -> None:
-    assert_told(tmp_path, [volume], parts)
+    assert_reported(tmp_path, [volume], parts)
 
 
 @pytest.mark.parametrize(
@@ -92,22 +92,24 @@ def test_mistake_in_a_volume(tmp_path: Path, volume: str, parts: list[str]) -> N
 )
 def test_unusable_density(tmp_path: Path, density: np.ndarray, parts: list[str]) -> None:
     np.save(tmp_path / "plume.npy", density)
-    assert_told(tmp_path, [BANK + ", density: plume.npy"], ["volumes[0] (bank)", "plume", *parts])
+    assert_reported(
+        tmp_path, [BANK + ", density: plume.npy"], ["volumes[0] (bank)", "plume", *parts]
+    )
 
 
 def test_missing_or_broken_density(tmp_path: Path) -> None:
     (tmp_path / "plume.npy").write_bytes(b"no array")
-    assert_told(tmp_path, [BANK + ", density: plum.npy"], ["did you mean 'plume.npy'"])
-    assert_told(tmp_path, [BANK + ", density: plume.npy"], ["'plume.npy' cannot be read"])
+    assert_reported(tmp_path, [BANK + ", density: plum.npy"], ["did you mean 'plume.npy'"])
+    assert_reported(tmp_path, [BANK + ", density: plume.npy"], ["'plume.npy' cannot be read"])
     np.savez(tmp_path / "many.npz", a=np.ones((2, 2, 2)))
-    assert_told(tmp_path, [BANK + ", density: many.npz"], ["'many.npz' cannot be read"])
+    assert_reported(tmp_path, [BANK + ", density: many.npz"], ["'many.npz' cannot be read"])
 
 
 def test_two_volumes_of_one_name(tmp_path: Path) -> None:
-    assert_told(tmp_path, [BANK, BANK + ", translate_m: [9, 0, 0]"], ["two of them", "'bank'"])
+    assert_reported(tmp_path, [BANK, BANK + ", translate_m: [9, 0, 0]"], ["two of them", "'bank'"])
 
 
-def assert_told(folder: Path, volumes: list[str], parts: list[str]) -> None:
+def assert_reported(folder: Path, volumes: list[str], parts: list[str]) -> None:
     with pytest.raises(InputError) as caught:
         load(folder, *volumes)
     message = str(caught.value)

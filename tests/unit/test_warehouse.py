@@ -45,11 +45,11 @@ def are_apart(one: ConvexHull, other: ConvexHull) -> bool:
 @pytest.mark.parametrize("seed", range(4))
 def test_things_and_people_in_the_aisle_stand_apart(seed: int) -> None:
     parameters = {"things": 8, "worker": "worker", "aisle_m": 1.7}
-    found = outlines(draw_scene("warehouse", seed, parameters))
-    assert len(found) >= 4
-    for (name, one), (other_name, other) in itertools.combinations(found.items(), 2):
+    result = outlines(draw_scene("warehouse", seed, parameters))
+    assert len(result) >= 4
+    for (name, one), (other_name, other) in itertools.combinations(result.items(), 2):
         assert are_apart(one, other), (name, other_name)
-    assert all(np.abs(one.points[:, 1]).max() < 0.87 for one in found.values())
+    assert all(np.abs(one.points[:, 1]).max() < 0.87 for one in result.values())
 
 
 def test_lamps_and_cable_hang_from_bars_below_the_skylight() -> None:

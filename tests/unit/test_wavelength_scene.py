@@ -49,8 +49,8 @@ def test_weather_is_that_of_the_wavelength(load: Load, wavelength_nm: int) -> No
         "snow: {rate_mm_per_h: 2}": snow(2, wavelength_nm=wavelength_nm),
     }
     for section, medium in expected.items():
-        found = load(section, wavelength_nm=wavelength_nm).atmosphere
-        assert found.summary() == medium.summary()
+        result = load(section, wavelength_nm=wavelength_nm).atmosphere
+        assert result.summary() == medium.summary()
 
 
 def test_weather_of_volumes_too(load: Load) -> None:
@@ -67,28 +67,28 @@ def test_rain_and_snow_of_single_drops(load: Load) -> None:
     text = "rain: {rate_mm_per_h: 5, model: drops}\nsnow: {rate_mm_per_h: 1, model: drops}"
     scene = load(text, wavelength_nm=905)
     assert scene.atmosphere.extinction_per_m == 0
-    told = {row["kind"]: row for row in scene.media_summary()}
-    assert set(told) == {"rain, 5 mm/h, single drops", "snow, 1 mm/h, single drops"}
-    assert {row["where"] for row in told.values()} == {"air, single drops"}
+    reported = {row["kind"]: row for row in scene.media_summary()}
+    assert set(reported) == {"rain, 5 mm/h, single drops", "snow, 1 mm/h, single drops"}
+    assert {row["where"] for row in reported.values()} == {"air, single drops"}
     drops = precipitation.rain(5, wavelength_nm=905).summary()
-    assert told["rain, 5 mm/h, single drops"] == {"where": "air, single drops"} | drops
+    assert reported["rain, 5 mm/h, single drops"] == {"where": "air, single drops"} | drops
 
 
 def test_what_a_scene_says_of_snow_holds_at_every_wavelength(load: Load) -> None:
     for model in ("medium", "drops"):
         text = f"snow: {{rate_mm_per_h: 1, model: {model}, albedo: 0.6}}"
-        (told,) = load(text, wavelength_nm=905).media_summary()
-        assert told["albedo"] == pytest.approx(0.6)
+        (reported,) = load(text, wavelength_nm=905).media_summary()
+        assert reported["albedo"] == pytest.approx(0.6)
 
 
 def test_what_is_assumed_of_flakes_can_be_given(load: Load) -> None:
-    (told,) = load(
+    (reported,) = load(
         "snow: {rate_mm_per_h: 2, model: drops, flake_density_kg_m3: 50, fall_speed_m_s: 0.8}"
     ).precipitation
     expected = precipitation.snow(2, flake_density_kg_m3=50, fall_speed_m_s=0.8)
-    assert told.summary() == expected.summary()
-    assert told.extinction_per_m > 1.2 * precipitation.snow(2).extinction_per_m
-    assert told.fall_speed_m_s(np.ones(1)) == 0.8
+    assert reported.summary() == expected.summary()
+    assert reported.extinction_per_m > 1.2 * precipitation.snow(2).extinction_per_m
+    assert reported.fall_speed_m_s(np.ones(1)) == 0.8
     (rain,) = load("rain: {rate_mm_per_h: 2, model: drops, kind: joss-drizzle}").precipitation
     assert rain.summary() == precipitation.rain(2, "joss-drizzle").summary()
 
@@ -108,9 +108,9 @@ def test_wavelengths_without_tables_are_refused(load: Load) -> None:
 
 @pytest.mark.parametrize("use", [solve, ground_truth, camera_view])
 def test_scene_and_instrument_of_two_wavelengths(use: Callable[..., object]) -> None:
-    place = replace(worlds.scene(worlds.plane(4.0)), wavelength_nm=905.0)
+    position = replace(worlds.scene(worlds.plane(4.0)), wavelength_nm=905.0)
     with pytest.raises(InputError) as caught:
-        use(place, load_instrument("paper"))
+        use(position, load_instrument("paper"))
     message = str(caught.value)
     for part in ("wavelength_nm 1550", "905", "wavelength_nm=1550", "at_wavelength(905)"):
         assert part in message

@@ -83,8 +83,8 @@ def test_henyey_greenstein_has_too_little_echo(kind: str, factor: float) -> None
     mie, plain = fog(50, kind), fog(50, kind, phase="hg")
     assert isinstance(plain.phase, HenyeyGreenstein)
     assert plain.g == pytest.approx(mie.g, abs=0.001)
-    found = mie.backscatter_per_sr / plain.backscatter_per_sr
-    assert found == pytest.approx(factor, rel=0.05)
+    result = mie.backscatter_per_sr / plain.backscatter_per_sr
+    assert result == pytest.approx(factor, rel=0.05)
 
 
 @pytest.mark.parametrize("kind", NATURAL)
@@ -133,19 +133,19 @@ def test_visibility_and_water_may_agree_but_not_contradict() -> None:
 
 
 def test_what_nature_does_not_have_is_doubted() -> None:
-    (doubt,) = fog(10, "heavy-advection").doubts
-    assert "5.05 g/m³" in doubt
-    assert "10 m" in doubt
-    assert doubt.endswith("at the same visibility moderate-radiation holds 0.71")
-    (doubt,) = fog(30, "heavy-advection", "mor").doubts  # as 39.2 m by Koschmieder
-    assert "heavy-radiation holds 0.37 and moderate-radiation holds 0.18" in doubt
-    (doubt,) = fog(5, "moderate-radiation").doubts
-    assert doubt.endswith("natural fog holds up to 1")
-    assert fog(100, "heavy-advection").doubts == ()
-    assert fog(10, "moderate-radiation").doubts == ()
-    (doubt,) = fog(2, "haze-h").doubts
-    assert "particles per cm³" in doubt
-    assert combine([fog(10, "heavy-advection"), rain(10)]).doubts[0].startswith("heavy-advection")
+    (sigma_factor,) = fog(10, "heavy-advection").warnings
+    assert "5.05 g/m³" in sigma_factor
+    assert "10 m" in sigma_factor
+    assert sigma_factor.endswith("at the same visibility moderate-radiation holds 0.71")
+    (sigma_factor,) = fog(30, "heavy-advection", "mor").warnings  # as 39.2 m by Koschmieder
+    assert "heavy-radiation holds 0.37 and moderate-radiation holds 0.18" in sigma_factor
+    (sigma_factor,) = fog(5, "moderate-radiation").warnings
+    assert sigma_factor.endswith("natural fog holds up to 1")
+    assert fog(100, "heavy-advection").warnings == ()
+    assert fog(10, "moderate-radiation").warnings == ()
+    (sigma_factor,) = fog(2, "haze-h").warnings
+    assert "particles per cm³" in sigma_factor
+    assert combine([fog(10, "heavy-advection"), rain(10)]).warnings[0].startswith("heavy-advection")
 
 
 # The empirical models
@@ -195,7 +195,7 @@ def test_empirical_models_outside_their_range(arguments: tuple, parts: list[str]
 
 
 @pytest.mark.parametrize(
-    ("name", "least", "most"),
+    ("name", "minimum", "maximum"),
     [  # Kruse et al. 1962; Kim et al. 2001; Al Naboulsi et al. 2004; Ijaz et al. 2013
         ("kruse", 1000, 100_000),
         ("kim", 10, 100_000),
@@ -205,10 +205,10 @@ def test_empirical_models_outside_their_range(arguments: tuple, parts: list[str]
     ],
 )
 def test_empirical_models_are_for_the_visibilities_they_were_fitted_in(
-    name: str, least: float, most: float
+    name: str, minimum: float, maximum: float
 ) -> None:
-    assert empirical_extinction(name, least) > empirical_extinction(name, most)
-    for outside in (0.99 * least, 1.01 * most):
+    assert empirical_extinction(name, minimum) > empirical_extinction(name, maximum)
+    for outside in (0.99 * minimum, 1.01 * maximum):
         with pytest.raises(InputError, match="visibility_m from"):
             empirical_extinction(name, outside)
 

@@ -117,8 +117,8 @@ def test_named_fogs(
 def test_phase_functions_at_angles(kind: str, by_angle: dict[float, float]) -> None:
     optics = look_up(FOGS[kind], 1550)
     for angle, value in by_angle.items():
-        found = np.interp(angle, optics.angles_deg, optics.phase)
-        assert found == pytest.approx(value, rel=0.03)
+        result = np.interp(angle, optics.angles_deg, optics.phase)
+        assert result == pytest.approx(value, rel=0.03)
 
 
 @pytest.mark.parametrize(
@@ -150,18 +150,18 @@ def test_shipped_phase_functions_are_normalised_with_their_asymmetry(
 
 
 def test_a_shipped_kind_can_be_made_again() -> None:
-    made, kept = particle_optics(KINDS["haze-h"], 1550, RADII), shipped()["haze-h", 1550]
-    assert made.extinction_m2 == pytest.approx(kept.extinction_m2, rel=1e-9)
-    assert (made.albedo, made.g) == pytest.approx((kept.albedo, kept.g), rel=1e-9)
-    np.testing.assert_allclose(made.phase, kept.phase, rtol=1e-6)
+    made, retained = particle_optics(KINDS["haze-h"], 1550, RADII), shipped()["haze-h", 1550]
+    assert made.extinction_m2 == pytest.approx(retained.extinction_m2, rel=1e-9)
+    assert (made.albedo, made.g) == pytest.approx((retained.albedo, retained.g), rel=1e-9)
+    np.testing.assert_allclose(made.phase, retained.phase, rtol=1e-6)
 
 
 @pytest.mark.slow
 def test_a_shipped_fog_and_rain_can_be_made_again() -> None:
     made = particle_optics(KINDS["heavy-radiation"], 1550, RADII)
-    kept = shipped()["heavy-radiation", 1550]
-    assert made.extinction_m2 == pytest.approx(kept.extinction_m2, rel=1e-9)
-    np.testing.assert_allclose(made.phase, kept.phase, rtol=1e-5)
+    retained = shipped()["heavy-radiation", 1550]
+    assert made.extinction_m2 == pytest.approx(retained.extinction_m2, rel=1e-9)
+    np.testing.assert_allclose(made.phase, retained.phase, rtol=1e-5)
     drops, shipped_drops = compute(1550, 12, 13), rain_table(1550)
     assert drops.extinction[0] == pytest.approx(shipped_drops.extinction[12], rel=1e-6)
     np.testing.assert_allclose(drops.phase[0], shipped_drops.phase[12], rtol=1e-5)

@@ -236,11 +236,11 @@ def test_a_scene_tells_its_media(load: Load) -> None:
     assert load("").media_summary() == []
     only = load("fog: {visibility_m: 50}").media_summary()
     assert [medium["where"] for medium in only] == ["air"]
-    place = load(
+    position = load(
         "fog: {visibility_m: 50}\nrain: {rate_mm_per_h: 10}\nvolumes:\n"
         "  - {name: bank, size_m: [1, 1, 1], translate_m: [2, 0, 1], visibility_m: 20}\n"
     )
-    media = place.media_summary()
+    media = position.media_summary()
     assert [medium["where"] for medium in media] == ["air", "air, part", "air, part", "volume bank"]
     air, mist, drops, bank = media
     assert air["extinction_per_m"] == pytest.approx(

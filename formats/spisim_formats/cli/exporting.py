@@ -38,15 +38,15 @@ def command(
     from spisim_formats import export_scene
     from spisim_formats.sdf.sensors import sensor_elements
 
-    place, _ = scene_with(str(scene), 1550.0)
+    position, _ = scene_with(str(scene), 1550.0)
     named = [scene] if instrument is None else [scene, instrument]
     if output.exists() and any(output.samefile(path) for path in files_read(*named)):
         raise InputError(f"{output} is read by this command; give its output another name")
     sensors = []
     if instrument is not None:
-        sensors = sensor_elements(instrument_with(instrument), place.drone_pose)
-    files = export_scene(place, output, overwrite, sensors)
+        sensors = sensor_elements(instrument_with(instrument), position.drone_pose)
+    files = export_scene(position, output, overwrite, sensors)
     if json:
-        print_json({"written": files, "objects": len(place.objects)})
+        print_json({"written": files, "objects": len(position.objects)})
         return
     say(f"Wrote {output}; files beside it: {len(files) - 1}.")

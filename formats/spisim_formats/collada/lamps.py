@@ -10,7 +10,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim_formats.library.attenuation import at_a_metre
 from spisim_formats.library.content import Content, Glow
-from spisim_formats.library.files import shown
+from spisim_formats.library.files import displayed
 
 #: COLLADA's, for what a file does not tell.
 CONE_DEG, UNATTENUATED = 180.0, (1.0, 0.0, 0.0)
@@ -23,7 +23,7 @@ def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow
     strength = float(np.mean(np.asarray(lamp.color, float)[:3]))
     direction = -to_world[:3, 2]
     length = float(np.linalg.norm(direction))
-    what = f"lamp {shown(name)}"
+    what = f"lamp {displayed(name)}"
     if not isinstance(lamp, DirectionalLight | PointLight | SpotLight):
         content.note(f"{what}: ambient light is left out; see `ambient` in the scene file")
         return []
@@ -35,10 +35,10 @@ def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow
         content.note(f"{what} has no unit; as watts {strength:.4g} W/m²")
         fields = {"type": "directional", "irradiance_w_per_m2": strength}
         return [Glow(name, fields, None, direction)]
-    told = (lamp.constant_att, lamp.linear_att, lamp.quad_att)
+    reported = (lamp.constant_att, lamp.linear_att, lamp.quad_att)
     factor, why = at_a_metre(
         *(given if value is None else float(value)
-          for value, given in zip(told, UNATTENUATED, strict=True))
+          for value, given in zip(reported, UNATTENUATED, strict=True))
     )  # fmt: skip
     strength *= factor
     kind, cone = "point", {}

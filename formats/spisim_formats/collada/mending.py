@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spisim_formats.library.content import LEFT_OUT, Content
-from spisim_formats.library.files import shown
+from spisim_formats.library.files import displayed
 
 #: What shows a thing of a library, and the part of a node that gets lost with it.
 INSTANCES = ("geometry", "controller", "camera", "light", "node", "material")
@@ -20,7 +20,7 @@ INSTANCES = ("geometry", "controller", "camera", "light", "node", "material")
 NUMBERS = ("float_array", "color", "float", "matrix", "translate", "rotate", "scale", "lookat",
            "bind_shape_matrix")  # fmt: skip
 #: What places a node, and of how many numbers it is.
-PLACES = {"matrix": 16, "lookat": 9, "skew": 7, "rotate": 4, "translate": 3, "scale": 3}
+POSITIONS = {"matrix": 16, "lookat": 9, "skew": 7, "rotate": 4, "translate": 3, "scale": 3}
 
 
 def load_document(root: Element, data: bytes | None, file: str, content: Content) -> Any:
@@ -65,18 +65,18 @@ def _load(data: bytes, *, is_last: bool = False) -> Any:
 
 def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
     """What refers to an element that is not there."""
-    known = {each.get("id") for each in root.iter()}
+    available = {each.get("id") for each in root.iter()}
     for element in root.iter():
         reference = _reference(element)
-        if reference.startswith("#") and reference[1:] not in known:
+        if reference.startswith("#") and reference[1:] not in available:
             kind = _tag(element).removeprefix("instance_")
-            yield element, f"{kind} {shown(reference)} is not in the file"
+            yield element, f"{kind} {displayed(reference)} is not in the file"
 
 
 def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
     """Nodes that nothing places, and geometries with numbers that are none."""
     for element in root.iter():
-        name = shown(element.get("name") or element.get("id") or "")
+        name = displayed(element.get("name") or element.get("id") or "")
         if _tag(element) == "node":
             for child in element:
                 if not _is_placing(child):
@@ -90,7 +90,7 @@ def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
 
 def _is_placing(element: Element) -> bool:
     """Whether an element has the numbers that it should, if it places a node."""
-    if (count := PLACES.get(_tag(element))) is None:
+    if (count := POSITIONS.get(_tag(element))) is None:
         return True
     try:
         values = [float(word) for word in (element.text or "").split()]
@@ -129,7 +129,7 @@ def _unread(root: Element) -> Iterable[tuple[Element, str]]:
                     getattr(document, library).append(made)
             except Exception as error:  # whatever it runs into
                 why = " ".join(str(error.msg).split()) if isinstance(error, DaeError) else "damaged"
-                yield element, f"{kind} {shown(element.get('id', ''))}: {why:.200}"
+                yield element, f"{kind} {displayed(element.get('id', ''))}: {why:.200}"
 
 
 def _mend_pictures(root: Element) -> bool:

@@ -24,7 +24,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.textures import Texture
 from spisim_formats.library.xml import parse_lenient_xml
 
@@ -97,7 +97,7 @@ class _Walk:
         if self._nodes > MAX_NODES:
             raise LimitError(f"more than {MAX_NODES:,} nodes (instances counted)")
         if depth > MAX_DEPTH:
-            raise LimitError(f"node {shown(name)}: nodes are nested more than {MAX_DEPTH} deep")
+            raise LimitError(f"node {displayed(name)}: nodes are nested more than {MAX_DEPTH} deep")
         if isinstance(node, NodeNode):  # an instance
             node = node.node
         if isinstance(node, Node):
@@ -105,7 +105,7 @@ class _Walk:
             for child in node.children:
                 self.add(child, to_world, node.name or node.id or name, depth + 1)
             return
-        with self._content.leaving_out(f"node {shown(name)}"):
+        with self._content.leaving_out(f"node {displayed(name)}"):
             if isinstance(node, GeometryNode):
                 self._add_geometry(node.geometry, node.materials, parent, name)
             elif isinstance(node, ControllerNode):
@@ -143,18 +143,18 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
     from collada.triangleset import TriangleSet
 
     name = geometry.name or geometry.id
-    found = []
+    result = []
     for primitive in geometry.primitives:
-        with content.leaving_out(f"geometry {shown(name)}"):
+        with content.leaving_out(f"geometry {displayed(name)}"):
             triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
             if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
-                content.note(f"geometry {shown(name)}: lines are left out")
+                content.note(f"geometry {displayed(name)}: lines are left out")
                 continue
             mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
             check_mesh(mesh, name)
             mesh.remove_unreferenced_vertices()
-            found.append((_textured(triangles, mesh), primitive.material))
-    return found
+            result.append((_textured(triangles, mesh), primitive.material))
+    return result
 
 
 def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:

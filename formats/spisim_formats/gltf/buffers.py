@@ -81,12 +81,12 @@ class Buffers:
         return np.ndarray(shape, kind, data, start, (stride, kind.itemsize)).copy()
 
     def _with_sparse(self, sparse: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
-        count, places, given = whole(sparse, "count"), sparse["indices"], sparse["values"]
+        count, positions, given = whole(sparse, "count"), sparse["indices"], sparse["values"]
         numbers = np.frombuffer(
-            self.view(places["bufferView"]),
-            KINDS[places["componentType"]],
+            self.view(positions["bufferView"]),
+            KINDS[positions["componentType"]],
             count,
-            whole(places, "byteOffset", 0),
+            whole(positions, "byteOffset", 0),
         )
         new = np.frombuffer(
             self.view(given["bufferView"]),
@@ -163,7 +163,7 @@ def library(name: str, extension: str, extra: str) -> Any:
 def at(rows: list[Any], index: Any, what: str) -> Any:
     """One of the header's rows by a number in it; InputError for one that there is not."""
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(rows):
-        raise InputError(f"refers to {what} {_shown(index)}; there are {len(rows)}")
+        raise InputError(f"refers to {what} {_displayed(index)}; there are {len(rows)}")
     return rows[index]
 
 
@@ -171,7 +171,9 @@ def whole(row: dict[str, Any], name: str, default: int | None = None) -> int:
     """A number of the header; InputError unless it is whole and at least 0."""
     value = row.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
-        raise InputError(f"{name} should be a whole number of at least 0; found {_shown(value)}")
+        raise InputError(
+            f"{name} should be a whole number of at least 0; found {_displayed(value)}"
+        )
     return value
 
 
@@ -191,6 +193,6 @@ def _rows(header: dict[str, Any], name: str) -> list[Any]:
     return rows
 
 
-def _shown(value: Any) -> str:
+def _displayed(value: Any) -> str:
     """A value as it stands in the file."""
     return json.dumps(value)[:80]

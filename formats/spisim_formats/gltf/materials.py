@@ -11,7 +11,7 @@ from typing import Any
 from reconstruction.base.errors import InputError
 from spisim_formats.gltf.buffers import Buffers, unquoted, within
 from spisim_formats.library.content import Content, Surface
-from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.files import Folders, displayed
 from spisim_formats.library.metallic import Metallic
 from spisim_formats.library.source_material import Told
 from spisim_formats.library.textures import Texture
@@ -27,7 +27,7 @@ OTHERS = (
     "KHR_materials_diffuse_transmission",
 )
 LAYER = "KHR_materials_"
-KEPT = ("KHR_materials_ior", "KHR_materials_specular", "KHR_materials_emissive_strength")
+RETAINED = ("KHR_materials_ior", "KHR_materials_specular", "KHR_materials_emissive_strength")
 #: What the channels of pictures are of.
 CHANNELS = {
     "baseColorTexture": {"base": 0, "opacity": 3},
@@ -43,11 +43,11 @@ def read_surfaces(
         _image(number, row, buffers, path, folders, content)
         for number, row in enumerate(header.get("images", []))
     ]
-    textures = [_found(row, images) for row in header.get("textures", [])]
+    textures = [_result(row, images) for row in header.get("textures", [])]
     surfaces = []
     for number, row in enumerate(header.get("materials", [])):
         try:
-            surfaces.append(replace(_surface(row, textures), told=_told(row, textures)))
+            surfaces.append(replace(_surface(row, textures), reported=_reported(row, textures)))
         except (AttributeError, IndexError, KeyError, TypeError, ValueError):
             content.note(f"material {number} is damaged: it is not used")
             surfaces.append(Surface())
@@ -75,7 +75,9 @@ def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
     return Surface(row.get("name"), (red, green, blue), words)
 
 
-def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], Told | None] | None:
+def _reported(
+    row: dict[str, Any], textures: list[Texture | None]
+) -> Callable[[], Told | None] | None:
     """What makes a surface of all that a material says; None where that is not by metalness."""
     extensions = row.get("extensions", {})
     if "pbrMetallicRoughness" not in row or set(OTHERS) & set(extensions):
@@ -85,11 +87,11 @@ def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], T
     mode, gloss = row.get("alphaMode", "OPAQUE"), extensions.get("KHR_materials_specular", {})
     pictures: dict[str, tuple[Texture, int]] = {}
     for name, channels in CHANNELS.items():
-        found = _texture(pbr[name], 1.0, textures) if name in pbr else None
-        if found is None and name in pbr:
+        result = _texture(pbr[name], 1.0, textures) if name in pbr else None
+        if result is None and name in pbr:
             return None
-        if found is not None:
-            pictures |= {what: (found, channel) for what, channel in channels.items()}
+        if result is not None:
+            pictures |= {what: (result, channel) for what, channel in channels.items()}
     if mode == "OPAQUE":
         pictures.pop("opacity", None)
     odd = ["its bumps are left out"] if "normalTexture" in row else []
@@ -98,7 +100,7 @@ def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], T
     odd += [
         f"its {name.removeprefix(LAYER)} is left out"
         for name in extensions
-        if name.startswith(LAYER) and name not in KEPT
+        if name.startswith(LAYER) and name not in RETAINED
     ]
     surface = Metallic(
         color[0],
@@ -111,20 +113,20 @@ def _told(row: dict[str, Any], textures: list[Texture | None]) -> Callable[[], T
         pictures,
         tuple(odd),
     )
-    return cache(surface.told)
+    return cache(surface.reported)
 
 
 def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]) -> Texture | None:
     """The texture that a material refers to, times a red; None where it is not there."""
     number: Any = picture.get("index")
-    found = dict(enumerate(textures)).get(number)
-    if found is None:
+    result = dict(enumerate(textures)).get(number)
+    if result is None:
         return None
     moved = "KHR_texture_transform" in picture.get("extensions", {})
-    return replace(found, factor=red, fits=picture.get("texCoord", 0) == 0 and not moved)
+    return replace(result, factor=red, fits=picture.get("texCoord", 0) == 0 and not moved)
 
 
-def _found(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
+def _result(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
     """The picture of a texture, in whichever format there is."""
     extensions = row.get("extensions", {})
     others = (extensions[name].get("source") for name in OTHER_PICTURES if name in extensions)
@@ -149,6 +151,6 @@ def _image(
         if uri.startswith("data:"):
             return Texture(name, within(uri))
     except (InputError, ValueError):
-        content.note(f"{shown(name)} is damaged: this texture is not used")
+        content.note(f"{displayed(name)} is damaged: this texture is not used")
         return None
     return content.texture(unquoted(uri), path.parent, folders, "texture")

@@ -14,7 +14,7 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 from spisim_formats.gltf.buffers import Buffers, at, library
 from spisim_formats.library.content import Content, with_texture_coordinates
-from spisim_formats.library.files import shown
+from spisim_formats.library.files import displayed
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO = "KHR_draco_mesh_compression"
@@ -38,9 +38,9 @@ def read_meshes(
         name = row.get("name") or f"mesh {number}"
         primitives = []
         for primitive in row.get("primitives", []):
-            with content.leaving_out(f"mesh {shown(name)}"):
+            with content.leaving_out(f"mesh {displayed(name)}"):
                 if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
-                    content.note(f"mesh {shown(name)}: points and lines are left out")
+                    content.note(f"mesh {displayed(name)}: points and lines are left out")
                     continue
                 mesh = _mesh(primitive, buffers)
                 check_mesh(mesh, name)
@@ -90,15 +90,15 @@ def _upward(uv: NDArray[Any]) -> NDArray[Any]:
 
 def _draco_mesh(packed: dict[str, Any], buffers: Buffers) -> trimesh.Trimesh:
     decoder = library("DracoPy", DRACO, "draco")
-    found = decoder.decode(bytes(buffers.view(packed["bufferView"])))
-    faces = getattr(found, "faces", None)
+    result = decoder.decode(bytes(buffers.view(packed["bufferView"])))
+    faces = getattr(result, "faces", None)
     if faces is None or len(faces) > MAX_TRIANGLES:
         raise InputError("a mesh that Draco has compressed holds no triangles, or over the limit")
-    mesh = trimesh.Trimesh(found.points, faces, process=False)
+    mesh = trimesh.Trimesh(result.points, faces, process=False)
     number = packed["attributes"].get("TEXCOORD_0")
     if number is None:
         return mesh
-    rows = [row["data"] for row in found.attributes if row["unique_id"] == number]
+    rows = [row["data"] for row in result.attributes if row["unique_id"] == number]
     return with_texture_coordinates(mesh, _upward(rows[0])) if rows else mesh
 
 

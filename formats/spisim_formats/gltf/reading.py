@@ -29,7 +29,7 @@ from spisim_formats.library.content import (
     scaling,
     translation,
 )
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -40,7 +40,7 @@ LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "ma
 LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 INSTANCING = "EXT_mesh_gpu_instancing"
 #: Extensions that are read, and those that change how surfaces look, not where they are.
-KNOWN = (
+AVAILABLE = (
     DRACO,
     *MESHOPT,
     INSTANCING,
@@ -106,7 +106,7 @@ def _check(header: Any) -> None:
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             raise InputError(f"{name} should be a list of objects")
     for name in header.get("extensionsRequired", []):
-        if not str(name).startswith(KNOWN):
+        if not str(name).startswith(AVAILABLE):
             raise InputError(f"needs the extension {name}, which is not supported; export without")
     check_sizes(header)
     check_triangle_count(header)
@@ -137,9 +137,9 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
                 content.cameras.append(to_world @ LOOKING)
             content.glows += node_lamps(node, header, to_world, content)
             if "mesh" in node:
-                shown_there = at(meshes, node["mesh"], "mesh")
+                displayed_there = at(meshes, node["mesh"], "mesh")
                 for copy in _copies(node, buffers):
-                    _add(content, node, shown_there, to_world @ copy, surfaces)
+                    _add(content, node, displayed_there, to_world @ copy, surfaces)
     return content
 
 
@@ -152,7 +152,7 @@ def _add(
 ) -> None:
     for each in primitives:
         surface = Surface()
-        with content.leaving_out(f"the material of mesh {shown(each.name)}"):
+        with content.leaving_out(f"the material of mesh {displayed(each.name)}"):
             if each.material is not None:
                 surface = at(surfaces, each.material, "material")
         content.add(Part(node.get("name") or each.name, each.mesh, to_world, surface))

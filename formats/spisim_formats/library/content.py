@@ -39,15 +39,15 @@ class Surface:
     """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
 
     `words` are names of bsdfs and textures, which may tell what it is where the name does not;
-    `texture` is the picture of its colours, `told` makes all that it says, in its own light, where
-    it says enough; the same each time.
+    `texture` is the picture of its colours, `reported` makes all that it says, in its own light,
+    where it says enough; the same each time.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
     texture: Texture | None = None
-    told: Callable[[], Told | None] | None = None
+    reported: Callable[[], Told | None] | None = None
 
     @property
     def label(self) -> str:
@@ -166,14 +166,14 @@ class Content:
             return self
         for index in sorted(faults):
             self.note(f"{LEFT_OUT}object {self.parts[index].name!r:.80}: {faults[index]}")
-        kept = [index for index in range(len(self.parts)) if index not in faults]
-        numbers = {index: number for number, index in enumerate(kept)}
+        retained = [index for index in range(len(self.parts)) if index not in faults]
+        numbers = {index: number for number, index in enumerate(retained)}
         hazes = [
             haze if haze.part is None else replace(haze, part=numbers[haze.part])
             for haze in self.hazes
             if haze.part is None or haze.part in numbers
         ]
-        return replace(self, parts=[self.parts[index] for index in kept], hazes=hazes)
+        return replace(self, parts=[self.parts[index] for index in retained], hazes=hazes)
 
     def check_not_empty(self, path: Path, lack: str = "holds no triangles") -> None:
         """InputError where no part is left, with the first reasons why."""
@@ -195,13 +195,13 @@ class Content:
         the file, in `more` folders, and where Gazebo's models have their textures.
         """
         usual = [beside / folder for folder in TEXTURE_FOLDERS]
-        places = [*more, *(folder for folder in usual if folder.is_dir())]
+        positions = [*more, *(folder for folder in usual if folder.is_dir())]
         reference = name.replace("\\", "/")
         try:
-            path = folders.find(reference, beside, referrer, places)
+            path = folders.find(reference, beside, referrer, positions)
         except InputError as error:
             try:
-                path = folders.find(reference.rpartition("/")[2], beside, referrer, places)
+                path = folders.find(reference.rpartition("/")[2], beside, referrer, positions)
             except InputError:
                 self.note(f"{error}; this texture is not used")
                 return None

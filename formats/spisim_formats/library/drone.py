@@ -59,10 +59,10 @@ class Surroundings:
 
     def is_open(self, position_m: ArrayLike) -> bool:
         """Whether no mesh encloses a position, as scenes are checked when they are loaded."""
-        place = np.asarray(position_m, float)
+        position = np.asarray(position_m, float)
         low, high = self.bounds_m[:, 0], self.bounds_m[:, 1]
-        around = np.flatnonzero(((low <= place) & (place <= high)).all(axis=1)).tolist()
-        return all(winding_number(place, self.meshes[k].triangles) <= 0.5 for k in around)
+        around = np.flatnonzero(((low <= position) & (position <= high)).all(axis=1)).tolist()
+        return all(winding_number(position, self.meshes[k].triangles) <= 0.5 for k in around)
 
     def bulk(self) -> Floats:
         """Points (n, 3) on the surfaces, without those of floors unless there is nothing else.
@@ -76,8 +76,8 @@ class Surroundings:
         areas = [mesh.area_faces for mesh in chosen]
         weights = np.concatenate([area / np.sqrt(area.sum()) for area in areas])
         rng = np.random.default_rng(0)
-        found = rng.choice(len(weights), SAMPLES, p=weights / weights.sum())
-        corners = np.concatenate(triangles)[found]
+        result = rng.choice(len(weights), SAMPLES, p=weights / weights.sum())
+        corners = np.concatenate(triangles)[result]
         return np.asarray(np.einsum("nc,nck->nk", rng.dirichlet((1, 1, 1), SAMPLES), corners))
 
 
@@ -93,14 +93,14 @@ def propose(around: Surroundings) -> DronePose:
     near, far = NEAREST_RANGE_M
     fitting = (
         pose
-        for place in _places(target)
-        if place[2] >= lowest_m
-        and near <= (pose := pose_at(around, place, target, "proposed")).nearest_m <= far
+        for position in _positions(target)
+        if position[2] >= lowest_m
+        and near <= (pose := pose_at(around, position, target, "proposed")).nearest_m <= far
         and near <= pose.ahead_m <= far
     )
-    while found := list(itertools.islice(fitting, TRIES)):
-        found.sort(key=lambda pose: -_visible(around, pose.position_m, looked_for))
-        for pose in found:
+    while result := list(itertools.islice(fitting, TRIES)):
+        result.sort(key=lambda pose: -_visible(around, pose.position_m, looked_for))
+        for pose in result:
             if around.is_open(pose.position_m):
                 return pose
     low, high = around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)
@@ -138,7 +138,7 @@ def _visible(around: Surroundings, position: Floats, points: Floats) -> float:
     return float(np.sum(around.blocks.first_hits(position, near) > 0.99)) / len(points)
 
 
-def _places(target: Floats) -> Iterator[Floats]:
+def _positions(target: Floats) -> Iterator[Floats]:
     for elevation in np.radians(ELEVATIONS_DEG):
         for distance_m in DISTANCES_M:
             for azimuth in np.radians(AZIMUTHS_DEG):

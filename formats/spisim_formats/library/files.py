@@ -12,7 +12,7 @@ from reconstruction.base.errors import InputError, LimitError, nearest
 MAX_FILE_BYTES = 2 * 1024**3
 
 #: Letters of a reference that messages tell.
-MAX_SHOWN = 200
+MAX_DISPLAYED = 200
 
 #: Schemes whose first part is the name of a model in one of the folders.
 MODEL_SCHEMES = ("model", "package")
@@ -51,17 +51,17 @@ class Folders:
         try:
             resolved = [path.resolve() for path in candidates]
             inside = [path for path in resolved if self._holds(path)]
-            found = [path for path in inside if path.exists()]
+            result = [path for path in inside if path.exists()]
         except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
-            raise InputError(f"{referrer}: {shown(reference)} is no usable path") from None
-        if found:
-            return found[0]
+            raise InputError(f"{referrer}: {displayed(reference)} is no usable path") from None
+        if result:
+            return result[0]
         if not inside:
             raise self._outside(reference, referrer)
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
         closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
         hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
-        raise InputError(f"{referrer}: no file {shown(reference)}; searched {searched}{hint}")
+        raise InputError(f"{referrer}: no file {displayed(reference)}; searched {searched}{hint}")
 
     def check_inside(self, path: Path, reference: str, referrer: str) -> None:
         """InputError for a file that is there and may not be read."""
@@ -70,15 +70,15 @@ class Folders:
 
     def _outside(self, reference: str, referrer: str) -> InputError:
         return InputError(
-            f"{referrer}: {shown(reference)} lies outside the folders that may be read "
+            f"{referrer}: {displayed(reference)} lies outside the folders that may be read "
             f"({self._list()}); copy it there or name its folder with --model-path"
         )
 
-    def _candidates(self, reference: str, places: Sequence[Path], referrer: str) -> list[Path]:
+    def _candidates(self, reference: str, positions: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
             raise InputError(f"{referrer}: the reference to a file is empty")
         scheme, rest = _split(reference)
-        beside = [place / rest for place in places] if scheme in ("", "file") else []
+        beside = [position / rest for position in positions] if scheme in ("", "file") else []
         if scheme == "" or (scheme == "file" and rest.startswith("/")):
             return beside
         if scheme in (*MODEL_SCHEMES, "file"):
@@ -91,11 +91,11 @@ class Folders:
             if copy := self._downloaded(rest):
                 return [copy]
             raise InputError(
-                f"{referrer}: {shown(reference)} is on the network, which is never read; "
+                f"{referrer}: {displayed(reference)} is on the network, which is never read; "
                 "download it and refer to the file"
             )
-        known = nearest(scheme, ("model", "file"))
-        raise InputError(f"{referrer}: {shown(reference)} has an unknown scheme: {known}")
+        candidate = nearest(scheme, ("model", "file"))
+        raise InputError(f"{referrer}: {displayed(reference)} has an unknown scheme: {candidate}")
 
     def _downloaded(self, address: str) -> Path | None:
         """Gazebo's copy of `fuel…/1.0/OWNER/models/NAME[/VERSION/files/FILE]`, if there is one.
@@ -106,7 +106,7 @@ class Folders:
         match path.split("/"):
             case [_, owner, kind, name, *rest] if self.fuel is not None and host in FUEL_HOSTS:
                 within = Path(owner.lower(), kind, name.lower())
-                homes = [self.fuel / known / within for known in FUEL_HOSTS]
+                homes = [self.fuel / given / within for given in FUEL_HOSTS]
                 versions = [
                     version
                     for home in homes
@@ -150,6 +150,6 @@ def _split(reference: str) -> tuple[str, str]:
     return parts.scheme.lower(), unquote(parts.netloc + parts.path)
 
 
-def shown(reference: str) -> str:
+def displayed(reference: str) -> str:
     """A reference or name in quotes, as messages tell it: cut off where it is long."""
-    return repr(reference if len(reference) <= MAX_SHOWN else f"{reference[:MAX_SHOWN]}…")
+    return repr(reference if len(reference) <= MAX_DISPLAYED else f"{reference[:MAX_DISPLAYED]}…")

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene.pose import pose_matrix
-from spisim_formats.library.files import shown
+from spisim_formats.library.files import displayed
 from spisim_formats.library.xml import numbers
 
 SEPARATOR = "::"
@@ -54,7 +54,7 @@ class Frames:
         if not name:
             raise InputError(f"{self._what}: {NAMELESS}")
         if name in self._poses or name == self._root:
-            raise InputError(f"{self._what}: two things in it are named {shown(name)}")
+            raise InputError(f"{self._what}: two things in it are named {displayed(name)}")
         self._poses[name] = (pose, relative_to)
         if inner is not None:
             self._inner[name] = inner
@@ -91,8 +91,8 @@ class Frames:
         outer, separator, rest = name.partition(SEPARATOR)
         if separator and outer in self._inner:
             return self.pose(outer, (*path, name)) @ self._inner[outer].pose(rest)
-        known = nearest(name, (self._root, *self._poses))
-        raise InputError(f"{self._what}: no frame {shown(name)}: {known}")
+        candidate = nearest(name, (self._root, *self._poses))
+        raise InputError(f"{self._what}: no frame {displayed(name)}: {candidate}")
 
 
 def _chain(*names: str) -> str:

@@ -26,6 +26,6 @@ def ground(placed: Sequence[trimesh.Trimesh]) -> Part:
 
 def ground_material(name: str) -> Match:
     """A material by its name; InputError for one that there is not."""
-    if name not in (known := sorted(material_table())):
-        raise InputError(f"--ground: unknown material {name!r:.80}: {nearest(name, known)}")
+    if name not in (available := sorted(material_table())):
+        raise InputError(f"--ground: unknown material {name!r:.80}: {nearest(name, available)}")
     return Match("(ground)", name, "map", "--ground")

@@ -34,14 +34,14 @@ class Lattice:
 
     def at(self, points: Floats) -> Floats:
         """Values (n,) at world points (n, 3)."""
-        places, count = self.cells(points), np.array(self.values.shape[::-1])
-        places = np.clip(places, 0, count - 1)
-        low = np.minimum(np.floor(places).astype(int), np.maximum(count - 2, 0))
-        shares = places - low
+        positions, count = self.cells(points), np.array(self.values.shape[::-1])
+        positions = np.clip(positions, 0, count - 1)
+        low = np.minimum(np.floor(positions).astype(int), np.maximum(count - 2, 0))
+        fractions = positions - low
         total = np.zeros(len(points))
         for step in product((0, 1), repeat=3):
             x, y, z = np.minimum(low + step, count - 1).T
-            weight = np.where(step, shares, 1 - shares).prod(axis=1)
+            weight = np.where(step, fractions, 1 - fractions).prod(axis=1)
             total += weight * self.values[z, y, x]
         return total if self.within is None else total * _is_inside(self.within, points)
 
@@ -83,12 +83,12 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
     while count.prod() > MAX_CELLS:
         count, exact = np.maximum(1, count // 2), False
     x, y, z = (np.arange(each) for each in count)
-    found = [np.empty(count[::-1], np.float32) for _ in lattices]
+    result = [np.empty(count[::-1], np.float32) for _ in lattices]
     for layer in z:
         points = _middles(box, count, x, y, layer[None])
-        for values, lattice in zip(found, lattices, strict=True):
+        for values, lattice in zip(result, lattices, strict=True):
             values[layer] = lattice.at(points).reshape(len(y), len(x))
-    return found, exact
+    return result, exact
 
 
 def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
@@ -96,8 +96,8 @@ def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
     if lattice.values.size == 1 or lattice.within is not None:
         return lattice.within is None
     ends = (np.unique([0, min(1, each - 1), each - 1]) for each in count)
-    places = lattice.cells(_middles(box, count, *ends))
-    return bool(np.abs(places - np.round(places)).max() <= ALIGNED)
+    positions = lattice.cells(_middles(box, count, *ends))
+    return bool(np.abs(positions - np.round(positions)).max() <= ALIGNED)
 
 
 def _middles(

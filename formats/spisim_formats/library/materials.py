@@ -14,7 +14,7 @@ from reconstruction.base.errors import InputError, nearest
 from spisim.base.config import load_yaml, read_text
 from spisim.scene.materials import material_table
 from spisim_formats.library.content import Part, Surface
-from spisim_formats.library.source_material import ToldMaterials
+from spisim_formats.library.source_material import SourceMaterials
 from spisim_formats.library.textures import Pictured
 
 WHITE, BLACK = 0.8, 0.04
@@ -43,11 +43,11 @@ def read_map(path: Path) -> dict[str, str]:
         raise InputError(
             f"{path}: expected lines of `name in the source: material of spisim`"
         ) from None
-    known = sorted(material_table())
+    available = sorted(material_table())
     for source, material in rows.items():
-        if material not in known:
+        if material not in available:
             raise InputError(
-                f"{path}: {source}: unknown material {material!r}: {nearest(material, known)}"
+                f"{path}: {source}: unknown material {material!r}: {nearest(material, available)}"
             )
     return rows
 
@@ -63,24 +63,31 @@ def check_map(chosen: Mapping[str, str], parts: list[Part], path: Path) -> None:
 
 
 def match(
-    part: Part, chosen: Mapping[str, str], pictured: Pictured, told: ToldMaterials | None = None
+    part: Part,
+    chosen: Mapping[str, str],
+    pictured: Pictured,
+    reported: SourceMaterials | None = None,
 ) -> Match:
     """Material of a part: the user's choice, else by name, word, texture or colour, or the default.
 
-    `pictured` makes materials of textures, and keeps them; so does `told`, where it is given, of
-    what the file itself tells.
+    `pictured` makes materials of textures, and keeps them; so does `reported`, where it is given,
+    of what the file itself tells.
     """
     surface = part.surface
     label = surface.label
     if label in chosen:
         return Match(label, chosen[label], "map", "--materials")
-    if told is not None and surface.told is not None and (whole := surface.told()) is not None:
-        return Match(label, *_swapped("file", told.material(label, whole, part.geometry)))
+    if (
+        reported is not None
+        and surface.reported is not None
+        and (whole := surface.reported()) is not None
+    ):
+        return Match(label, *_swapped("file", reported.material(label, whole, part.geometry)))
     if surface.name is not None and (exact := _exact(surface.name)):
         return Match(label, exact, "name", "of this name")
     for what, text in _clues(part):
-        if found := _by_words(text):
-            words, material = found
+        if result := _by_words(text):
+            words, material = result
             return Match(label, material, "guess", f"{words!r} in {what} {text!r}")
     texture = surface.texture
     if texture is not None and (made := pictured.material(texture, part.geometry)):
@@ -88,8 +95,8 @@ def match(
     return _by_color(surface)
 
 
-def _swapped(how: str, found: tuple[str, str]) -> tuple[str, str, str]:
-    return found[0], how, found[1]
+def _swapped(how: str, result: tuple[str, str]) -> tuple[str, str, str]:
+    return result[0], how, result[1]
 
 
 def _clues(part: Part) -> list[tuple[str, str]]:

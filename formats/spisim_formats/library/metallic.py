@@ -38,14 +38,14 @@ class Metallic:
     pictures: Mapping[str, tuple[Texture, int]] = field(default_factory=dict)
     odd: tuple[str, ...] = ()
 
-    def told(self) -> Told | None:
+    def reported(self) -> Told | None:
         """The material; None where a picture cannot be read or numbers are none."""
         try:
-            return self._told()
+            return self._reported()
         except InputError:
             return None
 
-    def _told(self) -> Told:
+    def _reported(self) -> Told:
         numbers = (self.base, self.metal, self.roughness, self.gloss, self.opacity)
         if not (np.isfinite(numbers).all() and self.ior >= 1 and min(numbers) >= 0):
             raise InputError("no surface")
@@ -69,8 +69,8 @@ class Metallic:
                        fields, pictures, odd)  # fmt: skip
         if "opacity" in self.pictures:
             texture, channel = self.pictures["opacity"]
-            (share,) = read_channels(texture, channel)
-            there = self._cut(self.opacity * share)
+            (fraction,) = read_channels(texture, channel)
+            there = self._cut(self.opacity * fraction)
             if there.min() < 1:
                 self._take("opacity", there, texture, fields, pictures, odd)
         elif self.opacity < 1:

@@ -30,7 +30,7 @@ class Told:
     odd: tuple[str, ...] = ()
 
 
-class ToldMaterials:
+class SourceMaterials:
     """Materials of a scene file's own: their `rows`, and pictures beside it."""
 
     def __init__(self) -> None:
@@ -44,13 +44,13 @@ class ToldMaterials:
         """What of the file's materials is not in these."""
         return [f"{_several(labels)}: {each}" for each, labels in self._odd.items()]
 
-    def material(self, label: str, told: Told, geometry: object) -> tuple[str, str]:
+    def material(self, label: str, reported: Told, geometry: object) -> tuple[str, str]:
         """Name of the material that a surface is, and why."""
         whole = isinstance(geometry, trimesh.Trimesh) and texture_coordinates(geometry) is not None
-        fields = dict(told.fields)
-        for name, picture in told.pictures.items():
+        fields = dict(reported.fields)
+        for name, picture in reported.pictures.items():
             fields[name] = float(picture.max() if whole and name == TINTED else picture.mean())
-        pictures = {name: each for name, each in told.pictures.items() if whole and each.any()}
+        pictures = {name: each for name, each in reported.pictures.items() if whole and each.any()}
         fields = {
             name: float(f"{value:.6g}") if isinstance(value, float) else value
             for name, value in fields.items()
@@ -58,8 +58,8 @@ class ToldMaterials:
         key = label, repr((sorted(fields.items()), sorted(map(id, pictures.values()))))
         if key not in self._names:
             self._names[key] = self._add(label, fields, pictures)
-            flat = [f"its picture of {name} is a mean" for name in told.pictures if not whole]
-            for each in (*told.odd, *flat):
+            flat = [f"its picture of {name} is a mean" for name in reported.pictures if not whole]
+            for each in (*reported.odd, *flat):
                 labels = self._odd.setdefault(each, [])
                 if label not in labels:
                     labels.append(label)
@@ -76,8 +76,8 @@ class ToldMaterials:
         for kind, picture in pictures.items():
             file = f"told_{len(self.files) + 1}.png"
             tinted = kind == TINTED
-            share = thinned(picture / picture.max() if tinted else picture)
-            self.files[file] = np.round(65535 * share).astype(np.uint16)
+            fraction = thinned(picture / picture.max() if tinted else picture)
+            self.files[file] = np.round(65535 * fraction).astype(np.uint16)
             fields = fields | {"texture" if tinted else kind: file}
         self.rows[name] = {"source": "the imported file, in its own light", **fields}
         return name

@@ -21,10 +21,10 @@ from PIL import Image
 from reconstruction.base.errors import InputError
 from spisim.base.config.linear import LINEAR
 from spisim.scene.shapes import texture_coordinates
-from spisim_formats.library.files import read_bytes, shown
+from spisim_formats.library.files import displayed, read_bytes
 
 RULE = 0.7
-TOLD = f"{RULE:g} times its mean red, with sRGB's gamma"
+REPORTED = f"{RULE:g} times its mean red, with sRGB's gamma"
 #: Exponent that stands for sRGB's curve where a picture or factor is linear.
 GAMMA = 1 / 2.2
 MAX_PIXELS = 2**26
@@ -83,16 +83,16 @@ class Pictured:
 
     def _make(self, texture: Texture, whole: bool) -> tuple[str, str] | None:
         try:
-            red, share = read_red(texture)
+            red, fraction = read_red(texture)
         except InputError as error:
-            self.notes.append(f"texture {shown(texture.name)}: {error}; it is not used")
+            self.notes.append(f"texture {displayed(texture.name)}: {error}; it is not used")
             return None
-        mean = float(np.average(red, weights=share if share.any() else None))
+        mean = float(np.average(red, weights=fraction if fraction.any() else None))
         name, number = f"texture {texture.stem}"[:80], 1
         while name in self.rows:
             number += 1
             name = f"{f'texture {texture.stem}'[:76]} {number}"
-        why = f"texture {texture.name:.80}: {TOLD} ({mean:.2f})"
+        why = f"texture {texture.name:.80}: {REPORTED} ({mean:.2f})"
         row: dict[str, Any] = {"reflectance": round(RULE * mean, 3), "source": f"{why}: a guess"}
         if whole and red.any():
             file = f"texture_{len(self.files) + 1}.png"
@@ -109,9 +109,9 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
         linear = LINEAR[texture.source.suffix.lower()](texture.source)
         red = np.clip(linear, 0, 1) ** GAMMA
         return red * factor, np.ones_like(red)
-    red, share = read_channels(texture, 0, 3)
+    red, fraction = read_channels(texture, 0, 3)
     red = red**GAMMA if texture.linear else red
-    return (red * factor).astype(np.float32), share
+    return (red * factor).astype(np.float32), fraction
 
 
 def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:

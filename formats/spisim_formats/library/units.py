@@ -39,9 +39,9 @@ def choose_up(content: Content, axis: str | None) -> Content:
     """The content with this axis up, or for None the file's own."""
     if axis is None:
         return content
-    for known in TO_Z_UP:
-        if axis == known:
-            return replace(content, up=known, up_why="--up")
+    for given in TO_Z_UP:
+        if axis == given:
+            return replace(content, up=given, up_why="--up")
     raise InputError(f"--up: unknown axis {axis!r}: {nearest(axis, TO_Z_UP)}")
 
 

@@ -24,7 +24,7 @@ RIGID = 3e-7
 EXACT = 1e-9
 MAX_NAME = 80
 #: Of a medium's density, what is rounding.
-NOTHING = 1e-6
+NO_RETURN = 1e-6
 
 Meshes = dict[str, trimesh.Trimesh]
 Arrays = dict[str, NDArray[Any]]
@@ -100,7 +100,7 @@ def _haze_rows(
     rows = []
     for what, values, own in (("", scattering, albedo), ("absorbing", absorbing, 0.0)):
         peak = float(values.max())
-        if peak <= NOTHING * float(density.max()):
+        if peak <= NO_RETURN * float(density.max()):
             continue
         name = f"{haze.name} {what}".strip()
         row = _volume(name, shape, haze, haze.extinction * peak, own, taken)
@@ -206,8 +206,8 @@ def _placeable(
     Where its own pose does more, the mesh takes up the stretch, once for all parts that share both.
     """
     geometry, pose = part.geometry, part.to_world.copy()
-    if not isinstance(geometry, trimesh.Trimesh) and (found := stretched(geometry, pose)):
-        return found[0], 1.0, found[1]
+    if not isinstance(geometry, trimesh.Trimesh) and (result := stretched(geometry, pose)):
+        return result[0], 1.0, result[1]
     rotation, stretch = polar(pose[:3, :3])  # first the stretch
     if np.linalg.det(rotation) < 0:
         rotation, stretch = -rotation, -stretch

@@ -134,6 +134,6 @@ def numbers(text: str | None, count: int, what: str) -> list[float]:
     except ValueError:
         values = []
     if len(values) != count or not all(map(math.isfinite, values)):
-        found = (text or "").strip()
-        raise InputError(f"{what}: expected {count} finite numbers; found {found!r:.80}")
+        result = (text or "").strip()
+        raise InputError(f"{what}: expected {count} finite numbers; found {result!r:.80}")
     return values

@@ -21,7 +21,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.textures import Texture
 
@@ -64,8 +64,8 @@ def read_obj(path: Path, folders: Folders) -> Content:
         if surface.name not in names:
             surface = Surface()
         else:
-            known = surface.name or ""
-            surface = Surface(surface.name, colors.get(known), texture=textures.get(known))
+            valid = surface.name or ""
+            surface = Surface(surface.name, colors.get(valid), texture=textures.get(valid))
         _add(content, path, name, mesh, surface)
     return content
 
@@ -99,9 +99,9 @@ def read_ply(path: Path, folders: Folders) -> Content:
             )
         faces = int(count) if kind == b"face" else faces
     content = _without_materials(data, path)
-    found = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
-    if found < faces and not content.left_out:
-        raise InputError(f"{path}: cut off: {found:,} of {faces:,} faces are there")
+    result = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
+    if result < faces and not content.left_out:
+        raise InputError(f"{path}: cut off: {result:,} of {faces:,} faces are there")
     return content
 
 
@@ -122,7 +122,7 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
     if not isinstance(mesh, trimesh.Trimesh):
         content.note(f"{path.name}: points and lines are left out")
         return
-    with content.leaving_out(f"mesh {shown(name)}"):
+    with content.leaving_out(f"mesh {displayed(name)}"):
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         check_mesh(plain, name)
         if (uv := texture_coordinates(mesh)) is not None:
@@ -188,8 +188,8 @@ def _material_library(
                 pictured.add(current)
                 name = MAP_OPTIONS.sub("", words[1]).strip()
                 what = f"{library.name}: texture"
-                if found := content.texture(name, library.parent, folders, what):
-                    textures[current] = replace(found, fits=name == words[1].strip())
+                if result := content.texture(name, library.parent, folders, what):
+                    textures[current] = replace(result, fits=name == words[1].strip())
         for material in pictured:  # exporters leave Kd black or white beside a picture
             colors.pop(material, None)
     return colors, textures

@@ -34,7 +34,7 @@ WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
 #: Lobes of `principled` that nothing here has.
 LOBES = ("anisotropic", "clearcoat", "sheen", "spec_trans", "flatness", "spec_tint")
 #: Of a metal, whose two parts are above zero; a mirror at every angle has a real part of zero.
-LEAST_INDEX = 1e-6
+MIN_INDEX = 1e-6
 #: Bsdfs in one another.
 MAX_DEPTH = 8
 #: Pixels of a checkerboard.
@@ -53,7 +53,7 @@ Fields: TypeAlias = dict[str, Any]
 Pictures: TypeAlias = Callable[[Node], Texture | None]
 
 
-def told_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
+def source_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
     """The material that a bsdf tells of; None for one that nothing here is like.
 
     `flips` tells that the shape's texture coordinates have v down, `pictures` find those of nodes.
@@ -61,14 +61,14 @@ def told_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
     try:
         fields, odd = _fields(node)
         _check(fields)
-        found = {
+        result = {
             name: _picture(texture, flips, pictures)
             for name, texture in _textures(node).items()
             if name in fields
         }
     except InputError:
         return None
-    return Told(fields, found, odd)
+    return Told(fields, result, odd)
 
 
 def _check(fields: Fields) -> None:
@@ -133,23 +133,23 @@ def _clear(node: Node) -> tuple[Fields, tuple[str, ...]]:
 
 def _metal(node: Node) -> tuple[Fields, tuple[str, ...]]:
     """A metal by its numbers, by its name as at 1550 nm, or a mirror."""
-    name, share = node.value("material", "none"), _number(node, "specular_reflectance", 1.0)
+    name, fraction = node.value("material", "none"), _number(node, "specular_reflectance", 1.0)
     numbers = "eta" in node.properties or "k" in node.properties
     if name == "none" and not numbers and node.type == "conductor":
-        return {"bsdf": "mirror", "reflectance": share}, ()
-    odd = () if share == 1 else (f"its specular_reflectance {share:.3g} is left out",)
+        return {"bsdf": "mirror", "reflectance": fraction}, ()
+    odd = () if fraction == 1 else (f"its specular_reflectance {fraction:.3g} is left out",)
     fields: Fields = {"bsdf": "conductor"}
     if name == "none":
         fields |= {
-            key: max(_number(node, key, default), LEAST_INDEX)
+            key: max(_number(node, key, default), MIN_INDEX)
             for key, default in (("eta", 0.0), ("k", 1.0))
         }
-    elif (known := metal(name)) is not None:
-        for key, values in (("eta", known.eta), ("k", known.k)):
+    elif (given := metal(name)) is not None:
+        for key, values in (("eta", given.eta), ("k", given.k)):
             fields[key] = dict(zip(WAVELENGTHS_NM, values, strict=True))
-        fields["source"] = known.source
-        odd = (*odd, f"{name} by its name, at {WAVELENGTH_NM:g} nm {known.eta[-1]:.3g} + "
-               f"{known.k[-1]:.3g}i, not as in visible light")  # fmt: skip
+        fields["source"] = given.source
+        odd = (*odd, f"{name} by its name, at {WAVELENGTH_NM:g} nm {given.eta[-1]:.3g} + "
+               f"{given.k[-1]:.3g}i, not as in visible light")  # fmt: skip
     else:
         raise InputError(f"a metal {name!r:.80}")
     if node.type == "conductor":
@@ -225,7 +225,7 @@ def _number(node: Node, name: str, default: float) -> float:
 
 def _textures(node: Node) -> dict[str, Node]:
     """By what they are a picture of; InputError for one of anything else."""
-    found: dict[str, Node] = {}
+    result: dict[str, Node] = {}
     for each in (node, *(child for child in node.children if child.kind == "bsdf")):
         for name, value in each.properties.items():
             if not isinstance(value, Node) or value.type not in ("checkerboard", "bitmap"):
@@ -234,8 +234,8 @@ def _textures(node: Node) -> dict[str, Node]:
                 continue
             if name not in PICTURED:
                 raise InputError(f"{each.what}: {name}")
-            found[PICTURED[name]] = value
-    return found
+            result[PICTURED[name]] = value
+    return result
 
 
 def _picture(node: Node, flips: bool, pictures: Pictures) -> NDArray[np.float32]:

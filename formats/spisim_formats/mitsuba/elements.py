@@ -18,7 +18,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
@@ -56,11 +56,11 @@ class Node:
 
     def value(self, name: str, default: Value) -> Value:
         """The property of this name; InputError unless its type and shape are the default's."""
-        found = self.properties.get(name, default)
-        found = float(found) if type(found) is int else found
-        if type(found) is not type(default) or np.shape(found) != np.shape(default):
+        result = self.properties.get(name, default)
+        result = float(result) if type(result) is int else result
+        if type(result) is not type(default) or np.shape(result) != np.shape(default):
             raise InputError(f"{self.what}: {name} is of another type than expected")
-        return found
+        return result
 
 
 #: Elements without parameters and includes, one to a line, and the file that each stands in.
@@ -74,7 +74,7 @@ class Source:
     """The elements of a scene, and the folders in which it looks for files, the scene's first."""
 
     elements: Elements
-    places: tuple[Path, ...]
+    positions: tuple[Path, ...]
 
 
 def read_source(path: Path, folders: Folders) -> Source:
@@ -85,26 +85,26 @@ def read_source(path: Path, folders: Folders) -> Source:
     """
     reader = _Reader(path, folders)
     reader.read(path, (path.resolve(),), ())
-    return Source(reader.elements, (path.parent, *reader.places, *folders.roots))
+    return Source(reader.elements, (path.parent, *reader.positions, *folders.roots))
 
 
 class _Reader:
     def __init__(self, top: Path, folders: Folders) -> None:
         self.elements: Elements = []
-        self.places: tuple[Path, ...] = ()  # of the scene file itself
+        self.positions: tuple[Path, ...] = ()  # of the scene file itself
         self._top = top
         self._folders = folders
         self._parameters: dict[str, str] = {}
         self._includes = 0
 
-    def read(self, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]) -> None:
+    def read(self, path: Path, chain: tuple[Path, ...], positions: tuple[Path, ...]) -> None:
         root = parse_xml(read_bytes(path), path)
         if root.tag != "scene":
             raise InputError(f"{path}: is no Mitsuba scene: its root is <{root.tag}>, not <scene>")
         version = root.get("version", "")
         if not re.match(r"[23]\.", version):
             raise InputError(
-                f"{path}: version {shown(version)}: Mitsuba scene format 2 or 3 is expected; "
+                f"{path}: version {displayed(version)}: Mitsuba scene format 2 or 3 is expected; "
                 "Mitsuba 3 itself upgrades older files"
             )
         for element in root:
@@ -114,30 +114,30 @@ class _Reader:
                 name, value = element.get("name", ""), element.get("value", "")
                 self._parameters.setdefault(name, value)
             elif element.tag == "path":
-                places = (path.parent / element.get("value", ""), *places)
+                positions = (path.parent / element.get("value", ""), *positions)
                 if path == self._top:
-                    self.places = places
+                    self.positions = positions
             elif element.tag == "include":
-                self._include(element.get("filename", ""), path, chain, places)
+                self._include(element.get("filename", ""), path, chain, positions)
             elif element.tag not in UNUSED:
-                self._take(element, path, places)
+                self._take(element, path, positions)
 
     def _include(
-        self, name: str, path: Path, chain: tuple[Path, ...], places: tuple[Path, ...]
+        self, name: str, path: Path, chain: tuple[Path, ...], positions: tuple[Path, ...]
     ) -> None:
-        what = f"{path}: include {shown(name)}"
+        what = f"{path}: include {displayed(name)}"
         self._includes += 1
-        found = self._folders.find(name, path.parent, what, (*places, *self._folders.roots))
-        if found in chain:
-            names = " → ".join(str(link) for link in (*chain, found))
+        result = self._folders.find(name, path.parent, what, (*positions, *self._folders.roots))
+        if result in chain:
+            names = " → ".join(str(link) for link in (*chain, result))
             raise InputError(f"{what}: includes itself: {names}")
         if len(chain) > MAX_INCLUDE_DEPTH or self._includes > MAX_INCLUDES:
             raise InputError(
                 f"{what}: more than {MAX_INCLUDE_DEPTH} includes in one another, or {MAX_INCLUDES}"
             )
-        self.read(found, (*chain, found), places)
+        self.read(result, (*chain, result), positions)
 
-    def _take(self, element: Element, path: Path, places: tuple[Path, ...]) -> None:
+    def _take(self, element: Element, path: Path, positions: tuple[Path, ...]) -> None:
         around = Element("scene")
         around.append(element)
         for each in list(around.iter()):
@@ -152,16 +152,18 @@ class _Reader:
                 parts = bytes.fromhex(each.get("value", "").strip(" #"))
                 each.set("value", " ".join(str(part / 255) for part in parts))
             if each.tag == "string" and each.get("name") == "filename" and path != self._top:
-                each.set("value", self._located(each.get("value", ""), path, places))
+                each.set("value", self._located(each.get("value", ""), path, positions))
         look = element.find("transform[@name='to_world']/lookat[@up]")
         if element.tag == "sensor" and look is not None:  # of which the parser keeps a matrix
             SubElement(element, "vector", name="up", value=look.get("up", ""))
         self.elements += [(tostring(each, "unicode"), path) for each in around]
 
-    def _located(self, name: str, path: Path, places: tuple[Path, ...]) -> str:
+    def _located(self, name: str, path: Path, positions: tuple[Path, ...]) -> str:
         """The file that an included file refers to, or where that is missing, its name."""
         try:
-            return str(self._folders.find(name, path.parent, "", (*places, *self._folders.roots)))
+            return str(
+                self._folders.find(name, path.parent, "", (*positions, *self._folders.roots))
+            )
         except InputError:
             return name
 
@@ -174,12 +176,12 @@ class _Reader:
     def _filled(self, text: str, path: Path) -> str:
         filled = 0
 
-        def value(found: re.Match[str]) -> str:
+        def value(match: re.Match[str]) -> str:
             nonlocal filled
-            name = found[1]
+            name = match[1]
             if name not in self._parameters:
-                known = nearest(name, self._parameters)
-                raise InputError(f"{path}: ${name} has no <default>: {known}")
+                candidate = nearest(name, self._parameters)
+                raise InputError(f"{path}: ${name} has no <default>: {candidate}")
             filled += len(self._parameters[name])
             if filled > MAX_CHARACTERS:
                 raise InputError(f"{path}: ${name} makes a text of over {MAX_CHARACTERS:,} letters")

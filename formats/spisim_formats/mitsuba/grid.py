@@ -69,8 +69,8 @@ def read_surround(node: Node, find: Find) -> tuple[NDArray[np.float32], Floats]:
     red = read_linear_red(find(node))
     rows = len(red)
     count = max(1, min(FINER, FINE_PIXELS // red.size)) * rows
-    place = (np.arange(count) + 0.5) / count * (rows - 1)
-    low = np.minimum(place.astype(int), rows - 2)
-    share = (place - low).astype(np.float32)[:, None]
-    bands = (1 - share) * red[low] + share * red[low + 1]
+    position = (np.arange(count) + 0.5) / count * (rows - 1)
+    low = np.minimum(position.astype(int), rows - 2)
+    fraction = (position - low).astype(np.float32)[:, None]
+    bands = (1 - fraction) * red[low] + fraction * red[low + 1]
     return surround(bands, node.value("to_world", np.eye(4)), node.what)

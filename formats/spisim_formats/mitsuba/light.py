@@ -61,11 +61,11 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     if not extinction > 0 or (density is not None and not density.values.any()):
         content.note(f"{what}: has no extinction and is left out")
         return
-    most = extinction * (1 if density is None else float(density.values.max()))
-    told = f"extinction {most:.4g} per unit"
-    told += " at most, a grid" if density is not None else ""
-    told += f", albedo {albedo:.4g}" if brightness is None else ", albedo of a grid"
-    told += f", g {g:.3g} (red, as at 1550 nm)"
+    maximum = extinction * (1 if density is None else float(density.values.max()))
+    text = f"extinction {maximum:.4g} per unit"
+    text += " at most, a grid" if density is not None else ""
+    text += f", albedo {albedo:.4g}" if brightness is None else ", albedo of a grid"
+    text += f", g {g:.3g} (red, as at 1550 nm)"
     for number, (part, box) in enumerate(zip(parts, boxes, strict=True)):
         within = None if first is None else first + number
         haze = Haze(node.id or name, part.to_world, extinction, albedo, g, None,
@@ -76,7 +76,7 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
             try:
                 haze = replace(haze, mesh=closed(as_mesh(part.geometry), name))
             except InputError as error:
-                content.note(f"{what}: {told}: left out, {error}")
+                content.note(f"{what}: {text}: left out, {error}")
                 continue
         if bounds is not None and (cut := clipped(haze, bounds)) is not haze:
             content.note(f"{what}: it ends where its grid does, as in Mitsuba")
@@ -84,7 +84,7 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
                 continue
             haze = cut
         content.hazes.append(haze)
-        content.note(f"{what}: {told} is a volume of the scene file")
+        content.note(f"{what}: {text} is a volume of the scene file")
 
 
 def _other_ways(node: Node, grids: Iterable[str]) -> Iterator[tuple[str, str]]:

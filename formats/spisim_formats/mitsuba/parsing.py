@@ -14,7 +14,7 @@ from spisim_formats.mitsuba.elements import Elements, Node
 Type = Properties.Type
 #: What the parser's messages tell of itself, and of the text that it was given.
 SOURCE = re.compile(r"\[\w+\.cpp:\d+\] ")
-PLACE = re.compile(r"Error while loading string \(line (\d+), col \d+\): ")
+POSITION = re.compile(r"Error while loading string \(line (\d+), col \d+\): ")
 #: Names that it gives to what has none.
 UNNAMED = "_arg_"
 
@@ -26,9 +26,9 @@ def parse(elements: Elements) -> Node:
         state = parser.parse_string(parser.ParserConfig("scalar_rgb"), "\n".join(lines))
     except RuntimeError as error:
         reason = SOURCE.sub("", " ".join(str(error).split())).partition(" (previous was at ")[0]
-        place = PLACE.match(reason)
-        file = f"{elements[int(place[1]) - 2][1]}: " if place else ""
-        raise InputError(f"{file}{PLACE.sub('', reason, count=1):.300}") from None
+        position = POSITION.match(reason)
+        file = f"{elements[int(position[1]) - 2][1]}: " if position else ""
+        raise InputError(f"{file}{POSITION.sub('', reason, count=1):.300}") from None
     nodes = [
         Node(each.type.name.lower(), each.props.plugin_name(), each.props.id())
         for each in state.nodes
@@ -47,7 +47,7 @@ def parse(elements: Elements) -> Node:
                     last = 0 if value.is_uniform() else int(np.argmax(value.wavelengths))
                     value = float(value.values[last])
                 case Type.Reference:
-                    value = _found(value.id(), nodes, by_id)
+                    value = _result(value.id(), nodes, by_id)
                 case Type.ResolvedReference:
                     value = nodes[value.index()]
                     value.name = "" if key.startswith(UNNAMED) else key
@@ -55,7 +55,7 @@ def parse(elements: Elements) -> Node:
     return nodes[0]
 
 
-def _found(name: str, nodes: list[Node], by_id: dict[str, int]) -> Node:
+def _result(name: str, nodes: list[Node], by_id: dict[str, int]) -> Node:
     """The node of an id; the parser would follow references in turn until its stack overflows."""
     if name not in by_id:
         raise InputError(f"ref {name[:80]!r}: {nearest(name, by_id)}")

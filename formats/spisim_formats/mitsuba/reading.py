@@ -21,7 +21,7 @@ from spisim_formats.library.files import Folders
 from spisim_formats.library.source_material import Told
 from spisim_formats.library.textures import Texture
 from spisim_formats.meshes.reading import read_obj, read_ply
-from spisim_formats.mitsuba.bsdf import told_surface
+from spisim_formats.mitsuba.bsdf import source_surface
 from spisim_formats.mitsuba.elements import Node, Source, read_source
 from spisim_formats.mitsuba.light import take_emitter, take_medium
 from spisim_formats.mitsuba.parsing import parse
@@ -128,12 +128,12 @@ class _Shapes:
         if kind in SIMPLE:
             geometry, pose = SIMPLE[kind](node)
             return [Part(name, geometry, pose, Surface())]
-        known = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
-        raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {known}")
+        candidate = nearest(kind, (*MESHES, "serialized", *SIMPLE, "instance", "merge"))
+        raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {candidate}")
 
     def file(self, node: Node) -> Path:
         """The file that a node names; InputError where it is missing or may not be read."""
-        beside, *more = self._source.places
+        beside, *more = self._source.positions
         return self._folders.find(node.value("filename", ""), beside, node.what, more)
 
     def _mesh(self, node: Node, kind: str) -> list[Part]:
@@ -182,27 +182,27 @@ class _Shapes:
         words = (*(METALS[name] for name in metals if name in METALS), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
-        told = self._told(outer, flips)
+        reported = self._reported(outer, flips)
         color = colors[0] if colors else None
-        return Surface(names[0] if names else None, color, words, body, told)
+        return Surface(names[0] if names else None, color, words, body, reported)
 
-    def _told(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
+    def _reported(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
         """Once for all shapes that share it."""
         key = id(bsdf), flips
         if key not in self._surfaces:
-            self._surfaces[key] = cache(partial(told_surface, bsdf, flips, self._texture))
+            self._surfaces[key] = cache(partial(source_surface, bsdf, flips, self._texture))
         return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:
         """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""
         key = id(node)
         if key not in self._textures:
-            beside, *more = self._source.places
+            beside, *more = self._source.positions
             name = node.value("filename", "")
-            found = self._content.texture(name, beside, self._folders, node.what, more)
-            if found is not None:
-                found = replace(found, fits=False, linear=node.value("raw", False))
-            self._textures[key] = found
+            result = self._content.texture(name, beside, self._folders, node.what, more)
+            if result is not None:
+                result = replace(result, fits=False, linear=node.value("raw", False))
+            self._textures[key] = result
         return self._textures[key]
 
 
@@ -224,13 +224,13 @@ def _as_box(part: Part, to_world: Floats) -> Floats | None:
 
 def _nested(outer: Node) -> list[Node]:
     """A bsdf and those within it, each once."""
-    found, known = [outer], {outer}
-    for bsdf in found:
+    result, given = [outer], {outer}
+    for bsdf in result:
         for inner in bsdf.children:
-            if inner.kind == "bsdf" and inner not in known:
-                found.append(inner)
-                known.add(inner)
-    return found
+            if inner.kind == "bsdf" and inner not in given:
+                result.append(inner)
+                given.add(inner)
+    return result
 
 
 def _sphere(node: Node) -> tuple[Shape | trimesh.Trimesh, Floats]:

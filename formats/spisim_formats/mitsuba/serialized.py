@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from reconstruction.base.errors import InputError
 from spisim.scene.shapes import check_mesh, check_triangles
 from spisim_formats.library.content import readable
-from spisim_formats.library.files import MAX_FILE_BYTES, read_bytes, shown
+from spisim_formats.library.files import MAX_FILE_BYTES, displayed, read_bytes
 
 MAGIC = 0x041C
 VERSIONS = (3, 4)
@@ -55,21 +55,21 @@ class _Fields:
     """Numbers, one after the other."""
 
     text: bytes
-    place: int = 0
+    position: int = 0
 
     def take(self, kind: DTypeLike, count: int) -> NDArray[np.generic]:
-        found = np.frombuffer(self.text, kind, count, self.place)
-        self.place += found.nbytes
-        return found
+        result = np.frombuffer(self.text, kind, count, self.position)
+        self.position += result.nbytes
+        return result
 
 
 def _mesh(fields: _Fields, version: int, path: Path) -> tuple[str, trimesh.Trimesh]:
     (flags,) = fields.take("<u4", 1)
     name = path.stem
     if version >= 4:
-        stop = fields.text.index(b"\0", fields.place)
-        name = fields.text[fields.place : stop].decode("utf-8", errors="replace") or name
-        fields.place = stop + 1
+        stop = fields.text.index(b"\0", fields.position)
+        name = fields.text[fields.position : stop].decode("utf-8", errors="replace") or name
+        fields.position = stop + 1
     vertices, triangles = (int(count) for count in fields.take("<u8", 2))
     check_triangles(triangles)
     check_triangles(vertices // 3)
@@ -85,5 +85,5 @@ def _mesh(fields: _Fields, version: int, path: Path) -> tuple[str, trimesh.Trime
     faces = fields.take("<u4", 3 * triangles).reshape(-1, 3).astype(np.int64)
     visual = None if uv is None else trimesh.visual.TextureVisuals(uv=uv)
     mesh = trimesh.Trimesh(points, faces, process=False, visual=visual)
-    check_mesh(mesh, shown(name))
+    check_mesh(mesh, displayed(name))
     return name, mesh

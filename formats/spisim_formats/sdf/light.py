@@ -20,7 +20,7 @@ from spisim_formats.library.xml import numbers
 
 #: SDFormat's factors of 1 / (c + l d + q d²) where a file leaves one out, and its range.
 ATTENUATION = (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
-REACH_M = 10.0
+MAX_RANGE_M = 10.0
 #: A range beyond this ends no light that matters.
 FAR_M = 100.0
 SUN_KLX, SKY_KLX = 100.0, 20.0
@@ -120,9 +120,9 @@ def _attenuation(element: Element, what: str) -> tuple[float, str]:
     row = element.find("attenuation")
     if row is None:
         return 1.0, ""
-    told = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
-    factor, why = at_a_metre(*told)
-    reach = number_or(row.findtext("range"), REACH_M, what)
+    reported = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
+    factor, why = at_a_metre(*reported)
+    reach = number_or(row.findtext("range"), MAX_RANGE_M, what)
     return factor, why + (f"; it ends at {reach:.4g} m there" if reach < FAR_M else "")
 
 
@@ -148,8 +148,8 @@ def _direction(light: Light) -> Floats:
 def _sky_klx(scene: Element | None, what: str) -> float:
     if scene is None:
         return 0.0
-    least = 1.0 if scene.find("sky") is not None else 0.0
-    return SKY_KLX * max(least, _brightness(scene.findtext("ambient"), 0.0, f"{what}: ambient"))
+    minimum = 1.0 if scene.find("sky") is not None else 0.0
+    return SKY_KLX * max(minimum, _brightness(scene.findtext("ambient"), 0.0, f"{what}: ambient"))
 
 
 def _brightness(color: str | None, default: float, what: str) -> float:

@@ -16,7 +16,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.content import Content, Glow, Part
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.frames import Frames, read_pose
 from spisim_formats.library.xml import parse_lenient_xml
 from spisim_formats.sdf.light import Light, lamp, moved, take_lights
@@ -48,7 +48,7 @@ def read_sdf(path: Path, folders: Folders) -> Content:
     if len(worlds) > 1:
         content.note(f"{path.name}: only the first of {len(worlds)} worlds is read")
     top = worlds[0] if worlds else root
-    what = f"world {shown(top.get('name', ''))}" if worlds else path.name
+    what = f"world {displayed(top.get('name', ''))}" if worlds else path.name
     scope = _Scope(path, (path.resolve(),), what)
     frames = Frames("world", what)
     for model, pose in reader.models(top, frames, scope):
@@ -68,7 +68,7 @@ class _Scope:
     what: str
 
     def within(self, kind: str, name: str) -> _Scope:
-        return _Scope(self.path, self.chain, f"{self.what}: {kind} {shown(name)}")
+        return _Scope(self.path, self.chain, f"{self.what}: {kind} {displayed(name)}")
 
 
 @dataclass
@@ -114,7 +114,7 @@ class _Reader:
         Their frames, and those that the parent defines itself, are added to `frames`.
         """
         self._note_left_out(parent)
-        found: list[_Model] = []
+        result: list[_Model] = []
         for child in parent:
             if child.tag not in ("model", "include"):
                 continue
@@ -130,10 +130,10 @@ class _Reader:
                 frames.add(model.name, pose, relative_to, model.frames)
                 if is_include and child.get("merge", "").lower() in ("true", "1"):
                     frames.merge(model.frames, model.name)
-                found.append(model)
+                result.append(model)
         self._add_frames(parent, frames, scope)
         poses = []
-        for model in found:
+        for model in result:
             with self._content.leaving_out(scope.within("model", model.name).what):
                 poses.append((model, frames.pose(model.name)))
         return poses
@@ -170,13 +170,13 @@ class _Reader:
         self, parent: Element, frames: Frames, scope: _Scope, within: str = ""
     ) -> list[Light]:
         """Lights of a world or link, which is frame `within`, with their poses."""
-        found = []
+        result = []
         for element in parent.findall("light"):
             what = scope.within("light", element.get("name", "")).what
             with self._content.leaving_out(what):
                 pose, relative_to = read_pose(element.find("pose"), what)
-                found.append(Light(element, frames.pose(relative_to or within) @ pose, what))
-        return found
+                result.append(Light(element, frames.pose(relative_to or within) @ pose, what))
+        return result
 
     def _link(self, link: Element, model: _Model, scope: _Scope) -> None:
         self._note_left_out(link)
@@ -213,14 +213,14 @@ class _Reader:
 
     def _note_taken(self, kind: str, name: str, scope: _Scope) -> None:
         self._content.note(
-            f"{scope.what}: {kind} {shown(name)} is called as something else; poses are relative "
-            "to that"
+            f"{scope.what}: {kind} {displayed(name)} is called as something else; poses are "
+            "relative to that"
         )
 
     def _include(self, element: Element, scope: _Scope) -> _Placed | None:
         """The model that an `<include>` names; None for an actor or a light."""
         uri = (element.findtext("uri") or "").strip()
-        what = f"{scope.what}: include {shown(uri)}"
+        what = f"{scope.what}: include {displayed(uri)}"
         self._includes += 1
         if self._includes > MAX_INCLUDES:
             raise LimitError(f"{what}: more than {MAX_INCLUDES:,} includes")
@@ -254,17 +254,17 @@ class _Reader:
             placement = included.get("placement_frame", "")
         return model, pose, relative_to, placement
 
-    def _model_file(self, found: Path, what: str) -> Path:
+    def _model_file(self, result: Path, what: str) -> Path:
         """The SDF file of a model folder, as its model.config says; a file is itself."""
-        if not found.is_dir():
-            return found
-        config, names = found / "model.config", {}
+        if not result.is_dir():
+            return result
+        config, names = result / "model.config", {}
         if config.is_file():
             with self._content.leaving_out(str(config)):
                 described = parse_lenient_xml(read_bytes(config), config, self._content.note)
                 names = {_version(row): (row.text or "").strip() for row in described.iter("sdf")}
         file = names[max(names)] if names else "model.sdf"
-        return self._folders.find(file, found, f"{what}: sdf")
+        return self._folders.find(file, result, f"{what}: sdf")
 
     def _note_left_out(self, parent: Element) -> None:
         for child in parent:

@@ -51,13 +51,13 @@ class Visuals:
             self.content.note(f"{what}: is fully transparent and left out")
             return []
         geometry = visual.find("geometry")
-        kinds = [] if geometry is None else [child for child in geometry if child.tag in KNOWN]
+        kinds = [] if geometry is None else [child for child in geometry if child.tag in AVAILABLE]
         if not kinds:
             if geometry is None or not len(geometry):
                 self.content.note(f"{what}: has no geometry")
                 return []
-            found = ", ".join(child.tag for child in geometry)
-            raise InputError(f"{what}: geometry {found:.80} is unknown: {nearest('', KNOWN)}")
+            result = ", ".join(child.tag for child in geometry)
+            raise InputError(f"{what}: geometry {result:.80} is unknown: {nearest('', AVAILABLE)}")
         kind = kinds[0]
         surface = None
         with self.content.leaving_out(f"{what}: material"):
@@ -107,15 +107,15 @@ class Visuals:
         Gazebo's meshes, whatever up_axis says (gz-common, AssimpLoader).
         """
         suffix = path.suffix.lower()
-        known = readers(meshes_alone=True)
-        if suffix not in known:
-            raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, known)}")
+        given = readers(meshes_alone=True)
+        if suffix not in given:
+            raise InputError(f"{what}: mesh {path.name!r}: {nearest(suffix, given)}")
         if path in self._faults:
             raise self._faults[path]
         if path not in self._files:
             try:
                 with naming(f"{what}: mesh"):
-                    content = known[suffix](path, self._folders)
+                    content = given[suffix](path, self._folders)
             except InputError as error:
                 self._faults[path] = error
                 raise
@@ -138,7 +138,7 @@ class Visuals:
             for element in material.iter()
             if element.tag.endswith("_map") and element.text and element.text.strip()
         ]
-        found = {
+        result = {
             tag: self.content.texture(name, path.parent, self._folders, f"{what}: texture")
             for tag, name in named
         }
@@ -147,36 +147,36 @@ class Visuals:
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
         name = script.rpartition("/")[2] or None
-        told = _told(visual, color, found, what)
-        return Surface(name, None if named else color, words, found.get("albedo_map"), told)
+        reported = _reported(visual, color, result, what)
+        return Surface(name, None if named else color, words, result.get("albedo_map"), reported)
 
 
-def _told(
+def _reported(
     visual: Element,
     color: tuple[float, float, float] | None,
-    found: dict[str, Texture | None],
+    result: dict[str, Texture | None],
     what: str,
 ) -> Callable[[], Told | None] | None:
     """What makes a surface by metalness and roughness, where a visual has one."""
     metal = visual.find("material/pbr/metal")
-    read = {name: found[tag] for tag, name in MAPS.items() if tag in found}
+    read = {name: result[tag] for tag, name in MAPS.items() if tag in result}
     if metal is None or None in read.values():
         return None
     # a map alone says all; without either, SDFormat's default
-    share, roughness = (
-        _number(metal, tag, 1.0 if f"{tag}_map" in found else 0.5, what)
+    fraction, roughness = (
+        _number(metal, tag, 1.0 if f"{tag}_map" in result else 0.5, what)
         for tag in ("metalness", "roughness")
     )
-    odd = tuple(f"its {told} left out" for tag, told in MORE_MAPS.items() if tag in found)
+    odd = tuple(f"its {reported} left out" for tag, reported in MORE_MAPS.items() if tag in result)
     surface = Metallic(
         1.0 if color is None else color[0],
-        share,
+        fraction,
         roughness,
         opacity=1 - max(_number(visual, "transparency", 0.0, what), 0.0),
         pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
         odd=odd,
     )
-    return cache(surface.told)
+    return cache(surface.reported)
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
@@ -185,8 +185,8 @@ def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
     # trimesh calls groups of OBJ by their names and those of their materials
     chosen = [part for part in parts if part.name in (name, f"{name}_{part.surface.name}")]
     if not chosen:
-        known = nearest(name, dict.fromkeys(part.name for part in parts))
-        raise InputError(f"{what}: no submesh {name[:80]!r}: {known}")
+        candidate = nearest(name, dict.fromkeys(part.name for part in parts))
+        raise InputError(f"{what}: no submesh {name[:80]!r}: {candidate}")
     if (submesh.findtext("center") or "").strip().lower() not in ("true", "1"):
         return chosen
     corners = [
@@ -241,4 +241,4 @@ SHAPES: dict[str, Callable[[Element, str], trimesh.Trimesh | Shape]] = {
     "cone": lambda row, what: shapes.cone(*_radius_and_length(row, "0.5", what), what),
 }
 FROM_FILES = {"mesh": Visuals._mesh, "heightmap": Visuals._heightmap}
-KNOWN = (*SHAPES, *FROM_FILES, *LEFT_OUT)
+AVAILABLE = (*SHAPES, *FROM_FILES, *LEFT_OUT)

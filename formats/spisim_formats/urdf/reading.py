@@ -13,7 +13,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.scene.pose import pose_matrix
 from spisim_formats.library.content import Content, Part
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.frames import Frames
 from spisim_formats.library.xml import numbers, parse_lenient_xml
 from spisim_formats.sdf.visual import Visuals
@@ -38,7 +38,7 @@ def read_urdf(path: Path, folders: Folders) -> Content:
     for link in root.findall("link"):
         name = link.get("name", "")
         for visual in link.findall("visual"):
-            what = f"link {shown(name)}"
+            what = f"link {displayed(name)}"
             with content.leaving_out(what):
                 at_link = frames.pose(name) @ _origin(visual, what)
                 for part in visuals.read(_as_sdf(visual, colors), path, what):
@@ -53,7 +53,7 @@ def _frames(root: Element, path: Path, content: Content) -> Frames:
     frames = Frames("world", path.name)
     placed: dict[str, tuple[Floats, str] | None] = {}
     for joint in root.findall("joint"):
-        what = f"{path.name}: joint {shown(joint.get('name', ''))}"
+        what = f"{path.name}: joint {displayed(joint.get('name', ''))}"
         parent, child = joint.find("parent"), joint.find("child")
         moved = "" if child is None else child.get("link", "")
         placed[moved] = None  # nobody knows where it is, unless all goes well
@@ -65,7 +65,7 @@ def _frames(root: Element, path: Path, content: Content) -> Frames:
         name = link.get("name", "")
         pose = placed.get(name, (np.eye(4), ""))
         if name != "world" and pose is not None:
-            with content.leaving_out(f"{path.name}: link {shown(name)}"):
+            with content.leaving_out(f"{path.name}: link {displayed(name)}"):
                 frames.add(name, *pose)
     return frames
 
@@ -89,13 +89,13 @@ def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
     material = visual.find("material")
     if material is not None:
         name = material.get("name", "")
-        told = SubElement(made, "material")
-        SubElement(SubElement(told, "script"), "name").text = name
+        reported = SubElement(made, "material")
+        SubElement(SubElement(reported, "script"), "name").text = name
         described = material if material.find("color") is not None else colors.get(name, material)
         color = described.find("color")
         if color is not None:
-            SubElement(told, "diffuse").text = color.get("rgba", "")
+            SubElement(reported, "diffuse").text = color.get("rgba", "")
         texture = described.find("texture")
         if texture is not None:
-            SubElement(told, "albedo_map").text = texture.get("filename", "")
+            SubElement(reported, "albedo_map").text = texture.get("filename", "")
     return made

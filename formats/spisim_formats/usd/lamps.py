@@ -14,7 +14,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Glow, Part, Surface
-from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.files import Folders, displayed
 from spisim_formats.library.surround import read_linear_red, surround
 
 #: What a panel of light is without its light.
@@ -28,7 +28,7 @@ DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def read_lamp(prim: Any, to_world: Floats, content: Content, folders: Folders) -> list[Glow]:
     """The lamp that a light is, told in a note; none where it gives no light, or is unknown."""
-    kind, what = str(prim.GetTypeName()), f"lamp {shown(prim.GetName())}"
+    kind, what = str(prim.GetTypeName()), f"lamp {displayed(prim.GetName())}"
     if kind not in MAKERS and kind not in DOMES:
         content.note(f"{what} is left out: {kind} is not read")
         return []
@@ -39,11 +39,11 @@ def read_lamp(prim: Any, to_world: Floats, content: Content, folders: Folders) -
     if kind in DOMES:
         return _dome(prim, strength, to_world, content, folders, what)
     try:
-        glow, told = MAKERS[kind](prim, strength, to_world)
+        glow, reported = MAKERS[kind](prim, strength, to_world)
     except InputError as error:
         content.note(f"{what} is left out: {error}")
         return []
-    content.note(f"{what} has no unit; as watts {told}")
+    content.note(f"{what} has no unit; as watts {reported}")
     return [glow]
 
 

@@ -29,7 +29,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, read_bytes, shown
+from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.usd.lamps import read_lamp
 from spisim_formats.usd.package import check_package
 from spisim_formats.usd.surfaces import read_surface
@@ -52,7 +52,7 @@ def read_usd(path: Path, folders: Folders) -> Content:
         from pxr import Usd, UsdGeom, UsdUtils
     except ImportError:
         raise InputError(f"{path}: OpenUSD needs a library: install `spisim[usd]`") from None
-    told = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
+    reported = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
     if path.suffix.lower() == ".usdz":
         check_package(path)
     content = Content()
@@ -70,7 +70,7 @@ def read_usd(path: Path, folders: Folders) -> Content:
         content.unit_m, content.unit_why = unit_m, f"metersPerUnit of the stage: {unit_m:g}"
         content.up, content.up_why = AXES[axis], f"upAxis: {axis}"
         _Stage(stage, content, folders).read()
-        if told.TakeUncoalescedDiagnostics():
+        if reported.TakeUncoalescedDiagnostics():
             content.note(f"{path.name}: OpenUSD doubts some of what it says")
         return content
 
@@ -98,15 +98,15 @@ def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]
             names = list(layer.GetCompositionAssetDependencies())
         layers.append(layer)
         for reference in filter(None, names):
-            what = f"{name}: layer {shown(reference)}"
+            what = f"{name}: layer {displayed(reference)}"
             anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, reference)
-            found = str(Ar.GetResolver().Resolve(anchored))
-            if found:
-                folders.check_inside(Path(found.partition("[")[0]), reference, f"{name}: layer")
-            if found and _opens(found):
-                waiting.append(found)
+            result = str(Ar.GetResolver().Resolve(anchored))
+            if result:
+                folders.check_inside(Path(result.partition("[")[0]), reference, f"{name}: layer")
+            if result and _opens(result):
+                waiting.append(result)
                 continue
-            why = "cannot be read as OpenUSD" if found else "there is no such file"
+            why = "cannot be read as OpenUSD" if result else "there is no such file"
             content.note(f"{LEFT_OUT}{what}: {why}")
             layer.UpdateCompositionAssetDependency(reference, "")
     return layers
@@ -142,19 +142,22 @@ class _Stage:
             if prim.IsA(UsdGeom.Imageable) and self._is_hidden(prim):
                 walk.PruneChildren()
             elif prim.IsA(UsdGeom.PointInstancer):
-                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                with self._content.leaving_out(displayed(str(prim.GetPath()))):
                     self._add_instances(prim)
                 walk.PruneChildren()
             else:
-                with self._content.leaving_out(shown(str(prim.GetPath()))):
+                with self._content.leaving_out(displayed(str(prim.GetPath()))):
                     self._add(prim, self._pose(prim))
 
     def _is_hidden(self, prim: Any) -> bool:
         from pxr import UsdGeom
 
-        shown_as = UsdGeom.Imageable(prim)
-        purpose = shown_as.GetPurposeAttr().Get()
-        return shown_as.GetVisibilityAttr().Get() == "invisible" or purpose in ("proxy", "guide")
+        displayed_as = UsdGeom.Imageable(prim)
+        purpose = displayed_as.GetPurposeAttr().Get()
+        return displayed_as.GetVisibilityAttr().Get() == "invisible" or purpose in (
+            "proxy",
+            "guide",
+        )
 
     def _pose(self, prim: Any) -> Floats:
         """To the world; USD's vectors are rows."""
@@ -164,7 +167,7 @@ class _Stage:
         kind = str(prim.GetTypeName())
         if kind not in READERS:
             if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
-                self._content.note(f"{shown(str(prim.GetPath()))}: {kind} is left out")
+                self._content.note(f"{displayed(str(prim.GetPath()))}: {kind} is left out")
             elif "Light" in kind and kind != "LightFilter":
                 self._content.glows += read_lamp(prim, to_world, self._content, self._folders)
             elif kind == "Camera":
@@ -185,7 +188,7 @@ class _Stage:
         key = "" if material is None else str(material.GetPath())
         if key not in self._surfaces:
             self._surfaces[key] = Surface(material.GetName() if key else None)
-            with self._content.leaving_out(f"material {shown(key)}"):
+            with self._content.leaving_out(f"material {displayed(key)}"):
                 self._surfaces[key] = read_surface(material, self._content, self._folders)
         return self._surfaces[key]
 
@@ -233,7 +236,7 @@ def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
         left &= ~here
         parts.append((here, _bound(subset.GetPrim()) or bound))
     parts.append((left, bound))
-    found: list[tuple[trimesh.Trimesh | Shape, Any]] = []
+    result: list[tuple[trimesh.Trimesh | Shape, Any]] = []
     for which, material in parts:
         own = faces[np.asarray(which)[owners]]
         if not len(own):
@@ -245,8 +248,8 @@ def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
             with suppress(ValueError, TypeError):
                 with_texture_coordinates(mesh, np.array(uv.ComputeFlattened(), float))
         mesh.remove_unreferenced_vertices()
-        found.append((mesh, material))
-    return found
+        result.append((mesh, material))
+    return result
 
 
 def _fans(counts: Any, corners: Any) -> tuple[Any, Any]:

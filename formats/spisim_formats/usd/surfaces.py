@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spisim_formats.library.content import Content, Surface
-from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.files import Folders, displayed
 from spisim_formats.library.metallic import Metallic
 from spisim_formats.library.textures import Texture
 from spisim_formats.usd.package import read_from_package
@@ -45,10 +45,10 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
     for key, (what, default) in INPUTS.items():
         source = _source(shader, key)
         if _is_picture(source):
-            found = _picture(source, content, folders)
-            if found is None:
+            result = _picture(source, content, folders)
+            if result is None:
                 return Surface(name)
-            pictures[what], numbers[what] = found[:2], found[2]
+            pictures[what], numbers[what] = result[:2], result[2]
         else:
             numbers[what] = _red(source, default)
     texture = None
@@ -73,14 +73,14 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
         pictures=pictures,
         odd=tuple(dict.fromkeys(odd)),
     )
-    return replace(surface, told=cache(made.told))
+    return replace(surface, reported=cache(made.reported))
 
 
 def _source(shader: Any, name: str) -> Any:
     """The attribute that an input gets its value from; None for an input that is not there."""
     given = shader.GetInput(name)
-    found = given.GetValueProducingAttributes() if given else []
-    return found[0] if found else None
+    result = given.GetValueProducingAttributes() if given else []
+    return result[0] if result else None
 
 
 def _is_picture(source: Any) -> bool:
@@ -135,7 +135,9 @@ def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
         return content.texture(name, folders.roots[0], folders, "texture")
     folders.check_inside(Path(package), package, "texture")
     if (data := read_from_package(name)) is None:
-        content.note(f"texture: no file {shown(inner.rstrip(']'))} in the package; it is not used")
+        content.note(
+            f"texture: no file {displayed(inner.rstrip(']'))} in the package; it is not used"
+        )
         return None
     return Texture(inner.rstrip("]"), data)
 
@@ -144,9 +146,9 @@ def _fits(texture: Any) -> bool:
     """Whether a picture lies as the coordinates of the mesh say."""
     from pxr import UsdShade
 
-    place = _source(texture, "st")
-    if place is None or not _is_picture(place):
+    position = _source(texture, "st")
+    if position is None or not _is_picture(position):
         return False
-    reader = UsdShade.Shader(place.GetPrim())
+    reader = UsdShade.Shader(position.GetPrim())
     name = _source(reader, "varname")
     return reader.GetShaderId() == COORDINATES and name is not None and name.Get() == PRIMVAR

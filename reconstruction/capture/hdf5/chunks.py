@@ -87,14 +87,14 @@ class Chunks:
 
     def _check_inflation(self, first_rows: range) -> None:
         """Inflate the chunks that begin with these rows, each no further than it may reach."""
-        found: list[tuple[tuple[int, ...], int]] = []
+        result: list[tuple[tuple[int, ...], int]] = []
 
         def keep(chunk: h5d.StoreInfo) -> None:
             if chunk.chunk_offset[0] in first_rows:
-                found.append((chunk.chunk_offset, chunk.filter_mask))
+                result.append((chunk.chunk_offset, chunk.filter_mask))
 
         self.dataset.id.chunk_iter(keep)
-        for offset, mask in found:
+        for offset, mask in result:
             applied = self._applied(mask)
             if h5z.FILTER_DEFLATE not in applied:
                 continue

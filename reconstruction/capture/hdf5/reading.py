@@ -69,8 +69,8 @@ class Tables(ABC):
     Raises InputError for one that is missing, damaged or not what is asked for.
     """
 
-    def __init__(self, found: Collection[str]) -> None:
-        self._names = found
+    def __init__(self, result: Collection[str]) -> None:
+        self._names = result
 
     @abstractmethod
     def dataset(self, name: str, units: str) -> Readable:
@@ -136,7 +136,7 @@ class Contents(Tables):
         super().__init__(datasets)
         self.version = (0, 0)
         self._file = file
-        self._found = datasets
+        self._result = datasets
         self._datasets: dict[str, Dataset] = {}
 
     def has_attribute(self, name: str) -> bool:
@@ -160,10 +160,10 @@ class Contents(Tables):
         return dataset
 
     def _dataset(self, name: str) -> Dataset:
-        if name not in self._found:
+        if name not in self._result:
             raise InputError(f"dataset {name} is missing")
         if name not in self._datasets:
-            self._datasets[name] = Dataset(name, self._found[name])
+            self._datasets[name] = Dataset(name, self._result[name])
         return self._datasets[name]
 
 

@@ -25,10 +25,10 @@ def check_dataset(name: str, dataset: h5py.Dataset) -> None:
     """InputError unless the string of a dataset fits into its file."""
     if dataset.id.get_create_plist().get_layout() != h5d.CONTIGUOUS:
         raise InputError(f"{name} holds a string of variable length in chunks: store it contiguous")
-    place = dataset.id.get_offset()
-    if place is not None:  # else it was never written, and is empty
+    position = dataset.id.get_offset()
+    if position is not None:  # else it was never written, and is empty
         with Path(dataset.file.filename).open("rb") as file:
-            _check(name, _at(file, place, 4), _size(file))
+            _check(name, _at(file, position, 4), _size(file))
 
 
 def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
@@ -36,23 +36,23 @@ def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
     where = f"attribute {name!r} of {item.name}"
     base = item.file.userblock_size
     with Path(item.file.filename).open("rb") as file:
-        found = [
+        result = [
             _value(body)
             for kind, flags, body in _messages(file, base, h5o.get_info(item.id).addr)
             if kind == ATTRIBUTE and not flags & SHARED and _name(body) == name.encode()
         ]
-        if not found:
+        if not result:
             raise InputError(
                 f"{where} is stored in a way that is not read: make it of fixed length"
             )
-        for value in found:
+        for value in result:
             _check(where, value[:4], _size(file))
 
 
 def _check(where: str, length: bytes, file_bytes: int) -> None:
-    (told,) = struct.unpack("<I", length)
-    if told > file_bytes:
-        raise InputError(f"{where} tells of a string of {told} bytes in a file of {file_bytes}")
+    (reported,) = struct.unpack("<I", length)
+    if reported > file_bytes:
+        raise InputError(f"{where} tells of a string of {reported} bytes in a file of {file_bytes}")
 
 
 def _messages(file: IO[bytes], base: int, address: int) -> Iterator[tuple[int, int, bytes]]:
@@ -72,12 +72,12 @@ def _messages(file: IO[bytes], base: int, address: int) -> Iterator[tuple[int, i
     for number, (begin, size) in enumerate(blocks):  # grows
         if number >= MAX_BLOCKS:
             raise InputError("has an object whose header has too many parts")
-        block, place = _at(file, base + begin, min(size, _size(file))), 0
-        while place + struct.calcsize(form) + skipped <= len(block):
-            kind, length, flags = struct.unpack_from(form, block, place)
-            place += struct.calcsize(form) + skipped
-            body = block[place : place + length]
-            place += length
+        block, position = _at(file, base + begin, min(size, _size(file))), 0
+        while position + struct.calcsize(form) + skipped <= len(block):
+            kind, length, flags = struct.unpack_from(form, block, position)
+            position += struct.calcsize(form) + skipped
+            body = block[position : position + length]
+            position += length
             if kind == CONTINUED and length >= 16:
                 further, extent = struct.unpack_from("<QQ", body)
                 blocks.append((further + frame[0], max(0, extent - sum(frame))))
@@ -97,8 +97,8 @@ def _value(attribute: bytes) -> bytes:
     return attribute[(9 if version == 3 else 8) + sum(sizes) :]
 
 
-def _at(file: IO[bytes], place: int, size: int) -> bytes:
-    file.seek(place)
+def _at(file: IO[bytes], position: int, size: int) -> bytes:
+    file.seek(position)
     return file.read(size)
 
 

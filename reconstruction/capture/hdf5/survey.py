@@ -37,14 +37,14 @@ def survey(file: h5py.File) -> dict[str, h5py.Dataset]:
             addresses.add(address)
             if len(addresses) > MAX_OBJECTS:
                 raise InputError(f"holds more than {MAX_OBJECTS} groups and datasets")
-            found = h5o.open(group, name)
-            if isinstance(found, h5d.DatasetID):
-                _check_storage(where, found)
-                datasets[where] = h5py.Dataset(found, readonly=True)  # remembers its shape
-            elif isinstance(found, h5g.GroupID):
+            result = h5o.open(group, name)
+            if isinstance(result, h5d.DatasetID):
+                _check_storage(where, result)
+                datasets[where] = h5py.Dataset(result, readonly=True)  # remembers its shape
+            elif isinstance(result, h5g.GroupID):
                 if where.count("/") >= MAX_DEPTH:
                     raise InputError(f"holds groups within more than {MAX_DEPTH} groups")
-                groups.append((f"{where}/", found))
+                groups.append((f"{where}/", result))
             else:
                 raise InputError(f"{where} is neither a group nor a dataset")
     return datasets

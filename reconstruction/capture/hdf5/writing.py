@@ -73,8 +73,8 @@ def _layout(data: NDArray[Any]) -> h5p.PropDCID:
 def _rows_of_a_chunk(data: NDArray[Any]) -> int:
     """Rows, of which one or more are read at a time, in chunks that are about equally full."""
     rows = len(data)
-    most = max(1, CHUNK_BYTES * rows // data.nbytes)
-    return -(-rows // -(-rows // most))
+    maximum = max(1, CHUNK_BYTES * rows // data.nbytes)
+    return -(-rows // -(-rows // maximum))
 
 
 def _fixed(text: str) -> NDArray[np.bytes_]:

@@ -42,9 +42,9 @@ def read_about(path: Path, names: Mapping[str, float] = ABOUT) -> dict[str, floa
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"has more than {MAX_BYTES // 2**10} KiB; a few lines are expected")
         lines = path.read_text("utf-8-sig", "replace").splitlines()
-        found = dict(_read_line(line) for line in lines if line.partition("#")[0].strip())
-        checked_about(found, names)
-        return found
+        result = dict(_read_line(line) for line in lines if line.partition("#")[0].strip())
+        checked_about(result, names)
+        return result
 
 
 def _read_line(line: str) -> tuple[str, float]:

@@ -48,14 +48,14 @@ def plan_from_matrix(
             "displayed light, -1..1 for signed values"
         )
     displayed = bool(matrix.min() >= 0)
-    known = _hadamard_rows(2 * matrix - 1 if displayed else matrix, shape)
-    if known is None:
+    given = _hadamard_rows(2 * matrix - 1 if displayed else matrix, shape)
+    if given is None:
         transmittance = matrix if displayed else (1 + matrix) / 2
         basis: Basis = Dense(transmittance.reshape(-1, height, width))
         index, sign = np.arange(len(matrix), dtype=np.int32), np.ones(len(matrix), np.int8)
     else:
         basis = Hadamard(shape)
-        index, sign = known
+        index, sign = given
     polarity = sign if displayed else np.zeros_like(sign)
     plan = PatternPlan(shape, index, polarity, patterns=basis)
     return plan, np.ones_like(sign) if displayed else sign
@@ -109,9 +109,9 @@ def plan_from_factors(
         np.atleast_2d(np.asarray(each, dtype=np.float64)) for each in (vertical, horizontal)
     )
     shape = checked_shape((tall.shape[1], wide.shape[1]))
-    known_tall, known_wide = (_hadamard_rows(each, (1, each.shape[1])) for each in (tall, wide))
-    if known_tall is not None and known_wide is not None:
-        (down, sign_down), (along, sign_along) = known_tall, known_wide
+    given_height, given_width = (_hadamard_rows(each, (1, each.shape[1])) for each in (tall, wide))
+    if given_height is not None and given_width is not None:
+        (down, sign_down), (along, sign_along) = given_height, given_width
         index = np.add.outer(down * shape[1], along).ravel()
         sign = np.multiply.outer(sign_down, sign_along).ravel().astype(np.int8)
         return PatternPlan(shape, index, np.zeros_like(sign)), sign

@@ -52,9 +52,9 @@ def _check_numbers(array: NDArray[Any], kinds: str) -> None:
         raise InputError("holds no numbers")
     finite = np.isfinite(array)
     if not finite.all():
-        place = tuple(int(n) for n in np.unravel_index(finite.argmin(), array.shape))
+        index = tuple(int(n) for n in np.unravel_index(finite.argmin(), array.shape))
         raise InputError(
-            f"the value at {list(place)} is {array[place]}, must be finite (positions count from 0)"
+            f"the value at {list(index)} is {array[index]}, must be finite (positions count from 0)"
         )
 
 

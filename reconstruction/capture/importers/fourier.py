@@ -31,8 +31,8 @@ def plan_from_phase_steps(
         raise InputError(f"{steps} phase steps; allowed: {', '.join(map(str, PHASE_STEPS))}")
     angles = _angles(frequencies, shape, steps)
     phases = 2 * np.pi * np.arange(steps) / steps
-    shown = (1 + np.cos(angles[:, None] + phases[:, None, None])) / 2
-    basis = Dense(np.clip(shown.reshape(-1, *angles.shape[1:]), 0, 1))
+    displayed = (1 + np.cos(angles[:, None] + phases[:, None, None])) / 2
+    basis = Dense(np.clip(displayed.reshape(-1, *angles.shape[1:]), 0, 1))
     index = np.arange(basis.rows, dtype=np.int32)
     return PatternPlan(basis.shape, index, np.ones(index.size, np.int8), patterns=basis)
 
@@ -65,14 +65,14 @@ def half_plane(
     The level, the greatest of a picture, tells whether it comes first, as `numpy.fft.fft2` has it,
     or in the middle, as `numpy.fft.fftshift`; InputError where it is at neither place.
     """
-    place = np.unravel_index(np.abs(spectrum).argmax(), spectrum.shape)
+    index = np.unravel_index(np.abs(spectrum).argmax(), spectrum.shape)
     height, width = spectrum.shape
-    if place == (height // 2, width // 2):
+    if index == (height // 2, width // 2):
         spectrum = np.fft.ifftshift(spectrum)
-    elif place != (0, 0):
+    elif index != (0, 0):
         raise InputError(
             f"the greatest of the {height} x {width} complex readings is at "
-            f"{[int(n) for n in place]}, must be at [0, 0] or [{height // 2}, {width // 2}], the "
+            f"{[int(n) for n in index]}, must be at [0, 0] or [{height // 2}, {width // 2}], the "
             "level of a spectrum: give the frequencies"
         )
     down, along = np.divmod(np.arange(height * width), width)

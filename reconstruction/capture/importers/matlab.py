@@ -51,8 +51,8 @@ def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
     content = path.read_bytes()
     unpacked, left_out = _inflated(content)
     if left_out:
-        told = ", ".join(left_out)
-        warnings.warn(f"{path.name}: left out, since it holds no numbers: {told}", stacklevel=2)
+        text = ", ".join(left_out)
+        warnings.warn(f"{path.name}: left out, since it holds no numbers: {text}", stacklevel=2)
     kinds = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(_open(unpacked))}
     name = pick({name: name for name in kinds}, variable)
     shape, kind = kinds[name]
@@ -73,22 +73,22 @@ def _inflated(content: bytes) -> tuple[bytes, list[str]]:
     if order is None:  # version 4, which has no compression
         return content, []
     left_out = []
-    parts, place, left = [content[:HEADER_BYTES]], HEADER_BYTES, MAX_UNPACKED_BYTES
-    while place + 8 <= len(content):
-        kind, size = struct.unpack_from(f"{order}II", content, place)
-        following = place + 8 + size
+    parts, position, left = [content[:HEADER_BYTES]], HEADER_BYTES, MAX_UNPACKED_BYTES
+    while position + 8 <= len(content):
+        kind, size = struct.unpack_from(f"{order}II", content, position)
+        following = position + 8 + size
         if kind == COMPRESSED:
             stream = zlib.decompressobj()
-            parts.append(stream.decompress(content[place + 8 : following], left + 1))
+            parts.append(stream.decompress(content[position + 8 : following], left + 1))
             left -= len(parts[-1])
             if left < 0:
                 raise _too_large(MAX_UNPACKED_BYTES - left)
         else:
-            parts.append(content[place:following])
+            parts.append(content[position:following])
         if what := _object(parts[-1], order):
             left_out.append(what)
             parts.pop()
-        place = following
+        position = following
     return b"".join(parts), left_out
 
 

@@ -27,7 +27,7 @@ MAX_PATTERNS = 2**22
 WRAPPED = re.compile(r"np\.u?int(?:8|16|32|64)\((\d{1,9})\)")
 WHOLE = re.compile(r"\[\s*(?:\d{1,9}(?:\s*,\s*\d{1,9})*)?\s*\]")
 DECIMALS = re.compile(r"\[\s*(?:\d{1,6}(?:\.\d{1,9})?(?:\s*,\s*\d{1,6}(?:\.\d{1,9})?)*)?\s*\]")
-KNOWN_PATTERNS = ("walsh", "hadamard")
+PATTERNS_GIVEN = ("walsh", "hadamard")
 
 
 class SpasRecording(NamedTuple):
@@ -71,13 +71,13 @@ def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
         value = json.dumps(value)
     text = WRAPPED.sub(r"\1", value) if isinstance(value, str) else ""
     if not WHOLE.fullmatch(text):
-        raise InputError(f"{name} is {_told(value)}, must be a list of whole numbers from 0")
+        raise InputError(f"{name} is {_reported(value)}, must be a list of whole numbers from 0")
     if text.count(",") >= MAX_PATTERNS:
         raise InputError(f"{name} has more than {MAX_PATTERNS} numbers")
     return np.array(re.findall(r"\d+", text), dtype=np.int64)
 
 
-def _told(value: Any) -> str:
+def _reported(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return repr(text if len(text) <= 40 else text[:40] + "...")
 
@@ -89,12 +89,12 @@ def _objects(path: Path) -> list[dict[str, Any]]:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"has more than {MAX_BYTES // 2**20} MiB")
         try:
-            found = json.loads(path.read_text("utf-8-sig", "replace"))
+            result = json.loads(path.read_text("utf-8-sig", "replace"))
         except (ValueError, RecursionError):
             raise InputError("not readable as JSON") from None
-        if not isinstance(found, list) or not all(isinstance(each, dict) for each in found):
+        if not isinstance(result, list) or not all(isinstance(each, dict) for each in result):
             raise InputError("should hold a list of objects, as SPAS writes it")
-        return found
+        return result
 
 
 def _object(objects: list[dict[str, Any]], kind: str, field: str) -> dict[str, Any]:
@@ -107,9 +107,10 @@ def _object(objects: list[dict[str, Any]], kind: str, field: str) -> dict[str, A
 def _check_kind(objects: list[dict[str, Any]], acquisition: dict[str, Any]) -> None:
     """Raise InputError for patterns that are none of a whole square."""
     prefix = next((each["pattern_prefix"] for each in objects if "pattern_prefix" in each), "")
-    if prefix and not str(prefix).lower().startswith(KNOWN_PATTERNS):
+    if prefix and not str(prefix).lower().startswith(PATTERNS_GIVEN):
         raise InputError(
-            f"pattern_prefix is {_told(prefix)}; read are those that begin with Walsh or Hadamard"
+            f"pattern_prefix is {_reported(prefix)}; allowed: names that begin with Walsh "
+            "or Hadamard"
         )
     if str(acquisition.get("mask_index") or "[]").strip("[] "):
         raise InputError("mask_index is not empty: patterns of part of an image are not read")
@@ -133,7 +134,7 @@ def _plan(acquisition: dict[str, Any]) -> PatternPlan:
 def _side(acquisition: dict[str, Any], name: str) -> int:
     side = acquisition.get(name)
     if type(side) is not int:
-        raise InputError(f"{name} is {_told(side)}, must be a whole number")
+        raise InputError(f"{name} is {_reported(side)}, must be a whole number")
     return side
 
 
@@ -142,13 +143,13 @@ def _band(wavelengths: Any, band_nm: tuple[float, float] | None) -> NDArray[np.b
     if band_nm is None:
         return None
     if not isinstance(wavelengths, str) or not DECIMALS.fullmatch(wavelengths):
-        raise InputError(f"wavelengths is {_told(wavelengths)}, must be a list of numbers")
-    known = np.array(re.findall(r"[\d.]+", wavelengths), dtype=np.float64)
-    chosen = (known >= band_nm[0]) & (known <= band_nm[1])
+        raise InputError(f"wavelengths is {_reported(wavelengths)}, must be a list of numbers")
+    given = np.array(re.findall(r"[\d.]+", wavelengths), dtype=np.float64)
+    chosen = (given >= band_nm[0]) & (given <= band_nm[1])
     if not chosen.any():
         raise InputError(
             f"no wavelength lies in {band_nm[0]:g}..{band_nm[1]:g} nm; there are "
-            f"{known.min(initial=np.inf):g}..{known.max(initial=0):g}"
+            f"{given.min(initial=np.inf):g}..{given.max(initial=0):g}"
         )
     return chosen
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ...base.errors import InputError
-from ...operators import NOTHING_SHOWN
+from ...operators import NO_PATTERN
 from ..model import Capture
 from ..readings.cw import CwSpots
 from ..readings.dtof import HistogramSpots
@@ -30,7 +30,7 @@ TAPS_ABOUT: dict[str, float] = {
 """What is known of the spots' detectors, and its values where nothing is said: fields of `Charge`,
 and the counts from which on a reading must not be used."""
 
-NOTHING: Mapping[str, float] = MappingProxyType({})
+NO_RETURN: Mapping[str, float] = MappingProxyType({})
 
 
 class SpotGeometry(NamedTuple):
@@ -77,7 +77,7 @@ def spots_from_taps(
     phases_rad: ArrayLike = QUARTERS_RAD,
     phase_offsets_rad: ArrayLike = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NOTHING,
+    about: Mapping[str, float] = NO_RETURN,
 ) -> CwSpots:
     """Continuous-wave (iToF) taps of S spots, as many as `geometry` has.
 
@@ -131,7 +131,7 @@ def spots_from_windows(
     pulses: int = 1,
     delay_offset_s: float = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NOTHING,
+    about: Mapping[str, float] = NO_RETURN,
 ) -> PulsedSpots:
     """Windows of pulsed light of S spots, as many as `geometry` has.
 
@@ -241,7 +241,7 @@ def spots_from_histograms(
 
 def capture_from_spots(spots: Spots) -> Capture:
     """Capture (source hardware) of ranges alone: its image is a single dark pixel."""
-    return capture_from_readings(np.zeros((len(spots.readings), 1)), NOTHING_SHOWN, spots=spots)
+    return capture_from_readings(np.zeros((len(spots.readings), 1)), NO_PATTERN, spots=spots)
 
 
 def _of_spots(taps: ArrayLike, each: int, spots: int, what: str) -> NDArray[Any]:
@@ -268,5 +268,5 @@ def _numbers(values: ArrayLike) -> NDArray[Any]:
 
 def _charge(readings: NDArray[Any], about: Mapping[str, float]) -> dict[str, Any]:
     """Fields of `Charge`, and which readings must not be used."""
-    known = checked_about(about, TAPS_ABOUT)
-    return {"saturated": readings >= known.pop("saturation_counts"), **known}
+    given = checked_about(about, TAPS_ABOUT)
+    return {"saturated": readings >= given.pop("saturation_counts"), **given}

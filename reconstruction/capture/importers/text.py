@@ -144,8 +144,8 @@ def _column(name: str, table: _Table) -> int:
         return table.headings.index(name)
     if name.isascii() and name.isdecimal() and int(name[:9]) < table.columns:
         return int(name[:9])
-    known = [*table.headings, *map(str, range(table.columns))]
-    raise InputError(f"has no column {name!r}: {nearest(name, known)}")
+    available = [*table.headings, *map(str, range(table.columns))]
+    raise InputError(f"has no column {name!r}: {nearest(name, available)}")
 
 
 def _is_read(cell: str, table: _Table) -> bool:
@@ -167,11 +167,11 @@ def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str
                 f"should hold numbers, in lines with the same number of columns; line {number} has "
                 f"{len(cells)}, line {table.start + 1} {table.columns}"
             )
-        for place in range(table.columns) if wanted is None else wanted:
-            if not _is_read(cells[place], table):
-                named = f" ({table.headings[place]})" if table.headings else ""
+        for position in range(table.columns) if wanted is None else wanted:
+            if not _is_read(cells[position], table):
+                named = f" ({table.headings[position]})" if table.headings else ""
                 return (
-                    f"should hold numbers; line {number} has {cells[place][:40]!r} in column "
-                    f"{place}{named}: name the column of the readings"
+                    f"should hold numbers; line {number} has {cells[position][:40]!r} in column "
+                    f"{position}{named}: name the column of the readings"
                 )
     return "should hold numbers, in lines with the same number of columns"

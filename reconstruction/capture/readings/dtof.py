@@ -63,10 +63,10 @@ class HistogramSpots(Spots):
         bins = self.counts.shape[-1]
         if bins < 3:
             raise InputError(f"spots/counts has {bins} bins; a histogram needs at least 3")
-        most = self.counts.sum(axis=-1, dtype=np.float64).max(initial=0.0)
-        if most > self.pulses * (1 + 1e-9):
+        maximum = self.counts.sum(axis=-1, dtype=np.float64).max(initial=0.0)
+        if maximum > self.pulses * (1 + 1e-9):
             raise InputError(
-                f"spots/counts holds {most:g} arrivals in one histogram of spots/pulses = "
+                f"spots/counts holds {maximum:g} arrivals in one histogram of spots/pulses = "
                 f"{self.pulses} cycles; there is at most one arrival per cycle"
             )
 

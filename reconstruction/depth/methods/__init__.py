@@ -36,10 +36,10 @@ def suits(method: DepthMethod, setup: Setup) -> bool:
     return not (lacks(method, setup) or other)
 
 
-def unlike(method: DepthMethod, setup: Setup) -> str | None:
+def out_of_distribution(method: DepthMethod, setup: Setup) -> str | None:
     """Why a method has nothing of its own to tell of a recording, as far as it says; None else.
 
     A method that was made for some recordings alone tells so by a method of this name.
     """
-    told: Callable[[Setup], str | None] | None = getattr(method, "unlike", None)
-    return None if told is None else told(setup)
+    reported: Callable[[Setup], str | None] | None = getattr(method, "out_of_distribution", None)
+    return None if reported is None else reported(setup)

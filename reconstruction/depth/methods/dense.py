@@ -42,16 +42,16 @@ class Dense:
         stretch = np.linalg.norm(rays, axis=-1, keepdims=True)
 
         def solve(view: View) -> DepthEstimate | None:
-            found = _phasor_images(imaging, view.frame, frequencies)
-            if found is None:
+            result = _phasor_images(imaging, view.frame, frequencies)
+            if result is None:
                 return None
-            phases, sigmas = found
+            phases, sigmas = result
             path, sigma, ambiguous = path_from_phases(phases, sigmas, frequencies)
             range_m, slope = range_from_path(path, rays / stretch, position)
             dark = (sigmas > 1 / MIN_SIGNAL).any(axis=0)
-            nothing = dark | ambiguous | (path <= np.linalg.norm(position))
-            depth_m = np.where(nothing, np.nan, range_m) / stretch[..., 0]
-            return DepthEstimate(depth_m, np.where(nothing, np.nan, slope * sigma / range_m))
+            no_return = dark | ambiguous | (path <= np.linalg.norm(position))
+            depth_m = np.where(no_return, np.nan, range_m) / stretch[..., 0]
+            return DepthEstimate(depth_m, np.where(no_return, np.nan, slope * sigma / range_m))
 
         return solve
 
@@ -93,7 +93,7 @@ def phasor_image(
     """
     operator = usable.decoder.operator
     image = usable.solver("pursuit")(coefficients).image
-    guessed = np.abs(image - operator.least_energy(coefficients.values)) ** 2
+    guessed = np.abs(image - operator.min_norm(coefficients.values)) ** 2
     noise = coefficients.noise[coefficients.measured]
     measured = (noise**2).sum() / (operator.row_length**2 * image.size)
     return image, np.sqrt(np.maximum(around(guessed), measured))

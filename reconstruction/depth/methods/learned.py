@@ -1,10 +1,10 @@
 """What a small network makes of image, ranges and fog: depth, how sure it is, and where is nothing.
 
 It was trained on drawn scenes, open and closed, in clear air and in fog, by
-`tools/depth_network.py`; see `reconstruction.depth.shown` for what it is given. Where every pattern
-has taps, its map and the measured one are joined by their inverse variances, as both are normal in
-log depth. Of what is unlike all that the network was trained on it is not asked: the map is then
-the one anchored on the spots, and a note says why.
+`tools/depth_network.py`; see `reconstruction.depth.network_input` for what it is given. Where every
+pattern has taps, its map and the measured one are joined by their inverse variances, as both are
+normal in log depth. Of what is unlike all that the network was trained on it is not asked: the map
+is then the one anchored on the spots, and a note says why.
 """
 
 from dataclasses import replace
@@ -18,10 +18,10 @@ from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
+from ..network_input import inputs_of, of_fraction
 from ..observer import Observer
 from ..obstacle import Corridor, corridor_prior
 from ..rays import pixel_rays
-from ..shown import inputs_of, of_share
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
@@ -36,27 +36,27 @@ class Learned:
     title = "learned"
     needs: tuple[Need, ...] = ("optics", "spots")
 
-    def unlike(self, setup: Setup) -> str | None:
+    def out_of_distribution(self, setup: Setup) -> str | None:
         """Why no frame of a recording is like those learned from, in words; None if some may be."""
         if not isinstance(setup.spots, CwSpots):
             return "learned from spots of continuous wave alone"
         assert setup.optics is not None
         shape = setup.plan.shape
-        share = of_share(setup.plan.exposures / (shape[0] * shape[1]))
+        fraction = of_fraction(setup.plan.exposures / (shape[0] * shape[1]))
         try:
             network = shipped()
         except InputError as error:
             return str(error)
         return network.outside(
-            {"share": share} | of_view(shape, setup.optics, setup.spots.directions)
+            {"share": fraction} | of_view(shape, setup.optics, setup.spots.directions)
         )
 
     def compile(self, context: Context) -> DepthSolver:
         """Solver of one recording's frames."""
         anchored = ANCHORED.compile(context)
-        unlike = self.unlike(context.setup)
-        if unlike is not None:
-            return _Instead(anchored, unlike)
+        out_of_distribution = self.out_of_distribution(context.setup)
+        if out_of_distribution is not None:
+            return _Instead(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
         corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
@@ -81,50 +81,50 @@ class LearnedSolver:
         """The map, or the anchored one of a view unlike those learned from."""
         if view.ranges is None:
             return None
-        shown = self._observer(view)
-        if not shown.bright > 0:
+        displayed = self._observer(view)
+        if not displayed.bright > 0:
             return _Instead(self._anchored, "the image is dark")(view)
-        inputs = inputs_of(shown)
-        unlike = self._network.unlike(inputs)
-        if unlike is not None:
-            return _Instead(self._anchored, unlike)(view)
-        told = self._network(inputs)
-        if not shown.ranged:
-            unknown = np.full(told.nothing.shape, np.nan)
-            return DepthEstimate(unknown, None, told.nothing, "no spot has a range: no depth")
-        found = DepthEstimate(np.exp(told.log_depth), told.deviation, told.nothing)
+        inputs = inputs_of(displayed)
+        out_of_distribution = self._network.out_of_distribution(inputs)
+        if out_of_distribution is not None:
+            return _Instead(self._anchored, out_of_distribution)(view)
+        reported = self._network(inputs)
+        if not displayed.ranged:
+            unknown = np.full(reported.no_return.shape, np.nan)
+            return DepthEstimate(unknown, None, reported.no_return, "no spot has a range: no depth")
+        result = DepthEstimate(np.exp(reported.log_depth), reported.sigma, reported.no_return)
         measured = None if self._dense is None else self._dense(view)
-        return self._decided(found if measured is None else joined(found, measured))
+        return self._decided(result if measured is None else joined(result, measured))
 
-    def _decided(self, found: DepthEstimate) -> DepthEstimate:
+    def _decided(self, result: DepthEstimate) -> DepthEstimate:
         """No depth where nothing is likely; the corridor is judged by all depths together."""
-        assert found.nothing is not None
+        assert result.no_return is not None
         prior = corridor_prior("learned")
         return replace(
-            found,
-            depth_m=np.where(found.nothing > LIKELY, np.nan, found.depth_m),
-            free=self._corridor.free(found.depth_m, prior, found.deviation, found.nothing),
+            result,
+            depth_m=np.where(result.no_return > LIKELY, np.nan, result.depth_m),
+            free=self._corridor.free(result.depth_m, prior, result.sigma, result.no_return),
         )
 
 
-def joined(found: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
+def joined(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
     """Two estimates of log depth, normal and independent, as one; the first is of all pixels.
 
     What is measured is there: nothing is not likely any more.
     """
-    assert found.deviation is not None
-    assert found.nothing is not None
-    assert measured.deviation is not None
-    known = np.isfinite(measured.depth_m) & np.isfinite(measured.deviation)
-    weight = np.where(known, measured.deviation, np.inf) ** -2.0
-    prior = found.deviation**-2.0
+    assert result.sigma is not None
+    assert result.no_return is not None
+    assert measured.sigma is not None
+    finite = np.isfinite(measured.depth_m) & np.isfinite(measured.sigma)
+    weight = np.where(finite, measured.sigma, np.inf) ** -2.0
+    prior = result.sigma**-2.0
     total = weight + prior
-    log = weight * np.log(np.where(known, measured.depth_m, 1)) + prior * np.log(found.depth_m)
+    log = weight * np.log(np.where(finite, measured.depth_m, 1)) + prior * np.log(result.depth_m)
     return replace(
-        found,
+        result,
         depth_m=np.exp(log / total),
-        deviation=total**-0.5,
-        nothing=np.where(known, np.minimum(found.nothing, LIKELY), found.nothing),
+        sigma=total**-0.5,
+        no_return=np.where(finite, np.minimum(result.no_return, LIKELY), result.no_return),
     )
 
 
@@ -137,10 +137,10 @@ class _Instead:
     def __call__(self, view: View) -> DepthEstimate | None:
         """That map, or no depth at all."""
         note = f"not learned: {self._why}"
-        found = self._anchored(view)
-        if found is None:
+        result = self._anchored(view)
+        if result is None:
             return DepthEstimate(np.full(view.image.shape, np.nan), note=f"no depth; {note}")
-        return replace(found, note=f"anchored on the spots, {note}")
+        return replace(result, note=f"anchored on the spots, {note}")
 
 
 @lru_cache(maxsize=1)

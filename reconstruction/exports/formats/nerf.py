@@ -30,7 +30,7 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
     """
     for name in ("images", "depth"):
         (folder / name).mkdir(parents=True)
-    told: dict[str, Any] = {}
+    reported: dict[str, Any] = {}
     frames: list[dict[str, Any]] = []
     for number, shot in enumerate(shots):
         if shot.pose is None:
@@ -38,9 +38,9 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
                 f"frame {number} has no pose, without which transforms.json says nothing: tell "
                 "them by --poses FILE, or export a simulated capture by spisim export"
             )
-        if not told:
-            told = camera(shot)
-        elif told != camera(shot):
+        if not reported:
+            reported = camera(shot)
+        elif reported != camera(shot):
             raise InputError(f"frame {number} is of another camera than the first one")
         name = f"{number:06d}.png"
         frame: dict[str, Any] = {"file_path": f"images/{name}"}
@@ -52,7 +52,7 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
         frames.append(frame)
     if not frames:
         raise InputError("there is nothing to export")
-    report = {**told, "frames": frames, "made": mark(KIND)}
+    report = {**reported, "frames": frames, "made": mark(KIND)}
     (folder / "transforms.json").write_text(json_line(report) + "\n", encoding="ascii")
 
 
@@ -67,8 +67,8 @@ def camera(shot: Shot) -> dict[str, Any]:
         "fl_y": pinhole.fy,
         "cx": pinhole.cx + 0.5,
         "cy": pinhole.cy + 0.5,
-        "camera_angle_x": 2 * math.atan(shot.known_optics.tan_half_width),
-        "camera_angle_y": 2 * math.atan(shot.known_optics.tan_half_height),
+        "camera_angle_x": 2 * math.atan(shot.complete_optics.tan_half_width),
+        "camera_angle_y": 2 * math.atan(shot.complete_optics.tan_half_height),
         "k1": 0.0,
         "k2": 0.0,
         "p1": 0.0,

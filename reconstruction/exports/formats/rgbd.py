@@ -51,8 +51,8 @@ def intrinsics_json(shot: Shot) -> bytes:
     """The camera as Open3D's PinholeCameraIntrinsic; its matrix is written column by column."""
     height, width = shot.shape
     columns = shot.intrinsics.matrix.T.ravel().tolist()
-    told = {"width": width, "height": height, "intrinsic_matrix": columns, "made": mark(KIND)}
-    return json_line(told).encode() + b"\n"
+    reported = {"width": width, "height": height, "intrinsic_matrix": columns, "made": mark(KIND)}
+    return json_line(reported).encode() + b"\n"
 
 
 EXPORT = Export("RGB-D sequence, TUM and Redwood: PNG, 16-bit depth in mm, intrinsics", write_rgbd)

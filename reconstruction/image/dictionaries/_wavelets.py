@@ -32,15 +32,15 @@ class Wavelets:
         """
         low = _low_pass(self.family)
         high = low[::-1] * (-1.0) ** np.arange(len(low))
-        smooth, found = np.ones(1), []
+        smooth, result = np.ones(1), []
         for level in range(max(1, ceil(log2(2 * max(shape) / len(low))))):
             detail, smooth = (_finer(smooth, taps, 2**level) for taps in (high, low))
             scale = 2 ** (level + 1)
             both = [[_shifted(one, scale, side) for one in (smooth, detail)] for side in shape]
             (tall, tall_detail), (wide, wide_detail) = both
             pairs = [(tall, wide_detail), (tall_detail, wide), (tall_detail, wide_detail)]
-            found += [COSINES.band(*pair) for pair in pairs]
-        return [*found, COSINES.band(tall, wide)]
+            result += [COSINES.band(*pair) for pair in pairs]
+        return [*result, COSINES.band(tall, wide)]
 
 
 def _low_pass(family: str) -> Floats:
@@ -67,6 +67,6 @@ def _shifted(function: Floats, step: int, side: int) -> Floats:
     """All shifts by multiples of ``step`` that touch an axis (side,), one in each column."""
     first = -((len(function) - 1) // step) * step
     starts = np.arange(first, side, step)
-    place = np.arange(side)[:, None] - starts
-    inside = (place >= 0) & (place < len(function))
-    return np.where(inside, function[np.clip(place, 0, len(function) - 1)], 0.0)
+    position = np.arange(side)[:, None] - starts
+    inside = (position >= 0) & (position < len(function))
+    return np.where(inside, function[np.clip(position, 0, len(function) - 1)], 0.0)

@@ -18,13 +18,13 @@ class Dct:
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
         """All cosines in one band."""
         vertical, horizontal = (_cosines(side) for side in shape)
-        return [Band(vertical, horizontal, self.deviation(shape))]
+        return [Band(vertical, horizontal, self.sigma(shape))]
 
     def atoms(self, side: int) -> Floats:
         """Orthonormal cosines, the lowest frequency first: (side, side)."""
         return _cosines(side)
 
-    def deviation(self, shape: tuple[int, int]) -> Floats:
+    def sigma(self, shape: tuple[int, int]) -> Floats:
         """Inverse to spatial frequency; 0 for the constant image."""
         vertical, horizontal = (np.arange(side) / side for side in shape)
         frequency = np.hypot.outer(vertical, horizontal)
@@ -34,7 +34,7 @@ class Dct:
     def band(self, vertical: Floats, horizontal: Floats) -> Band:
         """Other atoms (H, a) and (W, b), as strong as they are where cosines are independent."""
         tall, wide = (_cosines(len(atoms)).T @ atoms for atoms in (vertical, horizontal))
-        power = self.deviation((len(vertical), len(horizontal))) ** 2
+        power = self.sigma((len(vertical), len(horizontal))) ** 2
         return Band(vertical, horizontal, np.sqrt(tall.T**2 @ power @ wide**2))
 
 

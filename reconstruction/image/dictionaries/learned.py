@@ -27,14 +27,14 @@ class Learned:
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
         """One band for each atom at each scale."""
-        found = []
+        result = []
         for level in range(max(1, ceil(log2(max(shape) / SIDE)) + 1)):
             vertical, horizontal = (
                 [_placed(profile, 2**level, side) for profile in profiles]
                 for profiles, side in zip(_profiles(), shape, strict=True)
             )
-            found += [COSINES.band(*both) for both in zip(vertical, horizontal, strict=True)]
-        return found
+            result += [COSINES.band(*both) for both in zip(vertical, horizontal, strict=True)]
+        return result
 
 
 @lru_cache(maxsize=1)
@@ -48,9 +48,9 @@ def _placed(profile: Floats, scale: int, side: int) -> Floats:
     at = (np.arange(length) + 0.5) / scale - 0.5
     finer = np.interp(at, np.arange(-1, SIDE + 1), np.pad(profile, 1)) / np.sqrt(scale)
     starts = np.arange(-length // 2, side, length // 2)
-    place = np.arange(side)[:, None] - starts
-    inside = (place >= 0) & (place < length)
-    return np.where(inside, finer[np.clip(place, 0, length - 1)], 0.0)
+    position = np.arange(side)[:, None] - starts
+    inside = (position >= 0) & (position < length)
+    return np.where(inside, finer[np.clip(position, 0, length - 1)], 0.0)
 
 
 DICTIONARY = Learned()

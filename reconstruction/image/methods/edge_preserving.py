@@ -231,8 +231,8 @@ def _derivative(cosines: Floats) -> Floats:
 
 def _window(side: int) -> Floats:
     """The matrix (side, side) that smooths one axis by the Gaussian window, mirrored at edges."""
-    place = np.arange(side)
-    direct, mirrored = np.subtract.outer(place, place), np.add.outer(place, place) + 1
+    position = np.arange(side)
+    direct, mirrored = np.subtract.outer(position, position), np.add.outer(position, position) + 1
     distances = np.array([direct, mirrored, 2 * side - mirrored])
     weights = np.exp(-((distances / WINDOW) ** 2) / 2).sum(axis=0)
     return np.asarray(weights / weights.sum(axis=0))

@@ -6,8 +6,8 @@ The linear estimate of least mean squared error of such images, if their covaria
 
 from dataclasses import dataclass
 
-from ..fitted_spectrum import fitted_deviation
-from ..prior import Deviation
+from ..fitted_spectrum import fitted_sigma
+from ..prior import Sigma
 from .least_squares import LeastSquares
 
 
@@ -16,7 +16,7 @@ class FittedCovariance(LeastSquares):
     """Posterior mean and deviation under a fitted covariance."""
 
     title = "least squares, fitted covariance"
-    deviation: Deviation = fitted_deviation
+    sigma: Sigma = fitted_sigma
 
 
 METHOD = FittedCovariance()

@@ -17,7 +17,7 @@ import numpy as np
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
 from ..method import Estimate, ImageSolver
-from ..network import Network, Shown, load
+from ..network import Network, NetworkInput, load
 from .edge_preserving import METHOD as EDGE_PRESERVING
 from .edge_preserving import EdgePreservingSolver
 
@@ -53,23 +53,23 @@ class LearnedSolver:
         if np.iscomplexobj(spectrum):
             return linear.estimate(spectrum, variance, coefficients)
         measured, noise = linear.varying(coefficients)
-        known = np.isfinite(noise)
-        shown = Shown(
+        finite = np.isfinite(noise)
+        displayed = NetworkInput(
             field.image(start.mean),
             field.image(spectrum),
             np.sqrt(variance),
-            float(known.mean()) * len(known) / variance.size,
-            float(np.median(noise[known])),
+            float(finite.mean()) * len(finite) / variance.size,
+            float(np.median(noise[finite])),
         )
-        unlike = self._network.unlike(shown)
-        if unlike is not None:
+        out_of_distribution = self._network.out_of_distribution(displayed)
+        if out_of_distribution is not None:
             plain = linear.estimate(spectrum, variance, coefficients)
-            return replace(plain, note=f"edge-preserving, not learned: {unlike}")
-        correction, unsure = self._network(shown)
-        spectrum = field.spectrum(shown.better + shown.deviation * correction)
+            return replace(plain, note=f"edge-preserving, not learned: {out_of_distribution}")
+        correction, unsure = self._network(displayed)
+        spectrum = field.spectrum(displayed.better + displayed.sigma * correction)
         spectrum[0, 0] = 0  # the level is measured by itself
         left = measured - linear.model.rows @ spectrum.ravel()
-        left[~known] = 0
+        left[~finite] = 0
         spectrum = spectrum + linear.model.given(left, noise).mean
         return linear.estimate(spectrum, variance * np.exp(2.0 * unsure), coefficients)
 

@@ -20,12 +20,12 @@ from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
 from ..method import Estimate
 from ..noise import CERTAIN
-from ..prior import Deviation, Prior
+from ..prior import Prior, Sigma
 from ..shrinking import ShrinkingSolver
 
-MOST = 2**23
+MAX = 2**23
 """Numbers in the spectra of rows, at most: with more, coefficients are shrunk one by one."""
-MOST_ROWS = 2500
+MAX_ROWS = 2500
 """Rows whose correlations are reckoned with, at most."""
 SEEN = 0.99
 """Share of what the rows see that the frequencies hold at least."""
@@ -36,23 +36,23 @@ class LeastSquares:
     """Posterior mean and deviation of Gaussian images, independent in cosines."""
 
     title = "least squares"
-    deviation: Deviation = DICTIONARY.deviation
+    sigma: Sigma = DICTIONARY.sigma
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
         """Solver of one operator's coefficients: the same for all methods that begin with it."""
-        found = operator.shared.get(self.deviation)
-        if found is None:
-            found = operator.shared[self.deviation] = _compiled(operator, self.deviation)
-        return found
+        result = operator.shared.get(self.sigma)
+        if result is None:
+            result = operator.shared[self.sigma] = _compiled(operator, self.sigma)
+        return result
 
 
 def _compiled(
-    operator: MeasurementOperator, deviation: Deviation
+    operator: MeasurementOperator, sigma: Sigma
 ) -> "LeastSquaresSolver | ShrinkingSolver":
-    prior = Prior(operator, deviation)
-    high, wide = band(prior.atoms.by_atom() * prior.deviation**2, SEEN)
+    prior = Prior(operator, sigma)
+    high, wide = band(prior.atoms.by_atom() * prior.sigma**2, SEEN)
     rows = len(prior.expected)
-    if rows > MOST_ROWS or rows * high * wide > MOST:
+    if rows > MAX_ROWS or rows * high * wide > MAX:
         return ShrinkingSolver(operator, prior)
     return LeastSquaresSolver(operator, prior)
 
@@ -61,13 +61,13 @@ class LeastSquaresSolver:
     """Holds what depends on the operator alone.
 
     ``model`` is of the spectra of images, of which the highest frequencies are left out where all
-    rows and frequencies were more than `MOST` numbers. ``seen`` (H, W): how much of each the rows
+    rows and frequencies were more than `MAX` numbers. ``seen`` (H, W): how much of each the rows
     see, over all images; ``precision`` is the inverse of the field's variance.
     """
 
     def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
         self.operator = operator
-        variance = prior.deviation**2
+        variance = prior.sigma**2
         self.seen: Floats = prior.atoms.by_atom() * variance
         tall, wide = (DICTIONARY.atoms(side) for side in operator.image_shape)
         height, width = shape = _sides(self.seen, len(prior.expected))
@@ -78,8 +78,10 @@ class LeastSquaresSolver:
             operator.usual_noise[operator.varying],
             prior.atoms.combined if shape == operator.image_shape else None,
         )
-        kept = variance[:height, :width]
-        self.precision: Floats = np.divide(1, kept, out=np.zeros_like(kept), where=kept > 0)
+        retained = variance[:height, :width]
+        self.precision: Floats = np.divide(
+            1, retained, out=np.zeros_like(retained), where=retained > 0
+        )
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
@@ -98,17 +100,17 @@ class LeastSquaresSolver:
         But for frames of which something is missing, or the noise is not sure.
         """
         plain = [number for number, each in enumerate(frames) if self._is_plain(each)]
-        found: dict[int, Estimate] = {}
+        result: dict[int, Estimate] = {}
         if plain:
-            told = [self.varying(frames[number]) for number in plain]
-            rms = [self.model.usual_rms(*each) for each in told]
+            reported = [self.varying(frames[number]) for number in plain]
+            rms = [self.model.usual_rms(*each) for each in reported]
             expected = [self.expected_contrast(frames[number]) for number in plain]
-            values = np.array([measured for measured, _ in told])
+            values = np.array([measured for measured, _ in reported])
             posteriors = self.model.many(values, np.array(rms), np.array(expected, np.float64))
             for number, (mean, variance, contrast) in zip(plain, posteriors, strict=True):
                 whole = variance + contrast * self._higher
-                found[number] = self.estimate(mean, whole, frames[number])
-        return [found.get(number) or self(each) for number, each in enumerate(frames)]
+                result[number] = self.estimate(mean, whole, frames[number])
+        return [result.get(number) or self(each) for number, each in enumerate(frames)]
 
     def _is_plain(self, coefficients: Coefficients) -> bool:
         measured, noise = self.varying(coefficients)
@@ -145,21 +147,21 @@ class LeastSquaresSolver:
     ) -> Estimate:
         """The image of a spectrum, and of the level, with the ``variance`` (H, W) of the former."""
         image = self.model.field.image(spectrum)
-        level, mean_level = self.operator.level, self.operator.mean_level
+        level, mean_dc = self.operator.level, self.operator.mean_dc
         error = 0.0
         if level is not None and coefficients.measured[level]:
-            error = mean_level(coefficients.noise[level], np.zeros_like(image))
-            image = image + mean_level(coefficients.values[level], image)
+            error = mean_dc(coefficients.noise[level], np.zeros_like(image))
+            image = image + mean_dc(coefficients.values[level], image)
         return Estimate(image, None if variance is None else np.sqrt(variance + error**2))
 
 
 def _sides(seen: Floats, rows: int) -> tuple[int, int]:
     """How many of the lowest frequencies of ``rows`` rows are few enough numbers."""
     height, width = seen.shape
-    if rows * height * width <= MOST:
+    if rows * height * width <= MAX:
         return height, width
     high, wide = band(seen, SEEN)
-    room = np.sqrt(MOST / (rows * high * wide))
+    room = np.sqrt(MAX / (rows * high * wide))
     return at_most((max(high, int(room * high)), max(wide, int(room * wide))), (height, width))
 
 

@@ -64,7 +64,7 @@ class PursuitSolver:
         seen = self.varying & coefficients.measured
         measured = coefficients.values[seen] / length
         if not measured.any():
-            return Estimate(self.operator.least_energy(coefficients.values))
+            return Estimate(self.operator.min_norm(coefficients.values))
         rows = coefficients.measured[self.varying]
         columns, gram, expected = self._columns, self.gram, self._expected
         if measured.size < len(columns):

@@ -75,10 +75,10 @@ class RandomPursuitSolver:
         if start is None:
             return linear.flat(coefficients)
         measured, noise = linear.varying(coefficients)
-        known = np.isfinite(noise)
-        field, rows = linear.model.field, linear.model.rows[known]
-        covariance = start.contrast * linear.model.gram[np.ix_(known, known)]
-        covariance[np.diag_indices_from(covariance)] += start.noise[known] ** 2
+        finite = np.isfinite(noise)
+        field, rows = linear.model.field, linear.model.rows[finite]
+        covariance = start.contrast * linear.model.gram[np.ix_(finite, finite)]
+        covariance[np.diag_indices_from(covariance)] += start.noise[finite] ** 2
         whitening = np.linalg.inv(np.linalg.cholesky(covariance))
 
         def rest(left: NDArray[np.inexact]) -> NDArray[np.inexact]:
@@ -87,11 +87,11 @@ class RandomPursuitSolver:
             shaped = spectra.reshape(*left.shape[:-1], *field.variance.shape)
             return np.asarray(start.contrast * field.variance * shaped)
 
-        columns = self._scale * self._atoms.columns[known]
+        columns = self._scale * self._atoms.columns[finite]
         white = whitening @ columns
         pursuits = pursue_randomly(
             white.T @ white,
-            whitening @ measured[known] @ white,
+            whitening @ measured[finite] @ white,
             ridge=1 / (BRIGHTER * start.contrast),
             odds=ODDS,
             draws=self._draws,
@@ -100,9 +100,9 @@ class RandomPursuitSolver:
         apart = pursuits - values
         spread = self._scale * self._atoms.image(apart) - field.image(rest(apart @ columns.T))
         variance = linear.variance(start) + (np.abs(spread) ** 2).mean(axis=0)
-        spectrum = rest(measured[known] - columns @ values)
-        found = linear.estimate(spectrum, variance, coefficients)
-        return Estimate(found.image + self._scale * self._atoms.image(values), found.deviation)
+        spectrum = rest(measured[finite] - columns @ values)
+        result = linear.estimate(spectrum, variance, coefficients)
+        return Estimate(result.image + self._scale * self._atoms.image(values), result.sigma)
 
 
 METHOD = RandomPursuit()

@@ -69,10 +69,10 @@ class _Remembering:
         alone = self._inner.compile(operator)
 
         def solve(coefficients: Coefficients) -> Estimate:
-            known = self._memory.take(rows, coefficients)
-            if (known.measured & others).any():
-                return self._solve(known)
-            return alone(Coefficients(known.values[rows], known.noise[rows]))
+            given = self._memory.take(rows, coefficients)
+            if (given.measured & others).any():
+                return self._solve(given)
+            return alone(Coefficients(given.values[rows], given.noise[rows]))
 
         return solve
 

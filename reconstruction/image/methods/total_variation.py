@@ -23,13 +23,13 @@ from .least_squares import METHOD as LEAST_SQUARES
 
 RESIDUAL = 0.01
 """Relative residuals at which iterations end."""
-MOST = 2000
+MAX = 2000
 """Iterations at most."""
 LOOKED = 20
 """Iterations after which residuals are looked at."""
 STEP = 0.3
 """Primal step over the deviation of the image, which iterations are fast with."""
-LEAST_NOISE = 1e-9
+MIN_NOISE = 1e-9
 """Least noise over the norm of coefficients."""
 NEWTON_STEPS, TOLERANCE = 10, 1e-6
 NORM = np.sqrt(8)
@@ -59,7 +59,7 @@ class TotalVariationSolver:
         start = self._linear(coefficients).image
         if not np.ptp(np.abs(start)):
             return Estimate(start)
-        return Estimate(_least_edges(start, Near(self._operator, coefficients)))
+        return Estimate(_fewest_edges(start, Near(self._operator, coefficients)))
 
 
 class Near:
@@ -67,16 +67,16 @@ class Near:
 
     def __init__(self, operator: MeasurementOperator, coefficients: Coefficients) -> None:
         self._operator, self._values = operator, coefficients.values
-        self._known = coefficients.measured
-        self._noisy = self._known & operator.varying
-        least = LEAST_NOISE * float(np.linalg.norm(coefficients.values[self._noisy]))
-        self._variance = np.maximum(coefficients.noise[self._noisy], least) ** 2
+        self._reported = coefficients.measured
+        self._noisy = self._reported & operator.varying
+        minimum = MIN_NOISE * float(np.linalg.norm(coefficients.values[self._noisy]))
+        self._variance = np.maximum(coefficients.noise[self._noisy], minimum) ** 2
 
     def nearest(self, image: NDArray[Any]) -> NDArray[Any]:
         """The nearest of them to an image (H, W)."""
-        misfit = np.where(self._known, self._operator.forward(image) - self._values, 0)
+        misfit = np.where(self._reported, self._operator.forward(image) - self._values, 0)
         misfit[self._noisy] -= self._allowed(misfit[self._noisy])
-        return image - self._operator.least_energy(misfit)
+        return image - self._operator.min_norm(misfit)
 
     def _allowed(self, misfit: NDArray[Any]) -> NDArray[Any]:
         """The nearest misfit (K,) that is noise: v / (v + t) of it, v the variance, some t."""
@@ -90,13 +90,13 @@ class Near:
         return np.asarray(misfit * self._variance / (self._variance + multiplier))
 
 
-def _least_edges(image: NDArray[Any], near: Near) -> NDArray[Any]:
+def _fewest_edges(image: NDArray[Any], near: Near) -> NDArray[Any]:
     """The image of least total variation among those that are ``near``, from a first one."""
     step = STEP * float(np.std(image))  # images and their normalised gradients differ in unit
     rise = 1 / (NORM**2 * step)
     normals = gradient(np.zeros_like(image))
     ahead = image
-    for iteration in range(MOST):
+    for iteration in range(MAX):
         risen = [p + rise * d for p, d in zip(normals, gradient(ahead), strict=True)]
         length = np.maximum(1, np.sqrt(np.abs(risen[0]) ** 2 + np.abs(risen[1]) ** 2))
         turned = risen[0] / length, risen[1] / length

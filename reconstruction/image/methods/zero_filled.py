@@ -26,18 +26,18 @@ class ZeroFilled:
         varying, usual = operator.varying, operator.usual_noise
         worse = usual**2 - usual[varying].min(initial=np.inf) ** 2
         if not worse[varying].any():
-            return lambda coefficients: Estimate(operator.least_energy(coefficients.values))
+            return lambda coefficients: Estimate(operator.min_norm(coefficients.values))
         equal = np.ones(np.count_nonzero(varying))
 
         def solve(coefficients: Coefficients) -> Estimate:
             if coefficients.levels is not CERTAIN:
-                return Estimate(operator.least_energy(coefficients.values))
-            known = varying & coefficients.measured
+                return Estimate(operator.min_norm(coefficients.values))
+            valid = varying & coefficients.measured
             values, excess = coefficients.values.copy(), np.zeros(varying.size)
-            excess[known] = coefficients.noise[known] ** 2 * (worse / usual**2)[known]
-            power = fit_scale(values[known], equal[: known.sum()], excess[known])
-            values[known] *= power / (power + excess[known])
-            return Estimate(operator.least_energy(values))
+            excess[valid] = coefficients.noise[valid] ** 2 * (worse / usual**2)[valid]
+            power = fit_scale(values[valid], equal[: valid.sum()], excess[valid])
+            values[valid] *= power / (power + excess[valid])
+            return Estimate(operator.min_norm(values))
 
         return solve
 

@@ -57,8 +57,8 @@ def batch_omp(
     for number, limit in enumerate((energy, ridge, tolerance)):
         limits[number] = np.ravel(limit)
     pursue_frames = pursuit_of(len(frames))
-    found = pursue_frames(gram, frames, *limits, min(max_atoms, len(gram)))
-    return found.reshape(correlation.shape)
+    result = pursue_frames(gram, frames, *limits, min(max_atoms, len(gram)))
+    return result.reshape(correlation.shape)
 
 
 def pursuit_of(frames: int) -> Callable[..., NDArray[Any]]:

@@ -29,14 +29,14 @@ def pursue_frames(
     energy: Floats,
     ridge: Floats,
     tolerance: Floats,
-    most: int,
+    maximum: int,
 ) -> NDArray[Any]:
     """As `interpreted.pursue_frames`."""
     residual = correlation.copy()
-    found = np.zeros_like(correlation)
-    columns, numbers = np.empty((most, len(gram))), np.empty((2, most))
-    places = np.empty((2, len(gram)), np.intp)
-    scaled = np.empty(most, correlation.dtype)
+    result = np.zeros_like(correlation)
+    columns, numbers = np.empty((maximum, len(gram))), np.empty((2, maximum))
+    positions = np.empty((2, len(gram)), np.intp)
+    scaled = np.empty(maximum, correlation.dtype)
     for frame in range(len(correlation)):
         pursue(
             gram,
@@ -44,13 +44,13 @@ def pursue_frames(
             energy[frame],
             ridge[frame],
             tolerance[frame],
-            found[frame],
+            result[frame],
             columns,
             *numbers,
             scaled,
-            *places,
+            *positions,
         )
-    return found
+    return result
 
 
 @compiled
@@ -60,7 +60,7 @@ def pursue(
     energy: float,
     ridge: float,
     tolerance: float,
-    found: NDArray[Any],
+    result: NDArray[Any],
     columns: Floats,
     diagonal: Floats,
     row: Floats,
@@ -68,7 +68,7 @@ def pursue(
     chosen: NDArray[np.intp],
     excluded: NDArray[np.intp],
 ) -> None:
-    """Fill in the coefficients ``found`` (n,) of one frame; the arrays behind are for its work."""
+    """Fill in the coefficients ``result`` (n,) of one frame; the arrays behind are for its work."""
     negligible = NEGLIGIBLE * abs(residual[strongest(residual)])
     taken = 0
     for step in range(residual.size):
@@ -82,36 +82,36 @@ def pursue(
         pivot = columns[taken, atom] + ridge
         excluded[step] = atom
         if pivot > DEPENDENT * gram[atom, atom]:
-            share = best / pivot
+            fraction = best / pivot
             for i in range(residual.size):
-                residual[i] -= share * columns[taken, i]
+                residual[i] -= fraction * columns[taken, i]
             energy -= abs(best) ** 2 / pivot
-            chosen[taken], diagonal[taken], scaled[taken] = atom, pivot, share
+            chosen[taken], diagonal[taken], scaled[taken] = atom, pivot, fraction
             taken += 1
         for k in range(step + 1):
             residual[excluded[k]] = 0
     for k in range(taken - 1, -1, -1):
         value = scaled[k]
-        for later in range(k + 1, taken):
-            value -= columns[k, chosen[later]] / diagonal[k] * found[chosen[later]]
-        found[chosen[k]] = value
+        for following in range(k + 1, taken):
+            value -= columns[k, chosen[following]] / diagonal[k] * result[chosen[following]]
+        result[chosen[k]] = value
 
 
 @compiled
 def strongest(values: NDArray[Any]) -> int:
     """Position of the value of largest modulus, the first of several."""
-    best, place = -1.0, 0
+    best, position = -1.0, 0
     for start in range(0, values.size, BLOCK):
         largest = 0.0
         for at in range(start, min(start + BLOCK, values.size)):
             power = values[at].real ** 2 + values[at].imag ** 2
             largest = power if power > largest else largest
         if largest > best:
-            best, place = largest, start
-    for at in range(place, values.size):
+            best, position = largest, start
+    for at in range(position, values.size):
         if values[at].real ** 2 + values[at].imag ** 2 >= best:
             return at
-    return place
+    return position
 
 
 @compiled

@@ -25,29 +25,29 @@ def pursue(
         number = xp.asarray(value, dtype=gram.dtype, device=device(gram))
         return xp.reshape(xp.broadcast_to(number, each), (-1,))
 
-    found = pursue_frames(gram, frames, limit(energy), limit(ridge), limit(tolerance), max_atoms)
-    return xp.reshape(found, correlation.shape)
+    result = pursue_frames(gram, frames, limit(energy), limit(ridge), limit(tolerance), max_atoms)
+    return xp.reshape(result, correlation.shape)
 
 
 def pursue_frames(
-    gram: Array, correlation: Array, energy: Array, ridge: Array, tolerance: Array, most: int
+    gram: Array, correlation: Array, energy: Array, ridge: Array, tolerance: Array, maximum: int
 ) -> Array:
     """As `interpreted.pursue_frames`."""
     xp = array_namespace(gram, correlation)
     frames, atoms = correlation.shape
     there = {"device": device(gram)}
     every = xp.arange(atoms, **there)
-    columns = xp.zeros((frames, most, atoms), dtype=gram.dtype, **there)
+    columns = xp.zeros((frames, maximum, atoms), dtype=gram.dtype, **there)
     free = xp.ones((frames, atoms), dtype=xp.bool, **there)
     taken = xp.zeros((frames,), dtype=xp.int64, **there)
     residual = correlation
-    least = NEGLIGIBLE * xp.max(xp.abs(correlation), axis=1)
+    minimum = NEGLIGIBLE * xp.max(xp.abs(correlation), axis=1)
     picked: list[Array] = []
     pivots = xp.ones((frames, 0), dtype=gram.dtype, **there)
-    shares: list[Array] = []
+    fractions: list[Array] = []
     for step in range(atoms):
-        size = xp.where(free, xp.abs(residual), xp.zeros_like(least)[:, None])
-        going = (xp.max(size, axis=1) > least) & (energy > tolerance) & (taken < most)
+        size = xp.where(free, xp.abs(residual), xp.zeros_like(minimum)[:, None])
+        going = (xp.max(size, axis=1) > minimum) & (energy > tolerance) & (taken < maximum)
         if not bool(xp.any(going)):
             break
         if step == columns.shape[1]:
@@ -58,31 +58,31 @@ def pursue_frames(
         before = columns[:, :step, :]
         row = _picked(xp, before, atom) / pivots
         new = xp.take(gram, atom, axis=0)
-        least_new = DEPENDENT * _picked(xp, new, atom)
+        min_new = DEPENDENT * _picked(xp, new, atom)
         new = new - (row[:, None, :] @ before)[:, 0, :]
         pivot = _picked(xp, new, atom) + ridge
-        going = going & (pivot > least_new)
+        going = going & (pivot > min_new)
         pivot = xp.where(going, pivot, xp.ones_like(pivot))
         new = xp.where(going[:, None], new, xp.zeros_like(new))
         best = _picked(xp, residual, atom)
-        share = xp.where(going, best, xp.zeros_like(best)) / pivot
-        residual = residual - share[:, None] * new
-        energy = energy - xp.abs(share) ** 2 * pivot
+        fraction = xp.where(going, best, xp.zeros_like(best)) / pivot
+        residual = residual - fraction[:, None] * new
+        energy = energy - xp.abs(fraction) ** 2 * pivot
         taken = taken + xp.astype(going, taken.dtype)
         columns[:, step, :] = new
         pivots = xp.concat([pivots, pivot[:, None]], axis=1)
         picked.append(at)
-        shares.append(share)
-    found = xp.zeros_like(correlation)
-    for step in reversed(range(len(shares))):
-        later = xp.sum(columns[:, step, :] * found, axis=1) / pivots[:, step]
-        value = (shares[step] - later)[:, None]
-        found = found + xp.where(picked[step], value, xp.zeros_like(found))
-    return found
+        fractions.append(fraction)
+    result = xp.zeros_like(correlation)
+    for step in reversed(range(len(fractions))):
+        following = xp.sum(columns[:, step, :] * result, axis=1) / pivots[:, step]
+        value = (fractions[step] - following)[:, None]
+        result = result + xp.where(picked[step], value, xp.zeros_like(result))
+    return result
 
 
 def _picked(xp: Any, values: Array, atom: Array) -> Array:
     """Of each frame's values (F, ..., n) those of its atom, (F, ...)."""
-    places = xp.reshape(atom, (-1, *[1] * (values.ndim - 1)))
-    places = xp.broadcast_to(places, (*values.shape[:-1], 1))
-    return xp.take_along_axis(values, places, axis=-1)[..., 0]
+    positions = xp.reshape(atom, (-1, *[1] * (values.ndim - 1)))
+    positions = xp.broadcast_to(positions, (*values.shape[:-1], 1))
+    return xp.take_along_axis(values, positions, axis=-1)[..., 0]

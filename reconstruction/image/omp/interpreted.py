@@ -19,15 +19,15 @@ def pursue_frames(
     energy: Floats,
     ridge: Floats,
     tolerance: Floats,
-    most: int,
+    maximum: int,
 ) -> NDArray[Any]:
-    """Coefficients (F, n) of correlations (F, n), with limits (F,), at ``most`` so many atoms."""
+    """Coefficients (F, n) of correlations (F, n), limits (F,) and at most ``maximum`` atoms."""
     limits = zip(energy.tolist(), ridge.tolist(), tolerance.tolist(), strict=True)
-    found = np.zeros_like(correlation)
+    result = np.zeros_like(correlation)
     for frame, each in enumerate(limits):
-        chosen, values = _pursue(gram, correlation[frame], *each, most)
-        found[frame, chosen] = values
-    return found
+        chosen, values = _pursue(gram, correlation[frame], *each, maximum)
+        result[frame, chosen] = values
+    return result
 
 
 def _pursue(
@@ -36,18 +36,18 @@ def _pursue(
     energy: float,
     ridge: float,
     tolerance: float,
-    most: int,
+    maximum: int,
 ) -> tuple[list[int], NDArray[Any]]:
     """The atoms chosen from one frame and their coefficients."""
-    columns = np.empty((most, len(gram)))  # of F
-    lower = np.eye(most)
-    diagonal = np.empty(most)
-    scaled = np.empty(most, correlation.dtype)  # D^-1 z
+    columns = np.empty((maximum, len(gram)))  # of F
+    lower = np.eye(maximum)
+    diagonal = np.empty(maximum)
+    scaled = np.empty(maximum, correlation.dtype)  # D^-1 z
     residual = correlation.copy()
     negligible = NEGLIGIBLE * np.abs(correlation).max(initial=0.0)
     chosen: list[int] = []
     excluded: list[int] = []
-    while (taken := len(chosen)) < most and energy > tolerance:
+    while (taken := len(chosen)) < maximum and energy > tolerance:
         atom = int(np.abs(residual).argmax())
         best = residual[atom]
         if not abs(best) > negligible:

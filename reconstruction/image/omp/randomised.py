@@ -27,16 +27,16 @@ def pursue_randomly(
     atom, or ends the pursuit, with chances in proportion to this and 1; then coefficients are those
     of least |y - Phi u|^2 + ridge |u|^2, their means.
     """
-    pursuits, most = draws.shape
+    pursuits, maximum = draws.shape
     every = np.arange(pursuits)
     parts = 1.0 if np.iscomplexobj(correlation) else 0.5
     left = np.tile(correlation, (pursuits, 1))
     power = np.tile(np.diag(gram), (pursuits, 1))
     log_odds = np.full(power.shape, np.log(odds))
-    columns = np.zeros((most, *power.shape))
-    pivots = np.ones((most, pursuits))
-    shares = np.zeros((most, pursuits), correlation.dtype)
-    chosen = np.zeros((most, pursuits), np.intp)
+    columns = np.zeros((maximum, *power.shape))
+    pivots = np.ones((maximum, pursuits))
+    fractions = np.zeros((maximum, pursuits), correlation.dtype)
+    chosen = np.zeros((maximum, pursuits), np.intp)
     going = np.ones(pursuits, dtype=bool)
     taken = 0
     for draw in draws.T:
@@ -49,17 +49,17 @@ def pursue_randomly(
         new = gram[atom] - np.einsum("sf,sfa->fa", row, columns[:taken])
         new[~going] = 0
         pivots[taken] = new[every, atom] + ridge
-        shares[taken] = np.where(going, left[every, atom], 0) / pivots[taken]
-        left -= shares[taken][:, None] * new
+        fractions[taken] = np.where(going, left[every, atom], 0) / pivots[taken]
+        left -= fractions[taken][:, None] * new
         power = np.maximum(power - new**2 / pivots[taken][:, None], 0)
         log_odds[every[going], atom[going]] = -np.inf
         columns[taken], chosen[taken] = new, atom
         taken += 1
-    found = np.zeros_like(left)
+    result = np.zeros_like(left)
     for step in reversed(range(taken)):
-        later = (columns[step] * found).sum(axis=1) / pivots[step]
-        found[every, chosen[step]] += shares[step] - later
-    return found
+        following = (columns[step] * result).sum(axis=1) / pivots[step]
+        result[every, chosen[step]] += fractions[step] - following
+    return result
 
 
 def drawn(log_weights: Floats, draws: Floats) -> NDArray[np.intp]:
@@ -67,5 +67,5 @@ def drawn(log_weights: Floats, draws: Floats) -> NDArray[np.intp]:
     highest = np.maximum(log_weights.max(axis=1), 0)
     sums = np.exp(log_weights - highest[:, None]).cumsum(axis=1)
     at = draws * (sums[:, -1] + np.exp(-highest))
-    place = (sums <= at[:, None]).sum(axis=1)
-    return np.where(place < sums.shape[1], place, -1)
+    position = (sums <= at[:, None]).sum(axis=1)
+    return np.where(position < sums.shape[1], position, -1)

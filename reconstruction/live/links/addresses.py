@@ -15,12 +15,12 @@ USUAL_BAUD = 921_600
 
 def is_link(address: str) -> bool:
     """Whether this is no name of a file; InputError for an address of an unknown kind."""
-    scheme, found, _ = address.partition("://")
-    if found and scheme not in SCHEMES:
+    scheme, result, _ = address.partition("://")
+    if result and scheme not in SCHEMES:
         raise InputError(
             f"{address}: unknown kind of address {scheme!r}: {nearest(scheme, SCHEMES)}"
         )
-    return address == "-" or bool(found)
+    return address == "-" or bool(result)
 
 
 def source_at(address: str, *, followed: bool = False) -> Source:
@@ -66,12 +66,12 @@ def _place(address: str, *, listens: bool) -> tuple[str, int]:
 
 def _serial(address: str) -> SerialPort:
     split = urlsplit(address)
-    told = parse_qs(split.query)
-    unknown = set(told) - {"baud"}
+    reported = parse_qs(split.query)
+    unknown = set(reported) - {"baud"}
     if unknown:
         name = min(unknown)
         raise InputError(f"{address}: unknown {name!r}: {nearest(name, ['baud'])}")
-    baud = told.get("baud", [str(USUAL_BAUD)])[0]
+    baud = reported.get("baud", [str(USUAL_BAUD)])[0]
     if not baud.isascii() or not baud.isdigit() or not int(baud):
         raise InputError(f"{address}: baud is {baud!r}, must be a whole number, as in baud=921600")
     if not split.path or split.netloc:

@@ -65,7 +65,7 @@ class Tcp(Source, Outlet):
         for name, value in options.items():
             if hasattr(socket, name):
                 connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-        self.sender = _told(connected.getpeername())
+        self.sender = _reported(connected.getpeername())
         self._socket = connected
 
 
@@ -134,7 +134,7 @@ class UdpListen(Source):
         if not _ready(bound, timeout_s):
             return b""
         content, sender = bound.recvfrom(PIECE_BYTES)
-        self.sender = _told(sender)
+        self.sender = _reported(sender)
         return content
 
     def close(self) -> None:
@@ -152,9 +152,9 @@ class Udp(Outlet):
 
     def open(self) -> None:
         self.close()
-        family, kind, _, _, place = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0]
+        family, kind, _, _, position = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind)
-        self._socket.connect(place)
+        self._socket.connect(position)
 
     def send(self, content: bytes) -> None:
         connected = _required(self._socket)
@@ -178,9 +178,9 @@ def _ready(opened: socket.socket, timeout_s: float) -> bool:
         raise ConnectionResetError("the connection is closed") from None
 
 
-def _told(place: tuple[Any, ...]) -> str:
+def _reported(position: tuple[Any, ...]) -> str:
     """An address of a socket in words."""
-    host, port = place[:2]
+    host, port = position[:2]
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
@@ -201,14 +201,14 @@ def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socke
     """A socket that is bound; InputError where it cannot be."""
     bound: socket.socket | None = None
     try:
-        family, _, _, _, place = socket.getaddrinfo(
+        family, _, _, _, position = socket.getaddrinfo(
             host or None, port, socket.AF_UNSPEC if host else socket.AF_INET, kind,
             flags=socket.AI_PASSIVE,
         )[0]  # fmt: skip
         bound = socket.socket(family, kind)
         if kind is socket.SOCK_STREAM:
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        bound.bind(place)
+        bound.bind(position)
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from ..framing import Kind, Message, pack
 from ..links import Outlet
-from ..reception import FIRST_DELAY_S, MOST_DELAY_S
+from ..reception import FIRST_DELAY_S, MAX_DELAY_S
 from ..results import Outcome, State, result_entries, state_entries
 from ..tables import packed
 from .sink import Sink
@@ -55,5 +55,5 @@ class MessageSink(Sink):
         except OSError as error:
             self._open, self._broken = False, error
             self._again_s = self._clock() + self._delay_s
-            self._delay_s = min(2 * self._delay_s, MOST_DELAY_S)
+            self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
             raise

@@ -49,9 +49,9 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
         require_outputs([Output(path, KIND)], read, overwrite=overwrite)
         return JsonLines(lambda: _opened(path))
     if path.suffix and not path.is_dir():
-        known = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
+        available = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
         raise InputError(
-            f"{name}: nothing is known to write with the ending {path.suffix!r}; allowed: {known}, "
+            f"{name}: no writer for the ending {path.suffix!r}; allowed: {available}, "
             "a folder, an address, window or -"
         )
     return LatestResult(path, read, overwrite=overwrite)

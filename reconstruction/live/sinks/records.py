@@ -79,8 +79,8 @@ class CaptureRecord(Sink):
             self._arrivals.append(arrival)
         if len(self._arrivals) % FRAMES_BETWEEN == 0:
             self._write()
-        most = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
-        if len(self._arrivals) >= most:
+        maximum = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
+        if len(self._arrivals) >= maximum:
             self._next_part()
 
     def close(self) -> None:

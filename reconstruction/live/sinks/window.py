@@ -27,10 +27,10 @@ class WindowSink(Sink):
             self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         assert self._process.stdout is not None
-        told = self._process.stdout.readline().decode(errors="replace").strip()
-        if told != READY:
+        reported = self._process.stdout.readline().decode(errors="replace").strip()
+        if reported != READY:
             self._process.communicate()
-            raise InputError(f"window: {told or 'it cannot be opened'}")
+            raise InputError(f"window: {reported or 'it cannot be opened'}")
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))

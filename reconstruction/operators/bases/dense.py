@@ -22,21 +22,21 @@ class Dense(Basis):
     arrays = ("patterns",)
 
     def __init__(self, patterns: ArrayLike) -> None:
-        shown = np.asarray(patterns)
-        if shown.ndim != 3 or not shown.size or shown.dtype.kind not in "iufb":
+        displayed = np.asarray(patterns)
+        if displayed.ndim != 3 or not displayed.size or displayed.dtype.kind not in "iufb":
             raise InputError(
-                f"patterns of shape {shown.shape} and type {shown.dtype}: an array of numbers "
-                "(patterns, rows, columns) is needed"
+                f"patterns of shape {displayed.shape} and type {displayed.dtype}: an array of "
+                "numbers (patterns, rows, columns) is needed"
             )
-        super().__init__((shown.shape[1], shown.shape[2]))
-        good = (shown >= 0) & (shown <= 1)
+        super().__init__((displayed.shape[1], displayed.shape[2]))
+        good = (displayed >= 0) & (displayed <= 1)
         if not good.all():
-            place = tuple(int(n) for n in np.unravel_index(good.argmin(), shown.shape))
+            index = tuple(int(n) for n in np.unravel_index(good.argmin(), displayed.shape))
             raise InputError(
-                f"patterns: the value at {list(place)} is {shown[place]}; transmittances lie in "
-                "0..1 (positions count from 0)"
+                f"patterns: the value at {list(index)} is {displayed[index]}; transmittances lie "
+                "in 0..1 (positions count from 0)"
             )
-        self.patterns = shown.astype(np.float32)
+        self.patterns = displayed.astype(np.float32)
 
     @property
     def rows(self) -> int:

@@ -40,17 +40,17 @@ def diffused(grey: Floats) -> NDArray[np.int8]:
     count, height, width = grey.shape
     left = np.zeros((height + 1, width + 2, count))  # padded, so that errors leave at the edges
     left[:height, 1:-1] = np.moveaxis(grey, 0, -1)
-    shown = np.empty((height, width, count), np.int8)
+    displayed = np.empty((height, width, count), np.int8)
     for y in range(height):
         for x in range(width):
             value = left[y, x + 1]
-            shown[y, x] = np.where(value >= 0, 1, -1)
-            error = value - shown[y, x]
+            displayed[y, x] = np.where(value >= 0, 1, -1)
+            error = value - displayed[y, x]
             left[y, x + 2] += AHEAD * error
             left[y + 1, x] += BELOW_BEHIND * error
             left[y + 1, x + 1] += BELOW * error
             left[y + 1, x + 2] += BELOW_AHEAD * error
-    return np.moveaxis(shown, -1, 0)
+    return np.moveaxis(displayed, -1, 0)
 
 
 BASIS: type[Basis] = FourierBinary

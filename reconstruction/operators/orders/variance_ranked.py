@@ -35,9 +35,9 @@ def ranked(basis: Basis, down: float, along: float) -> NDArray[np.int64]:
     variance = np.multiply.outer(
         _variances(height, down * longer), _variances(width, along * longer)
     )
-    told = np.round(np.log(variance.ravel()), DIGITS)
-    told[0] = np.inf
-    return np.argsort(-told, kind="stable")
+    reported = np.round(np.log(variance.ravel()), DIGITS)
+    reported[0] = np.inf
+    return np.argsort(-reported, kind="stable")
 
 
 def _variances(side: int, length: float) -> Floats:

@@ -6,8 +6,8 @@ import numpy as np
 
 from ...base.arrays import Floats, Mask
 from ..ranges import RANGED, Alternative, FogOptics, Ranges, Status
-from .chances import normal_share
-from .modes import LOG_DEVIATION
+from .chances import normal_cdf
+from .modes import LOG_SIGMA
 from .posterior import Posterior, SpotPosterior
 
 CERTAIN = 0.9
@@ -16,7 +16,7 @@ NARROW_M = 0.3
 """give or take so much."""
 GUESSED = 0.5
 """Where backscattering is as uncertain as this share of what is known before, it is a guess,"""
-SPOILT = 1.15
+OUTLIERS = 1.15
 """and ranges that are less certain for it by this factor rest on the guess."""
 
 UNKNOWN = Alternative(np.nan, np.nan, np.nan)
@@ -44,12 +44,12 @@ def ranges_of(
     )
 
 
-def statuses(known: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
+def statuses(given: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
     """Of each spot; ``dark`` (4,) where readings are but noise."""
-    guessed = known.fog.log_backscatter_sigma > GUESSED * LOG_DEVIATION
+    guessed = given.fog.log_backscatter_sigma > GUESSED * LOG_SIGMA
     return tuple(
-        "saturated" if full else "weak" if nothing else _status(spot, guessed)
-        for spot, full, nothing in zip(known.spots, saturated, dark, strict=True)
+        "saturated" if full else "weak" if no_return else _status(spot, guessed)
+        for spot, full, no_return in zip(given.spots, saturated, dark, strict=True)
     )
 
 
@@ -59,9 +59,9 @@ def _status(spot: SpotPosterior, guessed: bool) -> Status:
     if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
-    if guessed and likeliest.sigma_m > SPOILT * spot.noise_m:
+    if guessed and likeliest.sigma_m > OUTLIERS * spot.noise_m:
         return "fog"
-    within = 2 * normal_share(NARROW_M / likeliest.sigma_m) - 1
+    within = 2 * normal_cdf(NARROW_M / likeliest.sigma_m) - 1
     probability = 1.0 if spot.echoes > 1 else likeliest.weight
     if probability * within >= CERTAIN:
         return "ok"

@@ -11,7 +11,7 @@ from ...capture import Spots
 from ..brightness import Brightness
 from ..ranges import FogOptics, Ranges
 from ..weather import KOSCHMIEDER, Weather
-from .modes import LOG_DEVIATION, expected_backscatter
+from .modes import LOG_SIGMA, expected_backscatter
 
 CLEAR = 0.5
 """Prior probability of clear air where nothing is stated; all fogs are equally likely."""
@@ -28,14 +28,14 @@ CHANGE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class FogBelief:
-    """Probabilities ``share`` (K,) of extinctions, and backscattering that is log-normal for each.
+    """Probabilities ``fraction`` (K,) of extinctions, and for each log-normal backscattering.
 
-    ``log_median`` and ``log_deviation`` (K,) of backscattering in 1 / (m sr).
+    ``log_median`` and ``log_sigma`` (K,) of backscattering in 1 / (m sr).
     """
 
-    share: Floats
+    fraction: Floats
     log_median: Floats
-    log_deviation: Floats
+    log_sigma: Floats
 
     @classmethod
     def prior(cls, extinction_per_m: Floats, weather: Weather, unstated: float = CLEAR) -> Self:
@@ -45,69 +45,69 @@ class FogBelief:
         """
         stated = weather.clear_probability
         clear = unstated if np.isnan(stated) else np.clip(stated, IMPOSSIBLE, 1 - IMPOSSIBLE)
-        share = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
-        share[0] = clear
+        fraction = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
+        fraction[0] = clear
         if not np.isnan(weather.visibility_m):
             # Over the likeliest: visibilities beyond the extinctions are at their ends.
             away = np.log(extinction_per_m * weather.visibility_m / KOSCHMIEDER)
             log = -((away / VISIBILITY_LOG_SIGMA) ** 2) / 2
-            share = np.exp(log - log.max()) + IMPOSSIBLE
-            share /= share.sum()
+            fraction = np.exp(log - log.max()) + IMPOSSIBLE
+            fraction /= fraction.sum()
         median = np.log(expected_backscatter(extinction_per_m))
-        return cls(share, median, np.full(share.size, LOG_DEVIATION))
+        return cls(fraction, median, np.full(fraction.size, LOG_SIGMA))
 
     @property
     def log_backscatter_sigma(self) -> float:
         """Standard deviation of the logarithm of backscattering."""
-        mean = self.share @ self.log_median
-        return float(np.sqrt(self.share @ (self.log_deviation**2 + (self.log_median - mean) ** 2)))
+        mean = self.fraction @ self.log_median
+        return float(np.sqrt(self.fraction @ (self.log_sigma**2 + (self.log_median - mean) ** 2)))
 
     def log_ratio(self, unstated: float) -> Floats:
         """Logarithm (K,) of the probabilities over those where nothing is stated."""
-        nothing = np.full(self.share.size, (1 - unstated) / (self.share.size - 1))
-        nothing[0] = unstated
-        return np.log(np.maximum(self.share, 1e-300) / nothing)
+        no_return = np.full(self.fraction.size, (1 - unstated) / (self.fraction.size - 1))
+        no_return[0] = unstated
+        return np.log(np.maximum(self.fraction, 1e-300) / no_return)
 
     def optics(self, extinction_per_m: Floats) -> FogOptics:
         """The fog itself, of the extinctions (K,) that have these probabilities."""
         return FogOptics(
-            extinction_per_m=float(self.share @ extinction_per_m),
-            backscatter_per_m_sr=float(np.exp(self.share @ self.log_median)),
+            extinction_per_m=float(self.fraction @ extinction_per_m),
+            backscatter_per_m_sr=float(np.exp(self.fraction @ self.log_median)),
             log_sigma=self.log_backscatter_sigma,
         )
 
     def log_density(self, backscatter: Floats) -> Floats:
         """Logarithm of the probability (K, B) of each cell of a grid (B,) of backscattering."""
         log = np.log(backscatter)
-        away = (log - self.log_median[:, None]) / self.log_deviation[:, None]
-        cells = np.log(np.gradient(log)) - np.log(self.log_deviation)[:, None]
-        return np.asarray(np.log(self.share)[:, None] + cells - away**2 / 2)
+        away = (log - self.log_median[:, None]) / self.log_sigma[:, None]
+        cells = np.log(np.gradient(log)) - np.log(self.log_sigma)[:, None]
+        return np.asarray(np.log(self.fraction)[:, None] + cells - away**2 / 2)
 
     def updated(self, weight: Floats, backscatter: Floats) -> Self:
         """What is held after readings that gave backscattering (B,) or (K, B) weights (K, B)."""
-        share = weight.sum(axis=1)
+        fraction = weight.sum(axis=1)
         log = np.log(backscatter)
-        within = weight / np.maximum(share, 1e-300)[:, None]
+        within = weight / np.maximum(fraction, 1e-300)[:, None]
         mean = (within * log).sum(axis=1)
-        deviation = np.sqrt(np.maximum((within * log**2).sum(axis=1) - mean**2, 1e-12))
-        known = share > 1e-12
+        sigma = np.sqrt(np.maximum((within * log**2).sum(axis=1) - mean**2, 1e-12))
+        valid = fraction > 1e-12
         return type(self)(
-            share=share,
-            log_median=np.where(known, mean, self.log_median),
-            log_deviation=np.where(known, deviation, self.log_deviation),
+            fraction=fraction,
+            log_median=np.where(valid, mean, self.log_median),
+            log_sigma=np.where(valid, sigma, self.log_sigma),
         )
 
-    def later(self, prior: Self) -> Self:
+    def predict(self, prior: Self) -> Self:
         """What is held a frame later, of fog that drifts and, rarely, is another one."""
-        drifted = np.hypot(self.log_deviation, DRIFT)
-        share = (1 - CHANGE) * self.share + CHANGE * prior.share
+        drifted = np.hypot(self.log_sigma, DRIFT)
+        fraction = (1 - CHANGE) * self.fraction + CHANGE * prior.fraction
         # Neighbouring extinctions come of what is held, not only of rare changes.
         spread = np.convolve(
-            np.pad(share, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
+            np.pad(fraction, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
         )
-        mixed = CHANGE * prior.share / np.maximum(share, 1e-300)
+        mixed = CHANGE * prior.fraction / np.maximum(fraction, 1e-300)
         median = (1 - mixed) * self.log_median + mixed * prior.log_median
-        variance = (1 - mixed) * drifted**2 + mixed * prior.log_deviation**2
+        variance = (1 - mixed) * drifted**2 + mixed * prior.log_sigma**2
         variance += mixed * (1 - mixed) * (self.log_median - prior.log_median) ** 2
         return type(self)(spread / spread.sum(), median, np.sqrt(variance))
 

@@ -4,20 +4,20 @@ import math
 from functools import cache
 
 
-def normal_share(deviations: float) -> float:
+def normal_cdf(sigmas: float) -> float:
     """Share of a normal distribution below its mean plus so many standard deviations."""
-    return math.erfc(-deviations / math.sqrt(2)) / 2
+    return math.erfc(-sigmas / math.sqrt(2)) / 2
 
 
 @cache
-def chi_squared_limit(freedom: int, share: float) -> float:
+def chi_squared_limit(freedom: int, fraction: float) -> float:
     """What chi squared of so many degrees of freedom exceeds with a probability 0 < share < 1."""
     below, above = 0.0, float(freedom)
-    while chi_squared_above(above, freedom) > share:
+    while chi_squared_above(above, freedom) > fraction:
         above *= 2
     while above - below > 1e-12 * above:
         middle = (below + above) / 2
-        if chi_squared_above(middle, freedom) > share:
+        if chi_squared_above(middle, freedom) > fraction:
             below = middle
         else:
             above = middle

@@ -14,7 +14,7 @@ STEP_M = 0.005
 """Between ranges over which the fog is summed up."""
 DIFFERENCE_M = 1e-3
 """Of the paths whose readings give the slope."""
-LEAST = 8
+MIN = 8
 """Steps before the nearest target."""
 
 
@@ -42,7 +42,7 @@ class EchoModel:
         self._range_m = np.arange(1, longest_m / STEP_M + 2) * STEP_M
         self._weight = overlap(optics, self._range_m)[0]
         self._path_m = path_lengths(optics, self._range_m)
-        before, self._told, after = (
+        before, self._reported, after = (
             np.stack([response(path + shift) for path in self._path_m])  # (4, n, R)
             for shift in (-DIFFERENCE_M, 0.0, DIFFERENCE_M)
         )
@@ -51,20 +51,20 @@ class EchoModel:
     def __call__(self, spot: int, range_m: float, reflectance: float, log_fog: Floats) -> Echo:
         """What a spot reads; ``log_fog`` of backscattering and extinction."""
         beta, sigma = np.exp(log_fog)
-        after = int(np.clip(np.searchsorted(self._range_m, range_m), LEAST, self._range_m.size - 1))
-        share = (range_m - self._range_m[after - 1]) / STEP_M
+        after = int(np.clip(np.searchsorted(self._range_m, range_m), MIN, self._range_m.size - 1))
+        fraction = (range_m - self._range_m[after - 1]) / STEP_M
         path_m = self._path_m[spot, : after + 1]
         seen = self._weight[spot, : after + 1] * np.exp(-sigma * path_m)
-        light = seen * self._told[spot, :, : after + 1]
+        light = seen * self._reported[spot, :, : after + 1]
         turned = seen * self._turned[spot, :, : after + 1]
 
         def here(values: Floats) -> Floats:
             before, behind = values[..., -2], values[..., -1]
-            return np.asarray(before + share * (behind - before))
+            return np.asarray(before + fraction * (behind - before))
 
         def in_front(values: Floats) -> Floats:
             whole = values[..., :-1].sum(axis=-1) - values[..., -2] / 2
-            return np.asarray(STEP_M * (whole + share * (values[..., -2] + here(values)) / 2))
+            return np.asarray(STEP_M * (whole + fraction * (values[..., -2] + here(values)) / 2))
 
         target, fog = here(light) / np.pi, in_front(light)
         # Along the range the phase turns by the slope of the path, and the rest changes slowly.

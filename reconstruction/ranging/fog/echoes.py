@@ -26,14 +26,14 @@ UNEVEN = 0.5
 """Patches of fog may be so much denser, relative."""
 STEADY = 0.9
 """Share of the bins that hold no more than background, echoes that are not known yet or not."""
-MOST = 4
+MAX = 4
 """Echoes of one spot."""
 WIDER = 4.0
 """Standard deviations by which a pulse must be wider than one echo's to count as several."""
 
 
 def with_echoes(
-    known: SpotPosterior,
+    given: SpotPosterior,
     templates: HistogramTemplates,
     counts: Floats,
     cycles: int,
@@ -43,33 +43,33 @@ def with_echoes(
 
     Echoes become alternatives by their share of the light, the likeliest range first.
     """
-    if not known.alternatives:
-        return known
+    if not given.alternatives:
+        return given
     rate, watched = coates(counts[None], cycles)
-    first = known.alternatives[0]
+    first = given.alternatives[0]
     around = _Around(templates, spot, watched[0])
-    found = [(first.range_m, first.sigma_m, known.signal)]
-    pulse = around.pulse(*found[0])
-    fog = known.backscatter * templates.fog[spot, known.node]
+    result = [(first.range_m, first.sigma_m, given.signal)]
+    pulse = around.pulse(*result[0])
+    fog = given.backscatter * templates.fog[spot, given.node]
     steady = np.sort(rate[0] - fog - pulse)[: int(STEADY * counts.size)].mean()
     model = fog + pulse + max(steady, 0.5 / cycles / counts.size)
-    spread_m = around.excess_width_m(rate[0] - model + pulse, found[0], model)
-    while len(found) < MOST:
-        echo = around.strongest(rate[0], model, UNEVEN * fog + FAINT * known.signal / around.window)
+    spread_m = around.excess_width_m(rate[0] - model + pulse, result[0], model)
+    while len(result) < MAX:
+        echo = around.strongest(rate[0], model, UNEVEN * fog + FAINT * given.signal / around.window)
         if echo is None:
             break
-        found.append(echo)
+        result.append(echo)
         model = model + around.pulse(*echo)
-    if len(found) == 1 and not spread_m:
-        return known
-    shares = np.array([signal for *_, signal in found])
-    shares = shares / shares.sum()
+    if len(result) == 1 and not spread_m:
+        return given
+    fractions = np.array([signal for *_, signal in result])
+    fractions = fractions / fractions.sum()
     echoes = [
-        Alternative(range_m, sigma_m, float(share))
-        for (range_m, sigma_m, _), share in zip(found, shares, strict=True)
+        Alternative(range_m, sigma_m, float(fraction))
+        for (range_m, sigma_m, _), fraction in zip(result, fractions, strict=True)
     ]
     echoes[0] = echoes[0]._replace(sigma_m=float(np.hypot(first.sigma_m, spread_m)))
-    return replace(known, alternatives=tuple(echoes), echoes=len(echoes))
+    return replace(given, alternatives=tuple(echoes), echoes=len(echoes))
 
 
 class _Around:
@@ -90,31 +90,31 @@ class _Around:
         return np.asarray(signal * np.diff(ndtr(edges / self._width)))
 
     def strongest(
-        self, rate: Floats, model: Floats, least: Floats
+        self, rate: Floats, model: Floats, minimum: Floats
     ) -> tuple[float, float, float] | None:
         """Range, its deviation and arrivals of the strongest echo beyond a model, if any.
 
-        It has more than ``least`` (B,) arrivals per cycle in the bins of its window.
+        It has more than ``minimum`` (B,) arrivals per cycle in the bins of its window.
         """
         from scipy.ndimage import uniform_filter1d  # slow to import
 
-        found, expected, needed = (
+        result, expected, needed = (
             self.window * uniform_filter1d(self._watched * each, self.window, mode="constant")
-            for each in (rate, model, least)
+            for each in (rate, model, minimum)
         )
-        more = np.where(found - expected > np.maximum(needed, FEWEST), found, expected)
+        more = np.where(result - expected > np.maximum(needed, FEWEST), result, expected)
         deviance = 2 * (more * np.log(more / expected) - (more - expected))
         deviance[: self._nearest] = 0
-        place = int(deviance.argmax())
-        arrivals = float(found[place] - expected[place])
-        if deviance[place] < DEVIANCE:
+        index = int(deviance.argmax())
+        arrivals = float(result[index] - expected[index])
+        if deviance[index] < DEVIANCE:
             return None
         inside = 2 * ndtr(self.window / 2 / self._width) - 1  # share of a pulse in the window
-        at = slice(max(place - self.window // 2, 0), place + self.window // 2 + 1)
+        at = slice(max(index - self.window // 2, 0), index + self.window // 2 + 1)
         excess = np.maximum((rate - model)[at], 0)
         centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())
-        sigma = self._width * np.sqrt(found[place]) / arrivals
-        signal = arrivals / inside / float(self._watched[place])
+        sigma = self._width * np.sqrt(result[index]) / arrivals
+        signal = arrivals / inside / float(self._watched[index])
         range_m = float(np.interp(centre, self._delay, self._range_m))
         return range_m, float(sigma * self._metres), signal
 

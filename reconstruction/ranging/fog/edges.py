@@ -29,7 +29,7 @@ STEPS = 8
 
 
 def with_edges(
-    known: Posterior,
+    given: Posterior,
     modes: Modes,
     belief: FogBelief,
     templates: Templates,
@@ -42,32 +42,32 @@ def with_edges(
     targets explain the readings, deviations grow with what is left unexplained.
     """
     n = readings.shape[1]
-    odd = odd_spots(known, n)
+    odd = odd_spots(given, n)
     if not odd:
-        return known
-    fog = _without(odd, modes, belief, known).fog
+        return given
+    fog = _without(odd, modes, belief, given).fog
     pairs = {
         spot: _two_targets(
-            known.spots[spot].misfit, fog, templates, readings[spot], covariance[spot], spot
+            given.spots[spot].misfit, fog, templates, readings[spot], covariance[spot], spot
         )
         for spot in odd
     }
     edges = [spot for spot, pair in pairs.items() if pair]
-    others = _without(edges, modes, belief, known)
+    others = _without(edges, modes, belief, given)
 
     def revised(number: int) -> SpotPosterior:
         if number in edges:
-            return replace(known.spots[number], alternatives=pairs[number], on_edge=True)
+            return replace(given.spots[number], alternatives=pairs[number], on_edge=True)
         spot = others.spots[number]
         return _wider(spot, n) if number in odd else spot
 
     return Posterior(tuple(map(revised, range(4))), others.fog)
 
 
-def _without(spots: list[int], modes: Modes, belief: FogBelief, known: Posterior) -> Posterior:
+def _without(spots: list[int], modes: Modes, belief: FogBelief, given: Posterior) -> Posterior:
     """The posterior of other spots than these, what is known where there are no others."""
     others = ~np.isin(modes.spot, spots)
-    return posterior(modes.only(others), belief) if spots and others.any() else known
+    return posterior(modes.only(others), belief) if spots and others.any() else given
 
 
 def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
@@ -76,20 +76,20 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
     return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
 
 
-def disagreement(known: Posterior, readings: int) -> float:
+def disagreement(given: Posterior, readings: int) -> float:
     """Probability that chance makes spots, but for the worst, agree on a fog as badly as these.
 
     One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
     the worst of four, chance is even less likely than this.
     """
-    misfits = sorted(spot.misfit for spot in known.spots if spot.alternatives)[:-1]
+    misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)[:-1]
     freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
     return chi_squared_above(sum(misfits), freedom) if freedom > 0 else 1.0
 
 
-def odd_spots(known: Posterior, readings: int) -> list[int]:
+def odd_spots(given: Posterior, readings: int) -> list[int]:
     """Spots that one target explains so badly that chance hardly does it."""
-    return [number for number, spot in enumerate(known.spots) if _is_odd(spot, readings)]
+    return [number for number, spot in enumerate(given.spots) if _is_odd(spot, readings)]
 
 
 def _is_odd(spot: SpotPosterior, readings: int) -> bool:
@@ -109,35 +109,35 @@ def _two_targets(
     spot: int,
 ) -> tuple[Alternative, ...]:
     """Ranges of two targets, none unless they are much better than a ``single`` one."""
-    node = int(belief.share.argmax())
+    node = int(belief.fraction.argmax())
     backscatter = float(np.exp(belief.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
     patch = templates.uneven.shape[2] // 2
     noise = covariance + backscatter**2 * templates.uneven[spot, node, patch]
     white = np.linalg.inv(np.linalg.cholesky(noise))
     first = np.searchsorted(templates.range_m, NEAREST_M)
-    places = np.arange(first, templates.range_m.size - 1, SEARCH)
-    a = white @ target[:, places]
+    positions = np.arange(first, templates.range_m.size - 1, SEARCH)
+    a = white @ target[:, positions]
     y = white @ (readings - backscatter * fog[:, -1])
     near, far = _best_pairs(a, y)
-    at = np.stack([places[near], places[far]], axis=1).astype(np.float64)
+    at = np.stack([positions[near], positions[far]], axis=1).astype(np.float64)
     pair = _Pairs(white @ target, y)
     at, rho, misfit, information = pair.refined(at)
     apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > CLOSEST_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
-    told = (variance < CLOSEST_M**2).all(axis=1)  # not where the detector sees nothing
-    kept = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart & told
-    if not kept.any():
+    reported = (variance < CLOSEST_M**2).all(axis=1)  # not where the detector sees nothing
+    retained = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart & reported
+    if not retained.any():
         return ()
     at, rho, misfit, information, variance = (
-        each[kept] for each in (at, rho, misfit, information, variance)
+        each[retained] for each in (at, rho, misfit, information, variance)
     )
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
     log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
-    share = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
+    fraction = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at
-    return joined(range_m.ravel(), variance.ravel(), share.ravel())
+    return joined(range_m.ravel(), variance.ravel(), fraction.ravel())
 
 
 def _best_pairs(a: Floats, y: Floats) -> tuple[Places, Places]:
@@ -174,9 +174,9 @@ class _Pairs:
         rho = np.zeros_like(at)
         for step in range(STEPS + 1):
             low = np.clip(at.astype(int), 0, int(longest))
-            share = (at - low)[..., None]
+            fraction = (at - low)[..., None]
             here, there = self._target.T[low], self._target.T[low + 1]
-            value = here + share * (there - here)  # (P, 2, n)
+            value = here + fraction * (there - here)  # (P, 2, n)
             if step == 0:
                 rho = solved(value @ value.swapaxes(1, 2), value @ self._readings)
             slope = rho[..., None] * (there - here) / STEP_M

@@ -96,7 +96,7 @@ def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
     for start in range(0, len(at), BLOCK):
         block = slice(start, start + BLOCK)
         first, last = at[block].min() - TAILS * width, at[block].max() + TAILS * width
-        low, high = (int(np.clip(place, 0, bins)) for place in (first, np.ceil(last)))
+        low, high = (int(np.clip(position, 0, bins)) for position in (first, np.ceil(last)))
         edges = np.arange(low, high + 1)
         pulses = np.diff(ndtr((edges - at[block, None]) / width), axis=-1)
         total[:, low:high] += light[:, block] @ pulses
@@ -109,9 +109,9 @@ def find_histogram_modes(
     """Modes of histograms (4, B) of the ``usable`` spots (4,); see `modes.find_modes`."""
     rate, watched = coates(counts, cycles)
     fitted = _without_target(templates, rate, watched, cycles)
-    spot, node, place = _search(templates, rate, watched, fitted, usable)
-    found = _refine(templates, counts, watched, fitted, spot, node, place, scaled)
-    return found.and_those(_empty(templates, counts, watched, fitted, usable))
+    spot, node, position = _search(templates, rate, watched, fitted, usable)
+    result = _refine(templates, counts, watched, fitted, spot, node, position, scaled)
+    return result.and_those(_empty(templates, counts, watched, fitted, usable))
 
 
 def _without_target(
@@ -122,10 +122,10 @@ def _without_target(
 
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
     variance = (np.maximum(smooth, 0) + 1 / cycles) / np.maximum(watched, 1)
-    kept = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
-    beta = background = np.zeros(kept.shape[:2])
+    retained = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
+    beta = background = np.zeros(retained.shape[:2])
     for _ in range(3):
-        weight = kept / variance[:, None]
+        weight = retained / variance[:, None]
         gg = (weight * templates.fog**2).sum(axis=-1) + FREE
         g1, w1 = (weight * templates.fog).sum(axis=-1), weight.sum(axis=-1)
         yg = (weight * templates.fog * rate[:, None]).sum(axis=-1)
@@ -134,7 +134,7 @@ def _without_target(
         beta = np.maximum((yg * w1 - y1 * g1) / determinant, 0)
         background = np.maximum((y1 - beta * g1) / w1, 0.1 / cycles / rate.shape[-1])
         excess = rate[:, None] - beta[..., None] * templates.fog - background[..., None]
-        kept = excess < OUTLIER * np.sqrt(variance[:, None])
+        retained = excess < OUTLIER * np.sqrt(variance[:, None])
     return beta, background, variance
 
 
@@ -151,20 +151,20 @@ def _search(
     beta, background, _ = fitted
     model = beta[..., None] * templates.fog + background[..., None]
     window = 2 * int(np.ceil(REACH * templates.width)) + 1
-    found = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
+    result = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
     expected = window * uniform_filter1d(watched[:, None] * model, window, axis=-1, mode="constant")
     expected = np.maximum(expected, RATES[0])  # running sums round
-    found = np.maximum(found, expected)
-    gain = 2 * (found * np.log(found / expected) - (found - expected))
+    result = np.maximum(result, expected)
+    gain = 2 * (result * np.log(result / expected) - (result - expected))
     nearest = np.interp(NEAREST_M, templates.range_m, templates.delay[0])
     gain[..., : max(int(nearest), 1)] = 0
     inner = gain[..., 1:-1]
     peak = (inner >= gain[..., :-2]) & (inner > gain[..., 2:])
     best = np.where(peak, inner, 0.0)
-    least = np.sort(best, axis=-1)[..., -PEAKS][..., None]
-    kept = (best >= least) & (best > 1) & (best > best.max(axis=-1, keepdims=True) - CUTOFF)
-    spot, node, place = np.nonzero(kept & usable[:, None, None])
-    return spot, node, place + 1
+    minimum = np.sort(best, axis=-1)[..., -PEAKS][..., None]
+    retained = (best >= minimum) & (best > 1) & (best > best.max(axis=-1, keepdims=True) - CUTOFF)
+    spot, node, position = np.nonzero(retained & usable[:, None, None])
+    return spot, node, position + 1
 
 
 def _refine(
@@ -174,7 +174,7 @@ def _refine(
     fitted: tuple[Floats, Floats, Floats],
     spot: Places,
     node: Places,
-    place: Places,
+    position: Places,
     scaled: bool,
 ) -> Modes:
     beta, background = fitted[0][spot, node], fitted[1][spot, node]
@@ -186,24 +186,24 @@ def _refine(
     metres = np.gradient(templates.range_m, templates.delay[0])[-1]
     at = np.array(
         [np.interp(p + 0.5, templates.delay[s], templates.range_m)
-         for p, s in zip(place, spot, strict=True)]
+         for p, s in zip(position, spot, strict=True)]
     )  # fmt: skip
     longest = templates.range_m[-2]
     rho = np.zeros(len(spot))
     for number in range(STEPS + 1):
         row = np.clip(at / step - 1, 0, templates.range_m.size - 2)
         low = row.astype(int)
-        share = row - low
-        strength = _mixed(templates.target[spot, node], low, share)
-        delay = _mixed(templates.delay[spot], low, share)
+        fraction = row - low
+        strength = _mixed(templates.target[spot, node], low, fraction)
+        delay = _mixed(templates.delay[spot], low, fraction)
         towards = (edges - delay[:, None]) / width
         whole = np.diff(ndtr(towards), axis=-1)
         before = ndtr((delay[:, None] - centres) / width)
         bell = np.diff(np.exp(-(towards**2) / 2), axis=-1) / np.sqrt(2 * np.pi)
         a, g = strength[:, None] * whole, fog * before
         if number == 0:
-            top = _at(seen / np.maximum(cycles, 1) - beta[:, None] * g, place) - background
-            rho = np.maximum(top / np.maximum(_at(a, place), 1e-12), 1e-6)
+            top = _at(seen / np.maximum(cycles, 1) - beta[:, None] * g, position) - background
+            rho = np.maximum(top / np.maximum(_at(a, position), 1e-12), 1e-6)
         rate = np.clip(rho[:, None] * a + beta[:, None] * g + background[:, None], *RATES)
         moved = -bell / width  # of the pulse, per bin of delay
         d_before = np.exp(-(((delay[:, None] - centres) / width) ** 2) / 2) / (
@@ -231,7 +231,7 @@ def _refine(
     if scaled:
         log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
     strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
-    found = Modes(
+    result = Modes(
         spot=spot,
         node=node,
         range_m=at,
@@ -245,7 +245,7 @@ def _refine(
         signal=rho * a.sum(axis=-1),
         misfit=((seen - cycles * -np.expm1(-rate)) ** 2 / np.maximum(cycles * rate, 1e-12)).sum(-1),
     )
-    return found.only((strength > FAINT) & (at > NEAREST_M) & (at < longest))
+    return result.only((strength > FAINT) & (at > NEAREST_M) & (at < longest))
 
 
 def _empty(
@@ -258,8 +258,8 @@ def _empty(
     """Fog and background alone."""
     beta, background, _ = fitted
     spot, node = (each.ravel() for each in np.indices(beta.shape))
-    kept = usable[spot]
-    spot, node = spot[kept], node[kept]
+    retained = usable[spot]
+    spot, node = spot[retained], node[retained]
     fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
     at, level = beta[spot, node], background[spot, node]
     for number in range(STEPS + 1):
@@ -277,7 +277,7 @@ def _empty(
         level = np.maximum(level + move[:, 1], 0.2 * level)
     likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
     shape = information[:, 0, 1] / information[:, 1, 1]
-    nothing = np.zeros(len(spot))
+    no_return = np.zeros(len(spot))
     room = np.log(EMPTY * templates.range_m[-1]) + np.log(2 * np.pi) / 2
     return Modes(
         spot=spot,
@@ -287,19 +287,19 @@ def _empty(
         log_weight=likelihood - np.log(information[:, 1, 1]) / 2 + room,
         slope=gradient[:, 0] - shape * gradient[:, 1],
         curvature=information[:, 0, 0] - shape * information[:, 0, 1],
-        drift=nothing,
-        variance_m2=nothing,
-        strength=nothing,
-        signal=nothing,
-        misfit=nothing,
+        drift=no_return,
+        variance_m2=no_return,
+        strength=no_return,
+        signal=no_return,
+        misfit=no_return,
     )
 
 
-def _mixed(table: Floats, low: Places, share: Floats) -> Floats:
+def _mixed(table: Floats, low: Places, fraction: Floats) -> Floats:
     """Values (C,) of rows (C, R) between two of their places."""
     here, there = _at(table, low), _at(table, low + 1)
-    return here + share * (there - here)
+    return here + fraction * (there - here)
 
 
-def _at(rows: Floats, place: Places) -> Floats:
-    return np.take_along_axis(rows, place[:, None], axis=1)[:, 0]
+def _at(rows: Floats, position: Places) -> Floats:
+    return np.take_along_axis(rows, position[:, None], axis=1)[:, 0]

@@ -18,7 +18,7 @@ Places = NDArray[np.intp]
 
 BACKSCATTER_PER_SR = 0.035
 """Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
-LOG_DEVIATION = 0.6
+LOG_SIGMA = 0.6
 """Of the logarithm of that, over kinds of fog."""
 NEAREST_M = 0.3
 CUTOFF = 40.0
@@ -80,9 +80,9 @@ def find_modes(
 
     ``scaled``: the templates are in units of the readings, so that reflectances can be judged.
     """
-    spot, node, place = _search(templates, readings, covariance, usable)
-    found = _refine(templates, readings, covariance, spot, node, place, scaled)
-    return found.and_those(_without_target(templates, readings, covariance, usable))
+    spot, node, position = _search(templates, readings, covariance, usable)
+    result = _refine(templates, readings, covariance, spot, node, position, scaled)
+    return result.and_those(_without_target(templates, readings, covariance, usable))
 
 
 def _without_target(
@@ -90,8 +90,8 @@ def _without_target(
 ) -> Modes:
     """Fog alone, at any range: what remains likely where the target is too weak to tell."""
     spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
-    kept = usable[spot]
-    spot, node = spot[kept], node[kept]
+    retained = usable[spot]
+    spot, node = spot[retained], node[retained]
     beta = expected_backscatter(templates.extinction_per_m)[node]
     noise = covariance[spot] + (beta**2)[:, None, None] * templates.uneven[spot, node, -1]
     white = np.linalg.inv(np.linalg.cholesky(noise))
@@ -101,7 +101,7 @@ def _without_target(
     )
     residual = y - beta[:, None] * g
     longest = templates.range_m[-1]
-    misfit, nothing = (residual**2).sum(axis=1), np.zeros(len(spot))
+    misfit, no_return = (residual**2).sum(axis=1), np.zeros(len(spot))
     return Modes(
         spot=spot,
         node=node,
@@ -110,10 +110,10 @@ def _without_target(
         log_weight=np.log(EMPTY * longest) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
         slope=(g * residual).sum(axis=1),
         curvature=(g * g).sum(axis=1),
-        drift=nothing,
-        variance_m2=nothing,
-        strength=nothing,
-        signal=nothing,
+        drift=no_return,
+        variance_m2=no_return,
+        strength=no_return,
+        signal=no_return,
         misfit=misfit,
     )
 
@@ -128,7 +128,7 @@ def _search(
     white = np.linalg.inv(np.linalg.cholesky(noise))  # (4, K, n, n)
     a, g = (white @ table for table in templates.searched)
     y = white @ readings[:, None, :, None]
-    prior = 1 / (guess * LOG_DEVIATION) ** 2
+    prior = 1 / (guess * LOG_SIGMA) ** 2
     aa, ag = (a * a).sum(axis=2), (a * g).sum(axis=2)
     gg = (g * g).sum(axis=2) + prior[:, None]
     ya, yg = (y * a).sum(axis=2), (y * g).sum(axis=2) + (prior * guess)[:, None]
@@ -141,10 +141,10 @@ def _search(
     range_m = templates.range_m[::SEARCH]
     misfit = np.where((rho > 0) & (range_m > NEAREST_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
-    least = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    least &= inner < inner.min(axis=-1, keepdims=True) + CUTOFF
-    spot, node, place = np.nonzero(least & usable[:, None, None])
-    return spot, node, (place + 1) * SEARCH
+    minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
+    minimum &= inner < inner.min(axis=-1, keepdims=True) + CUTOFF
+    spot, node, position = np.nonzero(minimum & usable[:, None, None])
+    return spot, node, (position + 1) * SEARCH
 
 
 def _refine(
@@ -153,20 +153,20 @@ def _refine(
     covariance: Floats,
     spot: Places,
     node: Places,
-    place: Places,
+    position: Places,
     scaled: bool,
 ) -> Modes:
     guess = expected_backscatter(templates.extinction_per_m)[node]
-    prior = 1 / (guess * LOG_DEVIATION) ** 2
-    beta, at = guess, place.astype(np.float64)
+    prior = 1 / (guess * LOG_SIGMA) ** 2
+    beta, at = guess, position.astype(np.float64)
     longest = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
     noise = np.zeros((len(spot), *covariance.shape[1:]))
     for step in range(STEPS + 1):
         below = np.clip(at.astype(int), 0, int(longest))
-        share = (at - below)[:, None]
-        target, slope = _between(templates.target, spot, node, below, share)
-        fog, _ = _between(templates.fog, spot, node, below, share)
+        fraction = (at - below)[:, None]
+        target, slope = _between(templates.target, spot, node, below, fraction)
+        fog, _ = _between(templates.fog, spot, node, below, fraction)
         if step < UNEVEN_STEPS:
             patch = np.minimum(below // PATCH_STEP, patches)
             uneven = templates.uneven[spot, node, patch]
@@ -202,7 +202,7 @@ def _refine(
     log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
     if scaled:
         log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
-    found = Modes(
+    result = Modes(
         spot=spot,
         node=node,
         range_m=templates.range_m[0] + STEP_M * at,
@@ -216,7 +216,7 @@ def _refine(
         signal=rho * np.linalg.norm(target, axis=1),
         misfit=misfit,
     )
-    return found.only((strength > FAINT) & (at > 1) & (at < longest))
+    return result.only((strength > FAINT) & (at > 1) & (at < longest))
 
 
 def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
@@ -225,8 +225,8 @@ def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
 
 
 def _between(
-    table: Floats, spot: Places, node: Places, below: Places, share: Floats
+    table: Floats, spot: Places, node: Places, below: Places, fraction: Floats
 ) -> tuple[Floats, Floats]:
     """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
     here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
-    return here + share * (there - here), (there - here) / STEP_M
+    return here + fraction * (there - here), (there - here) / STEP_M

@@ -15,7 +15,7 @@ from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
 from .answer import NARROW_M, ranges_of, statuses
 from .belief import FogBelief, FogSolver
-from .chances import chi_squared_limit, normal_share
+from .chances import chi_squared_limit, normal_cdf
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
 from .modes import find_modes
 from .posterior import Posterior, SpotPosterior, posterior
@@ -50,7 +50,7 @@ def charge_solver(
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     templates = make_templates(spots, response, longest_m)
     rough = templates.rougher(ROUGH)
-    noise = chi_squared_limit(len(combine), normal_share(-MIN_SIGNAL))
+    noise = chi_squared_limit(len(combine), normal_cdf(-MIN_SIGNAL))
 
     def solve(
         spots: Spots, belief: FogBelief, brightness: Brightness | None
@@ -65,24 +65,24 @@ def charge_solver(
 
         def fit(templates: Templates) -> tuple[Posterior, Posterior]:
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-            known = posterior(modes, belief)
-            return known, with_edges(known, modes, belief, templates, echoes, covariance)
+            given = posterior(modes, belief)
+            return given, with_edges(given, modes, belief, templates, echoes, covariance)
 
-        single, known = fit(templates)
+        single, given = fit(templates)
         chance = disagreement(single, len(combine))
         if chance < DOUBTFUL:
             _, other = fit(rough)
             if chance < UNLIKELY:
-                known = _of_a_bank(other, known, odd_spots(single, len(combine)))
+                given = _of_a_bank(other, given, odd_spots(single, len(combine)))
             else:
-                known = _unless_rough(known, other)
+                given = _unless_rough(given, other)
         ranges = ranges_of(
-            known.spots,
-            statuses(known, saturated, dark),
+            given.spots,
+            statuses(given, saturated, dark),
             readings.mean(axis=1),
-            known.fog.optics(EXTINCTIONS_PER_M),
+            given.fog.optics(EXTINCTIONS_PER_M),
         )
-        return ranges, known.fog
+        return ranges, given.fog
 
     return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
@@ -125,22 +125,22 @@ def echo_combinations(
     With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
     InputError where the laser's light is not known, and where no echo tells anything.
     """
-    told = spots.response(np.linspace(0, 2 * longest_m, 4001))
-    if np.isnan(told).any():
+    reported = spots.response(np.linspace(0, 2 * longest_m, 4001))
+    if np.isnan(reported).any():
         raise InputError(
             "the energy of the laser in each reading, or its contrast, is not known (nan), and "
             "ranging in fog needs it: echoes of different readings are compared"
         )
     free = _unmoved(spots.steady)
-    left, strength, _ = np.linalg.svd(free @ told, full_matrices=False)
+    left, strength, _ = np.linalg.svd(free @ reported, full_matrices=False)
     if not strength[0] > 0:
         raise InputError(
             f"no echo from within {longest_m:.3g} m comes into any reading: the times of the "
             "windows and spots/delay_offset_s cannot be right"
         )
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
-    known = np.isfinite(spots.electrons_per_joule)
-    electrons = spots.electrons_per_joule if known else NOMINAL_ELECTRONS_PER_JOULE
+    finite = np.isfinite(spots.electrons_per_joule)
+    electrons = spots.electrons_per_joule if finite else NOMINAL_ELECTRONS_PER_JOULE
 
     def response(path_m: Floats) -> Floats:
         return combine @ (electrons * spots.response(path_m))

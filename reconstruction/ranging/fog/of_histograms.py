@@ -46,21 +46,21 @@ def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
         assert isinstance(spots, HistogramSpots)
         counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
         modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
-        known = posterior(modes, belief)
+        given = posterior(modes, belief)
         revised = tuple(
             with_echoes(each, templates, counts[spot], spots.pulses, spot)
-            for spot, each in enumerate(known.spots)
+            for spot, each in enumerate(given.spots)
         )
-        known = replace(known, spots=revised)
+        given = replace(given, spots=revised)
         dark = _is_even(counts)
         median = np.median(counts, axis=1)
         ranges = ranges_of(
-            known.spots,
-            statuses(known, saturated, dark),
+            given.spots,
+            statuses(given, saturated, dark),
             median,
-            known.fog.optics(EXTINCTIONS_PER_M),
+            given.fog.optics(EXTINCTIONS_PER_M),
         )
-        return ranges, known.fog
+        return ranges, given.fog
 
     return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 

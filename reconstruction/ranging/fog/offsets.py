@@ -24,7 +24,7 @@ from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from .algebra import inverse, solved
 from .echo_model import EchoModel
-from .modes import LOG_DEVIATION, Places, expected_backscatter
+from .modes import LOG_SIGMA, Places, expected_backscatter
 from .of_charge import echo_combinations
 from .solvers import fog_solver
 from .templates import EXTINCTIONS_PER_M, UNEVENNESS
@@ -46,9 +46,9 @@ MODEL_M = 0.01
 """What the echo of the model may be early or late at one spot, beside the others."""
 PARTS = 8
 """Parts of a recording that have to agree."""
-TOLD = 3.5
+REPORTED = 3.5
 """Standard deviations from which on an offset is told: by chance in one of 500 recordings."""
-MOST = 2
+MAX = 2
 """Of four spots so many can be told from the others."""
 
 
@@ -74,14 +74,14 @@ class OffsetEvidence:
 class PathOffsets:
     """By how much each spot's path is measured too long, beside those of the others, in metres.
 
-    ``told`` (4,) are the spots that are off beyond chance, at most two; the others are those that
-    each is compared with. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and
+    ``reported`` (4,) are the spots that are off beyond chance, at most two; the others are those
+    that each is compared with. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and
     ``frames`` how many had two ranges or more. Ranges are too far by half an offset.
     """
 
     offset_m: Floats
     sigma_m: Floats
-    told: Mask
+    reported: Mask
     frames: int
 
 
@@ -105,7 +105,7 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
         if seen.size < 2:
             return None
         readings = spots.electrons(spots.taps[0])
-        node = int(fog.share[1:].argmax()) + 1  # the first is clear air
+        node = int(fog.fraction[1:].argmax()) + 1  # the first is clear air
         log_fog = np.array([fog.log_median[node], np.log(EXTINCTIONS_PER_M[node])])
         return _evidence(
             model,
@@ -119,29 +119,29 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
     return find
 
 
-def path_offsets(found: Sequence[OffsetEvidence | None]) -> PathOffsets:
+def path_offsets(result: Sequence[OffsetEvidence | None]) -> PathOffsets:
     """What frames, in their order, tell together."""
-    told = [each for each in found if each is not None]
-    if not told:
+    reported = [each for each in result if each is not None]
+    if not reported:
         return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
-    uneven = int(np.sum([each.log for each in told], axis=0).argmax())
-    score = np.array([each.score[uneven] for each in told])
-    information = np.array([each.information[uneven] for each in told])
+    uneven = int(np.sum([each.log for each in reported], axis=0).argmax())
+    score = np.array([each.score[uneven] for each in reported])
+    information = np.array([each.information[uneven] for each in reported])
     covariance = inverse((information.sum(axis=0) + np.eye(4) / UNKNOWN_M**2)[None])[0]
     offset_m = covariance @ score.sum(axis=0)
-    parts = np.linspace(0, len(told), min(PARTS, len(told)), endpoint=False).astype(int)
+    parts = np.linspace(0, len(reported), min(PARTS, len(reported)), endpoint=False).astype(int)
     growth = max(
         1.0,
         _scatter(score, information, offset_m),
         _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
-        _in_common(told, uneven),
+        _in_common(reported, uneven),
     )
     off = np.zeros(4, bool)
     while True:
         beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
         away = np.where(off, 0, np.abs(beside_m) / sigma_m)
-        if away.max() < TOLD or off.sum() == MOST:
-            return PathOffsets(beside_m, sigma_m, off, len(told))
+        if away.max() < REPORTED or off.sum() == MAX:
+            return PathOffsets(beside_m, sigma_m, off, len(reported))
         off[away.argmax()] = True
 
 
@@ -161,19 +161,19 @@ def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
     if len(score) < 2:
         return 1.0
     beyond = score - information @ offset_m
-    known = information + np.eye(4) / UNKNOWN_M**2
-    squares = (beyond * solved(known, beyond)).sum()
+    valid = information + np.eye(4) / UNKNOWN_M**2
+    squares = (beyond * solved(valid, beyond)).sum()
     return float(np.sqrt(squares / (3 * (len(score) - 1))))
 
 
-def _in_common(told: Sequence[OffsetEvidence], uneven: int) -> float:
+def _in_common(reported: Sequence[OffsetEvidence], uneven: int) -> float:
     """Of what all frames leave in common, its size over what noise would leave.
 
     Patches of fog that stand still are one draw, however many frames they are in.
     """
-    left = np.sum([each.left[uneven] for each in told], axis=0)
-    noise = np.sum([each.noise[uneven] for each in told], axis=0)
-    expected = np.sum([each.expected[uneven] for each in told], axis=0)
+    left = np.sum([each.left[uneven] for each in reported], axis=0)
+    noise = np.sum([each.noise[uneven] for each in reported], axis=0)
+    expected = np.sum([each.expected[uneven] for each in reported], axis=0)
     seen = noise.any(axis=(1, 2))
     left, noise, expected = left[seen], noise[seen], expected[seen]
     squares = (left * np.linalg.solve(noise, left[..., None])[..., 0]).sum()
@@ -212,11 +212,11 @@ def _evidence(
         move[2::3] = np.clip(move[2::3], -MAX_STEP_M, MAX_STEP_M)
         at = at + move
         at[3::3] = np.maximum(at[3::3], DARKEST)
-    found = [
+    result = [
         _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at, spots)
         for unevenness in UNEVENNESSES
     ]
-    return OffsetEvidence(*(np.array(each) for each in zip(*found, strict=True)))
+    return OffsetEvidence(*(np.array(each) for each in zip(*result, strict=True)))
 
 
 def _around(
@@ -245,13 +245,13 @@ def _normal(
     gradient = (jacobian.swapaxes(1, 2) @ whitened)[..., 0].sum(axis=0)
     log = -((left * whitened[..., 0]).sum() + np.linalg.slogdet(noise)[1].sum()) / 2
     median, spread = LOG_EXTINCTION
-    for away, slopes, deviation in (
-        (at[0] - np.log(expected_backscatter(np.exp(at[1]))), np.array([1.0, -1.0]), LOG_DEVIATION),
+    for away, slopes, sigma in (
+        (at[0] - np.log(expected_backscatter(np.exp(at[1]))), np.array([1.0, -1.0]), LOG_SIGMA),
         (at[1] - median, np.array([0.0, 1.0]), spread),
     ):
-        information[:2, :2] += np.outer(slopes, slopes) / deviation**2
-        gradient[:2] -= slopes * away / deviation**2
-        log -= away**2 / deviation**2 / 2
+        information[:2, :2] += np.outer(slopes, slopes) / sigma**2
+        gradient[:2] -= slopes * away / sigma**2
+        log -= away**2 / sigma**2 / 2
     return information, gradient, float(log)
 
 
@@ -261,10 +261,10 @@ def _of_offsets(
     """Fields of `OffsetEvidence` for one unevenness."""
     information, gradient, log = _normal(left, jacobian, noise, at)
     own = np.arange(4, at.size, 3)
-    known = information.copy()
-    known[own, own] += 1 / UNKNOWN_M**2
-    covariance = inverse(known[None])[0]
-    log += (gradient @ covariance @ gradient - np.linalg.slogdet(known)[1]) / 2
+    given = information.copy()
+    given[own, own] += 1 / UNKNOWN_M**2
+    covariance = inverse(given[None])[0]
+    log += (gradient @ covariance @ gradient - np.linalg.slogdet(given)[1]) / 2
     # What is known of offsets, all else unknown, and of that what differs between the spots.
     precise = inverse(covariance[None][:, own][:, :, own])[0]
     score = precise @ (covariance @ gradient)[own]

@@ -15,7 +15,7 @@ NEEDED = ("detector_axes", "half_fields_rad", "falloffs", "aperture_radii_m",
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 
 
-def check_known(optics: SpotOptics) -> None:
+def require_optics(optics: SpotOptics) -> None:
     """InputError where lasers and detectors are not known well enough for `overlap`."""
     for name in NEEDED:
         if np.isnan(getattr(optics, name)).any():
@@ -35,8 +35,8 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
     weights = []
     for number in range(len(optics.directions)):
         total = np.zeros(len(range_m))
-        for points, share in _pencils(optics, optics.directions[number], range_m):
-            total += share * _collected(optics, number, points)
+        for points, fraction in _pencils(optics, optics.directions[number], range_m):
+            total += fraction * _collected(optics, number, points)
         if not total[range_m > INSIDE_M].any():
             raise InputError(
                 f"the detector of spot {number} sees nothing of its laser's beam up to "
@@ -89,11 +89,11 @@ def _pencils(optics: SpotOptics, direction: Floats, range_m: Floats) -> list[tup
     if not width.any():
         return [(centre, 1.0)]
     right, down = _across(direction)
-    shares = WEIGHTS / WEIGHTS.sum()
+    fractions = WEIGHTS / WEIGHTS.sum()
     return [
         (centre + width * (x * right + y * down), float(a * b))
-        for x, a in zip(NODES, shares, strict=True)
-        for y, b in zip(NODES, shares, strict=True)
+        for x, a in zip(NODES, fractions, strict=True)
+        for y, b in zip(NODES, fractions, strict=True)
     ]
 
 

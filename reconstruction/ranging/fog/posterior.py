@@ -121,16 +121,16 @@ def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative,
     seen = np.flatnonzero(weight > NEGLIGIBLE**2 * weight.sum())
     order = seen[np.argsort(mean[seen])]
     mean, variance, weight = mean[order], variance[order], weight[order]
-    deviation = SPREAD * np.sqrt(variance)
-    reach = np.maximum.accumulate(mean + deviation)
-    starts = np.concatenate([[True], (mean - deviation)[1:] > reach[:-1]])
+    sigma = SPREAD * np.sqrt(variance)
+    reach = np.maximum.accumulate(mean + sigma)
+    starts = np.concatenate([[True], (mean - sigma)[1:] > reach[:-1]])
     group = np.cumsum(starts) - 1
     total = np.bincount(group, weight)
     centre = np.bincount(group, weight * mean) / total
     around = np.bincount(group, weight * (variance + (mean - centre[group]) ** 2)) / total
-    share = total / weight.sum()
+    fraction = total / weight.sum()
     return tuple(
-        Alternative(float(centre[k]), float(np.sqrt(around[k])), float(share[k]))
-        for k in np.argsort(-share)
-        if share[k] > NEGLIGIBLE
+        Alternative(float(centre[k]), float(np.sqrt(around[k])), float(fraction[k]))
+        for k in np.argsort(-fraction)
+        if fraction[k] > NEGLIGIBLE
     )

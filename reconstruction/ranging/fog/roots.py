@@ -110,8 +110,8 @@ class RootTables:
         extinctions_per_m: Floats,
     ) -> None:
         self._longest_m = longest_m
-        reach_m = longest_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
-        made = make_templates(spots, response, reach_m, extinctions_per_m)
+        max_range_m = longest_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
+        made = make_templates(spots, response, max_range_m, extinctions_per_m)
         self.range_m = made.range_m
         self._shape = made.target.shape[:2]
         target, fog = (table.swapaxes(0, 2).swapaxes(1, 2) for table in (made.target, made.fog))
@@ -206,9 +206,9 @@ class RootTables:
         ends = [across - backscatter[:, end, None] * self._echo_across for end in (0, -1)]
         above = (ends[0] > 0) & (ends[1] > 0)
         below = (ends[0] < 0) & (ends[1] < 0)
-        least = backscatter[:, 0, None] * self._echo_along
-        most = backscatter[:, -1, None] * self._echo_along
-        ahead = along > np.minimum(least, most)
+        minimum = backscatter[:, 0, None] * self._echo_along
+        maximum = backscatter[:, -1, None] * self._echo_along
+        ahead = along > np.minimum(minimum, maximum)
         same = (above[..., 1:] & above[..., :-1]) | (below[..., 1:] & below[..., :-1])
         table, cell = np.nonzero(
             (ahead[..., 1:] & ahead[..., :-1] & ~same).reshape(-1, same.shape[-1])
@@ -216,22 +216,22 @@ class RootTables:
         here = table * across.shape[-1] + cell
         beta = backscatter.T[:, table % self._shape[1]]  # (B, cells)
 
-        def at(place: Places, whole: Floats, echo: Floats) -> Floats:
-            return np.asarray(whole.ravel()[place] - beta * echo.ravel()[place])
+        def at(position: Places, whole: Floats, echo: Floats) -> Floats:
+            return np.asarray(whole.ravel()[position] - beta * echo.ravel()[position])
 
         before, behind = (at(here + end, across, self._echo_across) for end in (0, 1))
         crossing = before * behind <= 0
         for end in (0, 1):
             crossing &= at(here + end, along, self._echo_along) > 0
-        draw, found = np.nonzero(crossing)
-        order = np.argsort(table[found] * len(beta) + draw, kind="stable")
-        draw, found = draw[order], found[order]
-        table, cell, share = (
-            table[found],
-            cell[found],
-            _crossed(before[draw, found], behind[draw, found]),
+        draw, result = np.nonzero(crossing)
+        order = np.argsort(table[result] * len(beta) + draw, kind="stable")
+        draw, result = draw[order], result[order]
+        table, cell, fraction = (
+            table[result],
+            cell[result],
+            _crossed(before[draw, result], behind[draw, result]),
         )
-        coarse = cell * STRIDE + (STRIDE * share).astype(int)
+        coarse = cell * STRIDE + (STRIDE * fraction).astype(int)
         return *np.divmod(table, self._shape[1]), draw, coarse
 
 

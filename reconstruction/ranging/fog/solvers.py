@@ -8,7 +8,7 @@ from ...capture.readings.pulsed import PulsedSpots
 from .belief import FogSolver
 from .modes import NEAREST_M
 from .of_charge import charge_solver
-from .overlap import check_known
+from .overlap import require_optics
 
 
 def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> FogSolver:
@@ -19,7 +19,7 @@ def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> 
     Raises InputError where the recording does not tell what the detectors see of the beams, or how
     much light the lasers send, or where its readings tell of no range at all.
     """
-    check_known(spots)
+    require_optics(spots)
     if longest_m <= NEAREST_M:
         raise InputError(
             f"the spots' readings tell of ranges up to {longest_m:.3g} m, and ranging in fog "

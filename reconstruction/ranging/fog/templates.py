@@ -66,11 +66,11 @@ def make_templates(
     coarse_m = np.arange(0.0, longest_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
     weight = np.array([np.interp(fine_m, coarse_m, w) for w in overlap(optics, coarse_m)[0]])
     path_m = path_lengths(optics, fine_m)
-    told = np.stack([response(path) for path in path_m])  # (4, n, fine)
+    reported = np.stack([response(path) for path in path_m])  # (4, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
     for extinction in extinctions_per_m:
-        seen = (weight * np.exp(-extinction * path_m))[:, None] * told
+        seen = (weight * np.exp(-extinction * path_m))[:, None] * reported
         density = seen * (STEP_M / INTEGRATION_STEPS)
         target.append(seen[..., keep] / np.pi)
         fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep])

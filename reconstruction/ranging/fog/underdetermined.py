@@ -30,7 +30,7 @@ from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from ..weather import weather_of
 from .answer import CERTAIN, ranges_of
 from .belief import FogBelief, FogSolver
-from .chances import chi_squared_limit, normal_share
+from .chances import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior
 from .reflectance import log_of_anything, log_of_surfaces
 from .roots import Roots, RootTables, Symmetric
@@ -93,8 +93,8 @@ def underdetermined_solver(
     tables = RootTables(spots, optics if scaled else None, response, longest_m, EXTINCTIONS_PER_M)
     log_density = log_of_surfaces if scaled else log_of_anything
     stated = weather_of(spots)
-    told = not np.isnan(stated.visibility_m)
-    noise = chi_squared_limit(PER_TARGET, normal_share(-MIN_SIGNAL))
+    reported = not np.isnan(stated.visibility_m)
+    noise = chi_squared_limit(PER_TARGET, normal_cdf(-MIN_SIGNAL))
 
     def solve(
         spots: Spots, belief: FogBelief, brightness: Brightness | None
@@ -105,11 +105,11 @@ def underdetermined_solver(
         pairs = readings @ combine.T
         saturated = spots.saturated[0].any(axis=1)
         dark = covariance.squares(*pairs.T) < noise
-        backscatter = np.exp(belief.log_median[:, None] + belief.log_deviation[:, None] * NODES)
+        backscatter = np.exp(belief.log_median[:, None] + belief.log_sigma[:, None] * NODES)
         roots = tables.roots(pairs, covariance, backscatter, log_density)
-        shown = brightness is not None and np.isfinite(brightness.electrons).any()
-        seen = brightness if shown and tables.empty_pixel is not None else None
-        guessed = seen is None and not told
+        displayed = brightness is not None and np.isfinite(brightness.electrons).any()
+        seen = brightness if displayed and tables.empty_pixel is not None else None
+        guessed = seen is None and not reported
         weight, by_root, support = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
         )
@@ -180,7 +180,7 @@ def _weights(
     support = evidence.max(axis=0).reshape(fogs)
     evidence += np.log(prior)[:, None]
     evidence += np.log(
-        np.maximum(belief.share, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
+        np.maximum(belief.fraction, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
     ).T.ravel()
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()

@@ -84,9 +84,9 @@ def demodulate(
     offset, cosine, sine = np.moveaxis(taps @ inverse.T, -1, 0)
     phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
     tangential = np.cos(phase)[..., None] * inverse[2] - np.sin(phase)[..., None] * inverse[1]
-    deviation = np.sqrt((tangential**2 * variance).sum(axis=-1))
+    sigma = np.sqrt((tangential**2 * variance).sum(axis=-1))
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        return phase, amplitude, offset, np.where(amplitude > 0, deviation / amplitude, np.inf)
+        return phase, amplitude, offset, np.where(amplitude > 0, sigma / amplitude, np.inf)
 
 
 def quadrature_weights(tap_phases_rad: Floats) -> Floats:

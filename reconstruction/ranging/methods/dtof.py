@@ -36,15 +36,15 @@ class DirectTof:
 
 def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     assert isinstance(spots, HistogramSpots)
-    known = np.isfinite(spots.response_sigma_s)
-    width = spots.response_sigma_s / spots.bin_width_s if known else None
+    finite = np.isfinite(spots.response_sigma_s)
+    width = spots.response_sigma_s / spots.bin_width_s if finite else None
     counts = spots.counts[0].astype(np.float64)
     # Of very many cycles with few arrivals each, none would hide another.
     cycles = spots.pulses if spots.piles_up else NO_PILE_UP * spots.pulses
     pulses = find_pulses(counts, cycles, width)
     bins = counts.shape[-1]
-    places = np.maximum(bins / (2 * pulses.width), 1)
-    least = -ndtri(ndtr(-MIN_SIGNAL) / places)
+    positions = np.maximum(bins / (2 * pulses.width), 1)
+    minimum = -ndtri(ndtr(-MIN_SIGNAL) / positions)
     delay = spots.start_s + spots.bin_width_s * pulses.delay - spots.delay_offset_s
     paths = Paths(
         path_m=c * delay,
@@ -52,7 +52,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
         signal_electrons=cycles * pulses.arrivals,
         background_electrons=cycles * pulses.background,
         saturated=spots.saturated[0],
-        no_signal=pulses.arrivals < least * pulses.arrivals_sigma,
+        no_signal=pulses.arrivals < minimum * pulses.arrivals_sigma,
         ambiguous=(pulses.delay < 0) | (pulses.delay > bins),
     )
     return ranges_from_paths(paths, spots)

@@ -28,7 +28,7 @@ class FogCarried(Fog):
         def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
             nonlocal belief
             ranges, after = solver(spots, belief, brightness)
-            belief = after.later(prior)
+            belief = after.predict(prior)
             return ranges
 
         return solve

@@ -47,14 +47,14 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     taken = np.stack([np.zeros_like(first), first, first + 1], axis=1)
     electrons = np.take_along_axis(every, taken, axis=1)
     variance = np.take_along_axis(spots.variance(every), taken, axis=1)
-    share, signal, deviation = share_in_second(electrons, variance)
-    delay = spots.window_starts_s[first] + share * spots.pulse_width_s - spots.delay_offset_s
+    fraction, signal, sigma = fraction_in_second(electrons, variance)
+    delay = spots.window_starts_s[first] + fraction * spots.pulse_width_s - spots.delay_offset_s
     echoes = electrons[:, 1:] - electrons[:, :1]
     in_each = echoes > MIN_SIGNAL * np.sqrt(variance[:, 1:] + variance[:, :1])
     noise = np.sqrt(variance @ [4, 1, 1])
     paths = Paths(
         path_m=c * delay,
-        sigma_m=c * spots.pulse_width_s * deviation,
+        sigma_m=c * spots.pulse_width_s * sigma,
         signal_electrons=signal,
         background_electrons=electrons[:, 0],
         saturated=spots.saturated[0].any(axis=1),
@@ -64,7 +64,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     return ranges_from_paths(paths, spots)
 
 
-def share_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
+def fraction_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
     """Share r of the pulse in the second window, its whole signal s, and the deviation of r.
 
     Each (...,), from background, first and second window (..., 3) and their variances, carried to
@@ -77,10 +77,10 @@ def share_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, 
     signal = first + second - 2 * background
     seen = signal > 0
     safe = np.where(seen, signal, 1.0)
-    share = np.where(seen, (second - background) / safe, 0.0)
-    slopes = np.stack([1 - 2 * share, share, 1 - share], axis=-1)
-    deviation = np.sqrt((slopes**2 * variance).sum(axis=-1)) / safe
-    return share, signal, np.where(seen, deviation, np.inf)
+    fraction = np.where(seen, (second - background) / safe, 0.0)
+    slopes = np.stack([1 - 2 * fraction, fraction, 1 - fraction], axis=-1)
+    sigma = np.sqrt((slopes**2 * variance).sum(axis=-1)) / safe
+    return fraction, signal, np.where(seen, sigma, np.inf)
 
 
 METHOD = Pulsed()

@@ -46,14 +46,14 @@ def _code(rng: np.random.Generator) -> np.ndarray:
 
 def _lines(rng: np.random.Generator) -> np.ndarray:
     """Lines of words, as of a poster."""
-    found = []
+    result = []
     for z in np.arange(0.08, 0.95, rng.uniform(0.07, 0.16)):
         y = 0.06
         while y < 0.9:
             wide = min(rng.uniform(0.03, 0.25), 0.94 - y)
-            found.append((y + wide / 2, z, wide, rng.uniform(0.02, 0.05)))
+            result.append((y + wide / 2, z, wide, rng.uniform(0.02, 0.05)))
             y += wide + 0.03
-    return np.array(found)
+    return np.array(result)
 
 
 def _patches(rng: np.random.Generator) -> np.ndarray:

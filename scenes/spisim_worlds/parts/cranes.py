@@ -57,12 +57,12 @@ def _tower_crane(
         "crane cab", "glass-painted-back", block((1.4, 1.4, 1.9), head + 1.3 * out - (0, 0, 1.2))
     )
     along = rng.random() < 0.5
-    place = (
+    position = (
         head + rng.uniform(0.1, 0.6) * reach * out
         if along
         else foot + rng.uniform(0.3, 0.95) * (head - foot)
     )
-    return {"crane": place}
+    return {"crane": position}
 
 
 def _portal_crane(

@@ -51,14 +51,14 @@ def add_front(
     builder.mesh("front", wall, _wall(front), at)
     builder.mesh("rooms", "plasterboard", _rooms(front), at)
     windows = front.windows()
-    places: list[Placed] = [((0, 0, 0), (x, y, z)) for x, z in windows]
+    positions: list[Placed] = [((0, 0, 0), (x, y, z)) for x, z in windows]
     width, height = front.window_m
-    builder.mesh("window frame", frame, _frame(width, height), copies=places)
+    builder.mesh("window frame", frame, _frame(width, height), copies=positions)
     builder.mesh("sill", "concrete", block((width + 0.16, 0.42, 0.05), (0, 0.02, -height / 2)),
-               copies=places)  # fmt: skip
+               copies=positions)  # fmt: skip
     panes: list[Placed] = [((90, 0, 0), (x, y + 0.14, z)) for x, z in windows]
     builder.rectangle("pane", "glass-pane", front.window_m, copies=panes)
-    curtained = [place for place in places if rng.random() < 0.5]
+    curtained = [position for position in positions if rng.random() < 0.5]
     if curtained:
         curtain = _curtain(width * rng.uniform(0.3, 0.6), height, -width / 2)
         builder.mesh("curtain", "cotton-white", curtain, copies=curtained)

@@ -47,20 +47,20 @@ def house(length: float, width: float, eaves: float, pitch_deg: float) -> House:
 def add_houses(
     builder: SceneBuilder,
     rng: np.random.Generator,
-    places: list[tuple[float, float, float]],
+    positions: list[tuple[float, float, float]],
     name: str = "house",
 ) -> None:
     """A house of its own kind at every place (x, y, z), turned any way."""
-    for number, place in enumerate(places, 1):
+    for number, position in enumerate(positions, 1):
         flat = rng.random() < 0.2
         made = house(
             rng.uniform(7, 20), rng.uniform(6, 11), rng.uniform(2.8, 8.5),
             0.0 if flat else rng.uniform(20, 50),
         )  # fmt: skip
         turn = (0.0, 0.0, rng.uniform(0, 360))
-        builder.mesh(f"{name} {number}", str(rng.choice(WALLS)), made.walls, place, turn)
+        builder.mesh(f"{name} {number}", str(rng.choice(WALLS)), made.walls, position, turn)
         roof = "roofing-felt" if flat else str(rng.choice(ROOFS))
-        builder.mesh(f"roof of {name} {number}", roof, made.roof, place, turn)
+        builder.mesh(f"roof of {name} {number}", roof, made.roof, position, turn)
         builder.mesh(
-            f"windows of {name} {number}", "glass-painted-back", made.openings, place, turn
+            f"windows of {name} {number}", "glass-painted-back", made.openings, position, turn
         )

@@ -9,14 +9,16 @@ from spisim_worlds.parts.plants import blades
 from spisim_worlds.parts.shapes import Mesh, Point, alike
 
 
-def scattered_rocks(rng: np.random.Generator, places: Floats, sizes: Floats) -> Mesh:
+def scattered_rocks(rng: np.random.Generator, positions: Floats, sizes: Floats) -> Mesh:
     """Broken stones at places (n, 3), of sizes (n,), each of a shape and turned its own way."""
     one = icosahedron()
-    n = len(places)
+    n = len(positions)
     stretch = sizes[:, None] * rng.uniform((0.8, 0.6, 0.4), (1.2, 1.0, 0.8), (n, 3)) / 2
     corners = one.vertices * rng.uniform(0.7, 1.15, (n, 12, 1)) * stretch[:, None]
     turns = [random_rotation_matrix(row)[:3, :3] for row in rng.random((n, 3))]
-    return alike(np.einsum("nij,nvj->nvi", np.array(turns), corners) + places[:, None], one.faces)
+    return alike(
+        np.einsum("nij,nvj->nvi", np.array(turns), corners) + positions[:, None], one.faces
+    )
 
 
 def blob(rng: np.random.Generator, size: Point, relief: float, detail: int = 3) -> Mesh:
@@ -36,5 +38,5 @@ def clipped_bush(
     body = blob(rng, size, 0.15, 2)
     picked = rng.choice(len(body.faces), count, p=body.area_faces / body.area)
     weights = rng.dirichlet((1, 1, 1), count)
-    places = np.einsum("nk,nkd->nd", weights, body.triangles[picked])
-    return body, blades(rng, places, body.face_normals[picked], leaf)
+    positions = np.einsum("nk,nkd->nd", weights, body.triangles[picked])
+    return body, blades(rng, positions, body.face_normals[picked], leaf)

@@ -28,11 +28,11 @@ class Limb:
 
     def at(self, fraction: float) -> tuple[Floats, Floats, float]:
         """Point, direction and radius at a fraction of its points."""
-        place = fraction * (len(self.path) - 1)
-        i = min(int(place), len(self.path) - 2)
+        position = fraction * (len(self.path) - 1)
+        i = min(int(position), len(self.path) - 2)
         step = self.path[i + 1] - self.path[i]
-        radius = np.interp(place, np.arange(len(self.radii)), self.radii)
-        return self.path[i] + (place - i) * step, unit(step), float(radius)
+        radius = np.interp(position, np.arange(len(self.radii)), self.radii)
+        return self.path[i] + (position - i) * step, unit(step), float(radius)
 
 
 def grow(
@@ -54,10 +54,10 @@ def grow(
     if levels == 0:
         return limbs
     for fraction in np.linspace(0.3, 1.0, children) + rng.uniform(-0.05, 0.0, children):
-        place, along, thick = limb.at(float(fraction))
+        position, along, thick = limb.at(float(fraction))
         turned = unit(along + rng.uniform(0.5, 1.1) * aside_of(rng, along) + 0.15 * UP)
         reach = length_m * rng.uniform(0.3, 0.55)
-        limbs += grow(rng, place, turned, reach, 0.55 * thick, levels - 1, children)
+        limbs += grow(rng, position, turned, reach, 0.55 * thick, levels - 1, children)
     return limbs
 
 
@@ -69,7 +69,7 @@ def tree(
     lowest_m: float,
     reach_m: float,
 ) -> list[Limb]:
-    """Trunk on z = 0 with branches from `lowest_m` up, the lowest `reach_m` long."""
+    """Trunk on z = 0 with branches from `lowest_m` up, the lowest `max_range_m` long."""
     lean = rng.normal(0, 0.04, 3) * (1, 1, 0)
     steps = wander(rng, unit(UP + lean), 8, 0.04) * (height_m / 8)
     path = np.vstack([np.zeros(3), steps.cumsum(axis=0)])
@@ -77,10 +77,10 @@ def tree(
     trunk = Limb(path, radius_m * flare)
     limbs = [trunk]
     for height in rng.uniform(lowest_m / height_m, 0.95, branches):
-        place, along, thick = trunk.at(float(height))
+        position, along, thick = trunk.at(float(height))
         out = unit(aside_of(rng, along) + rng.uniform(-0.1, 0.7) * UP)
         length = reach_m * rng.uniform(0.6, 1.0) * (1.1 - 0.6 * height)
-        limbs += grow(rng, place, out, length, min(0.02 * length + 0.004, 0.5 * thick), 1, 4)
+        limbs += grow(rng, position, out, length, min(0.02 * length + 0.004, 0.5 * thick), 1, 4)
     return limbs
 
 
@@ -102,28 +102,30 @@ def wood(limbs: Sequence[Limb]) -> Mesh:
 def leaves(rng: np.random.Generator, limbs: Sequence[Limb], size_m: float, per_limb: int) -> Mesh:
     """Leaves, diamonds of about `size_m`, along the outer part of the thinnest limbs."""
     twigs = [limb for limb in limbs if limb.radii[0] < 0.008]
-    places, along = [], []
+    positions, along = [], []
     for twig in twigs:
         for fraction in rng.uniform(0.2, 1.0, per_limb):
-            place, direction, _ = twig.at(float(fraction))
-            places.append(place)
+            position, direction, _ = twig.at(float(fraction))
+            positions.append(position)
             along.append(direction)
-    return blades(rng, np.array(places), np.array(along), size_m)
+    return blades(rng, np.array(positions), np.array(along), size_m)
 
 
-def blades(rng: np.random.Generator, places: Floats, along: Floats, size_m: float) -> Mesh:
+def blades(rng: np.random.Generator, positions: Floats, along: Floats, size_m: float) -> Mesh:
     """A leaf per place (n, 3) that points roughly `along` (n, 3), away from it and any way round.
 
     Two triangles each, folded a little at the midrib.
     """
-    n = len(places)
+    n = len(positions)
     sizes = size_m * rng.uniform(0.6, 1.3, (n, 1))
     forward = _units(along + rng.normal(0, 0.7, (n, 3)))
     across = _units(np.cross(forward, rng.normal(0, 1, (n, 3))))
     normal = np.cross(forward, across)
-    middle = places + 0.5 * sizes * forward + 0.12 * sizes * normal
+    middle = positions + 0.5 * sizes * forward + 0.12 * sizes * normal
     spread = 0.28 * sizes * across
-    corners = np.stack([places, middle + spread, places + sizes * forward, middle - spread], axis=1)
+    corners = np.stack(
+        [positions, middle + spread, positions + sizes * forward, middle - spread], axis=1
+    )
     first = 4 * np.arange(n)[:, None]
     faces = (first + np.array([0, 2, 1, 0, 3, 2])).reshape(-1, 3)
     return Mesh(corners.reshape(-1, 3), faces, process=False)

@@ -92,9 +92,9 @@ def alike(corners: Floats, faces: NDArray[np.int64]) -> Mesh:
     return Mesh(corners.reshape(-1, 3), every.reshape(-1, 3), process=False)
 
 
-def spread(mesh: Mesh, places: ArrayLike, turns_deg: ArrayLike, scales: ArrayLike) -> Mesh:
+def spread(mesh: Mesh, positions: ArrayLike, turns_deg: ArrayLike, scales: ArrayLike) -> Mesh:
     """Copies of a solid as one mesh: at places (n, 3), turned about z and scaled, (n,) or one."""
-    at = np.asarray(places, float)
+    at = np.asarray(positions, float)
     turn = np.radians(np.broadcast_to(np.asarray(turns_deg, float), len(at)))
     scale = np.broadcast_to(np.asarray(scales, float), len(at))
     c, s, o, i = np.cos(turn), np.sin(turn), 0 * turn, 0 * turn + 1

@@ -55,24 +55,24 @@ def add_winding(
     builder.mesh("floor and ceiling", walls, union(ends))
     _winding_rails(builder, rng, well, outer, rise, angle, count)
     at = float(rng.uniform(0.25, 0.6)) * count
-    place, radius = at * angle, well + rng.uniform(0.4, 0.6) * (outer - well)
+    position, radius = at * angle, well + rng.uniform(0.4, 0.6) * (outer - well)
     eye = np.array(
-        [radius * np.cos(place), radius * np.sin(place), at * rise + rng.uniform(1.2, 1.6)]
+        [radius * np.cos(position), radius * np.sin(position), at * rise + rng.uniform(1.2, 1.6)]
     )
-    along = way * np.array([-np.sin(place), np.cos(place), 0]) * rng.choice([-1, 1])
-    inward = -np.array([np.cos(place), np.sin(place), 0])
+    along = way * np.array([-np.sin(position), np.cos(position), 0]) * rng.choice([-1, 1])
+    inward = -np.array([np.cos(position), np.sin(position), 0])
     mix = rng.uniform(-0.3, 1.0)
     aim = eye + along + mix * inward + np.array([0, 0, rng.uniform(-0.75, 0.6)])
     return eye, aim
 
 
 def _plates(
-    builder: SceneBuilder, rng: np.random.Generator, places: Floats, turns_deg: Floats, name: str
+    builder: SceneBuilder, rng: np.random.Generator, positions: Floats, turns_deg: Floats, name: str
 ) -> None:
     """Signs, boxes, grilles and patches on walls: at places (n, 3), each facing its own -x."""
     for number, material in enumerate(PLATES):
         own = slice(number, None, len(PLATES))
-        if not len(places[own]):
+        if not len(positions[own]):
             continue
         size = rng.uniform((0.03, 0.12, 0.12), (0.12, 0.7, 0.8))
         parts = [block(size, (0, 0, 0))]
@@ -80,7 +80,7 @@ def _plates(
             across = np.arange(-0.4, 0.41, 0.2) * size[2]
             parts += [block((size[0] + 0.03, size[1], 0.06 * size[2]), (0, 0, z)) for z in across]
         mesh = spread(
-            union(parts), places[own], turns_deg[own], rng.uniform(0.6, 1.4, len(places[own]))
+            union(parts), positions[own], turns_deg[own], rng.uniform(0.6, 1.4, len(positions[own]))
         )
         builder.mesh(f"{name} {number + 1}", material, mesh)
 
@@ -201,10 +201,10 @@ def _straight_rails(
     builder: SceneBuilder, rng: np.random.Generator, runs: list[Floats], half: float
 ) -> None:
     """Handrails on posts at both sides, or in the middle of wide stairs."""
-    places = [0.0] if half > 1.3 and rng.random() < 0.6 else [-half + 0.1, half - 0.1]
+    positions = [0.0] if half > 1.3 and rng.random() < 0.6 else [-half + 0.1, half - 0.1]
     posts, rails = [], []
     for low, high in runs:
-        for y in places:
+        for y in positions:
             off = np.array([0, y, 0])
             rails.append([low + off + (0, 0, RAILING_M), high + off + (0, 0, RAILING_M)])
             for t in np.linspace(0, 1, int(rng.integers(4, 20))):

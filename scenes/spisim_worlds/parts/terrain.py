@@ -46,7 +46,7 @@ class Terrain:
         """A place on the ground, or so much below it."""
         return (float(x), float(y), float(self.height(x, y)) - sunk_m)
 
-    def places(self, x: ArrayLike, y: ArrayLike, sunk_m: float = 0.0) -> Floats:
+    def positions(self, x: ArrayLike, y: ArrayLike, sunk_m: float = 0.0) -> Floats:
         """Places (n, 3) on the ground, or so much below it."""
         return np.stack([x, y, self.height(x, y) - sunk_m], axis=-1)
 
@@ -58,7 +58,7 @@ class Terrain:
         across /= np.linalg.norm(across, axis=1, keepdims=True)
         offsets = np.linspace(-width_m / 2, width_m / 2, 5)[:, None, None]
         x, y = np.moveaxis(points + offsets * across, -1, 0)
-        lines = self.places(x, y, -above_m)
+        lines = self.positions(x, y, -above_m)
         return grid_mesh(np.swapaxes(lines, 0, 1))
 
     def centres(self) -> tuple[Floats, Floats]:

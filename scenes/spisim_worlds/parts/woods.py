@@ -14,7 +14,7 @@ from spisim_worlds.parts.shapes import Mesh, bars, grid_mesh, lathe, moved, spre
 from spisim_worlds.parts.terrain import Terrain
 
 #: Trees nearer than this have leaves as they are, but no more than so many trees.
-NEAR_M, MOST_NEAR = 14.0, 3
+NEAR_M, MAX_NEAR = 14.0, 3
 #: Woods farther than this are part of the hills.
 FARTHEST_M = 4000.0
 #: Kinds of the trees that are copied.
@@ -57,8 +57,8 @@ def conifer(rng: np.random.Generator, leaves: int, leaf: float, _: str) -> Tree:
     out = reach * rng.uniform(0.35, 1.0, leaves) ** 0.5
     whorl = 0.25 * np.mod(height, 0.06)
     around = np.stack([np.cos(angle), np.sin(angle), 0 * angle], axis=1)
-    places = out[:, None] * around + np.array([0, 0, 1]) * (height - whorl - 0.35 * out)[:, None]
-    foliage = blades(rng, places, around - (0, 0, 0.5), 2 * leaf)
+    positions = out[:, None] * around + np.array([0, 0, 1]) * (height - whorl - 0.35 * out)[:, None]
+    foliage = blades(rng, positions, around - (0, 0, 0.5), 2 * leaf)
     return Tree(trunk, foliage, "needles-green")
 
 
@@ -104,17 +104,17 @@ def add_wood(
     kinds: Sequence[str],
     season: str,
     rng: np.random.Generator,
-    places: ArrayLike,
+    positions: ArrayLike,
     height_m: float,
 ) -> None:
     """Trees of some kinds at places (n, 3), of about a height; those within `NEAR_M` of the drone
     have leaves of their own, of a natural size; the others are copies, and their leaves are larger.
     """
-    at = np.asarray(places, float).reshape(-1, 3)
+    at = np.asarray(positions, float).reshape(-1, 3)
     heights = height_m * rng.uniform(0.65, 1.25, len(at))
     turns = rng.uniform(0, 360, len(at))
     order = np.argsort(np.hypot(at[:, 0], at[:, 1]))
-    near = order[np.hypot(at[order, 0], at[order, 1]) < NEAR_M][:MOST_NEAR]
+    near = order[np.hypot(at[order, 0], at[order, 1]) < NEAR_M][:MAX_NEAR]
     groups = [(group, *FINE) for group in near[:, None]]
     groups += [(order[len(near) :][k::COPIED], *COARSE) for k in range(COPIED)]
     for number, (group, leaves, leaf_m) in enumerate(groups):
@@ -185,11 +185,11 @@ def scattered_tufts(
     height_m: float,
 ) -> Mesh:
     """Tufts of grass ahead, as dense in view near by as far off; each of nine blades."""
-    places = in_view(rng, land, count, near_m, far_m)
+    positions = in_view(rng, land, count, near_m, far_m)
     n = np.arange(9)
     lean = rng.uniform(-0.5, 0.5, (count, 9, 2))
     tall = height_m * rng.uniform(0.4, 1.2, (count, 9, 1)) * rng.uniform(0.5, 1.2, (count, 1, 1))
-    root = places[:, None] + np.concatenate(
+    root = positions[:, None] + np.concatenate(
         [0.35 * height_m * rng.normal(size=(count, 9, 2)), np.full((count, 9, 1), -0.03)], axis=2
     )
     tip = root + tall * np.concatenate([lean, np.ones((count, 9, 1))], axis=2)
@@ -210,4 +210,4 @@ def in_view(
     """Random places (n, 3) on the land ahead, within an angle to both sides of a heading."""
     distance = near_m * (far_m / near_m) ** rng.random(count)
     angle = np.radians(heading_deg + rng.uniform(-half_deg, half_deg, count))
-    return land.places(distance * np.cos(angle), distance * np.sin(angle))
+    return land.positions(distance * np.cos(angle), distance * np.sin(angle))

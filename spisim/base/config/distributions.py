@@ -128,8 +128,8 @@ class Choice(Section):
     def draw(self, rng: np.random.Generator) -> Any:
         """One of the values."""
         weights = self.weights or (1.0,) * len(self.choice)
-        place = rng.choice(len(self.choice), p=np.divide(weights, sum(weights)))
-        return self.choice[int(place)]
+        position = rng.choice(len(self.choice), p=np.divide(weights, sum(weights)))
+        return self.choice[int(position)]
 
 
 KINDS = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal, "choice": Choice}

@@ -88,7 +88,7 @@ class Section(BaseModel):
 
     @model_validator(mode="wrap")
     @classmethod
-    def _known_fields(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
+    def _accepted_fields(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
         """Name the nearest to each unknown field."""
         try:
             return handler(data)

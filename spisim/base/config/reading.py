@@ -25,12 +25,12 @@ def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
     Devices and pipes, which may never end, are not read.
     """
     try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):
+        result = path.stat()
+        if not stat.S_ISREG(result.st_mode):
             raise InputError(f"{path}: not a regular file; {expected} is expected")
-        size_mb, most_mb = found.st_size / 2**20, MAX_TEXT_BYTES >> 20
-        if size_mb > most_mb:
-            raise InputError(f"{path}: {size_mb:.0f} MB; at most {most_mb} MB of text are read")
+        size_mb, max_mb = result.st_size / 2**20, MAX_TEXT_BYTES >> 20
+        if size_mb > max_mb:
+            raise InputError(f"{path}: {size_mb:.0f} MB; at most {max_mb} MB of text are read")
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None

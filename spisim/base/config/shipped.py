@@ -11,7 +11,7 @@ def shipped(folder: str) -> Path:
     InputError if it is not there.
     """
     package = Path(__file__).parents[2]
-    for place in (package / "shipped" / folder, package.parent / folder):
-        if place.is_dir():
-            return place
+    for position in (package / "shipped" / folder, package.parent / folder):
+        if position.is_dir():
+            return position
     raise InputError(f"the shipped {folder} are missing; reinstall spisim")

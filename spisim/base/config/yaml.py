@@ -62,8 +62,8 @@ def dump_yaml(fields: Any) -> str:
 class _Refusal(yaml.MarkedYAMLError):
     """Of a text that is YAML, but not one to be read."""
 
-    def __init__(self, problem: str, place: Any) -> None:
-        super().__init__(problem=problem, problem_mark=place.start_mark)
+    def __init__(self, problem: str, position: Any) -> None:
+        super().__init__(problem=problem, problem_mark=position.start_mark)
 
 
 @dataclass
@@ -88,9 +88,9 @@ class _Open:
         """Whether a mapping's next part, if it is the name of a field, is there already."""
         if self.keys is None or self.parts % 2:
             return False
-        known = name in self.keys
+        valid = name in self.keys
         self.keys.add(name)
-        return known
+        return valid
 
 
 @dataclass

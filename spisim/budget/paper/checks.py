@@ -76,12 +76,12 @@ class Check:
     def holds(self) -> bool | None:
         """Whether the promise is kept; None where the samples are too few to tell."""
         if self.interval is None:
-            return self._kept(self.value)
-        if all(map(self._kept, self.interval(HELD))):
+            return self._retained(self.value)
+        if all(map(self._retained, self.interval(HELD))):
             return True
-        return None if any(map(self._kept, self.interval(FAILED))) else False
+        return None if any(map(self._retained, self.interval(FAILED))) else False
 
-    def _kept(self, value: float) -> bool:
+    def _retained(self, value: float) -> bool:
         return value >= self.limit if self.at_least else value <= self.limit
 
     def summary(self) -> dict[str, Any]:
@@ -189,11 +189,11 @@ def around_marks(path: Path, name: str) -> tuple[str, str]:
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
     require_file(path)
     try:
-        before, found, rest = path.read_text(encoding="utf-8").partition(opening)
+        before, result, rest = path.read_text(encoding="utf-8").partition(opening)
     except UnicodeDecodeError:
         raise InputError(f"{path} is no text in UTF-8; a Markdown file is expected") from None
     _, ended, after = rest.partition(closing)
-    if not (found and ended):
+    if not (result and ended):
         raise InputError(f"{path} lacks the marks {opening} and {closing}")
     return before + opening, closing + after
 

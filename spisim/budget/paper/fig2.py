@@ -14,7 +14,7 @@ from spisim.budget.integration import (
     Criterion,
     common_integration_time_s,
     integration_time_s,
-    reach_m,
+    max_range_m,
 )
 from spisim.budget.paper.checks import Check, Table
 from spisim.budget.paper.result import COLOURS, REFLECTANCES, Result, percent
@@ -40,20 +40,21 @@ class Reading:
 
     meaning: str
     light: str
-    reach_m: Floats
+    max_range_m: Floats
     time: str  # integration time, in words
     spread: float | None  # longest over shortest time of the three reflectances by themselves
 
     @property
     def deviation(self) -> Floats:
         """From the paper (3,), relative."""
-        return self.reach_m / np.array(list(PAPER_M.values())) - 1
+        return self.max_range_m / np.array(list(PAPER_M.values())) - 1
 
     @property
     def row(self) -> tuple[str, ...]:
         """For a table."""
         cells = (
-            f"{z:.2f} ({percent(off)})" for z, off in zip(self.reach_m, self.deviation, strict=True)
+            f"{z:.2f} ({percent(off)})"
+            for z, off in zip(self.max_range_m, self.deviation, strict=True)
         )
         spread = "" if self.spread is None else f"{self.spread:.1f} ×"
         return (self.meaning, self.light, *cells, self.time, spread)
@@ -63,9 +64,9 @@ def figure_2() -> Result:
     """Figure 2 by both criteria."""
     flood = paper_flood(*LIGHTS[0])
     physical = _common(flood, "signal", "signal = floor")
-    share = fit_total_count()
+    fraction = fit_total_count()
     total = Reading(
-        "signal + daylight = floor, fitted", "any", total_count_reach(*share), "–", None
+        "signal + daylight = floor, fitted", "any", total_count_max_range(*fraction), "–", None
     )
     readings = [
         physical,
@@ -83,17 +84,17 @@ def figure_2() -> Result:
             columns,
             [each.row for each in readings],
         ),
-        Table(_words(flood, share)),
+        Table(_words(flood, fraction)),
     ]
     checks = [
         Check(
             "fig2_physical_deviation",
-            float(np.abs(physical.reach_m / PHYSICAL_M - 1).max()),
+            float(np.abs(physical.max_range_m / PHYSICAL_M - 1).max()),
             PHYSICAL_TOLERANCE,
         ),
         Check("fig2_total_count_deviation", float(np.abs(total.deviation).max()), TOTAL_TOLERANCE),
     ]
-    return Result(tables, checks, _figure(flood, share))
+    return Result(tables, checks, _figure(flood, fraction))
 
 
 def paper_flood(power_w: float, half_angle_deg: float) -> Flood:
@@ -107,7 +108,7 @@ def paper_flood(power_w: float, half_angle_deg: float) -> Flood:
     )
 
 
-def total_count_reach(floor_over_signal: float, daylight_over_signal: float) -> Floats:
+def total_count_max_range(floor_over_signal: float, daylight_over_signal: float) -> Floats:
     """Distances (3,) at which ρ (S / z² + B) is a floor: 1 / z² = (floor / S) / ρ - B / S."""
     inverse_square = floor_over_signal / np.array(REFLECTANCES) - daylight_over_signal
     return 1 / np.sqrt(inverse_square)
@@ -117,8 +118,8 @@ def fit_total_count() -> tuple[float, float]:
     """floor / S and B / S, in m⁻², that come closest to the figure (least squares of log z)."""
     goals = np.array(list(PAPER_M.values()))
 
-    def deviation(share: Floats) -> Floats:
-        return np.log(total_count_reach(share[0], share[1]) / goals)
+    def deviation(fraction: Floats) -> Floats:
+        return np.log(total_count_max_range(fraction[0], fraction[1]) / goals)
 
     fit = least_squares(deviation, x0=(0.03, 0.01), x_scale=0.01)
     return float(fit.x[0]), float(fit.x[1])
@@ -128,7 +129,7 @@ def _common(flood: Flood, criterion: Criterion, meaning: str) -> Reading:
     """One integration time for all reflectances, as close to the figure as it gets."""
     alone = [integration_time_s(flood, rho, goal, criterion) for rho, goal in PAPER_M.items()]
     time_s = common_integration_time_s(flood, PAPER_M, criterion)
-    reach = reach_m(flood, time_s, REFLECTANCES, criterion)
+    reach = max_range_m(flood, time_s, REFLECTANCES, criterion)
     return Reading(meaning, _light(flood), reach, _nanoseconds(time_s), max(alone) / min(alone))
 
 
@@ -136,7 +137,7 @@ def _anchored(flood: Flood) -> Reading:
     """The paper's search, with the darkest target as its goal."""
     darkest = REFLECTANCES[0]
     time_s = integration_time_s(flood, darkest, PAPER_M[darkest], "signal")
-    reach = reach_m(flood, time_s, REFLECTANCES, "signal")
+    reach = max_range_m(flood, time_s, REFLECTANCES, "signal")
     meaning = f"signal = floor, searched for {PAPER_M[darkest]:g} m at ρ = {darkest:g}"
     return Reading(meaning, _light(flood), reach, _nanoseconds(time_s), None)
 
@@ -153,7 +154,7 @@ def _nanoseconds(time_s: float) -> str:
     return f"{1e9 * time_s:.3g} ns"
 
 
-def _words(flood: Flood, share: tuple[float, float]) -> str:
+def _words(flood: Flood, fraction: tuple[float, float]) -> str:
     ratio = flood.signal_per_s / flood.background_per_s
     times = [
         common_integration_time_s(replace(flood, noise_a_per_sqrt_hz=noise), PAPER_M, "signal")
@@ -164,7 +165,8 @@ def _words(flood: Flood, share: tuple[float, float]) -> str:
         "from ρ = 0.5 to 0.8 as ρ¹. No single T_int gives the paper's distances where the signal "
         "equals the noise; the best one, the first row, is 18 % off. The distances come out if "
         "daylight counts as signal and the floor does not depend on the target: then "
-        f"1/z² = {share[0]:.5f}/ρ - {share[1]:.5f} m⁻², that is S/B = {1 / share[1]:.1f} m², "
+        f"1/z² = {fraction[0]:.5f}/ρ - {fraction[1]:.5f} m⁻², that is "
+        f"S/B = {1 / fraction[1]:.1f} m², "
         f"where Table 1 has {ratio:.1f} m² (6.4 W, α = 10°) and the text's 25.6 W "
         f"{4 * ratio:.1f} m². That is no criterion of visibility, and it fits three distances with "
         "two constants. T_int itself cannot be found, as it goes with the noise floor, which the "
@@ -174,7 +176,7 @@ def _words(flood: Flood, share: tuple[float, float]) -> str:
     )
 
 
-def _figure(flood: Flood, share: tuple[float, float]) -> Figure:
+def _figure(flood: Flood, fraction: tuple[float, float]) -> Figure:
     figure = Figure(figsize=(12, 5), layout="constrained")
     left, right = figure.subplots(1, 2)
     distance = np.linspace(1, 10, 300)
@@ -182,14 +184,14 @@ def _figure(flood: Flood, share: tuple[float, float]) -> Figure:
     rates = flood.signal_per_s / distance**2
     signals = [rho * rates * time_s for rho in REFLECTANCES]
     floors = [float(eq2(flood, time_s, rho)) for rho in REFLECTANCES]
-    reach = reach_m(flood, time_s, REFLECTANCES, "signal")
+    reach = max_range_m(flood, time_s, REFLECTANCES, "signal")
     _panel(left, distance, signals, floors, reach)
     left.set(
         title=f"signal = noise floor, T_int = {_nanoseconds(time_s)} ({_light(flood)})",
         ylabel="electrons of the signal",
     )
-    totals = [rho * (1 / distance**2 + share[1]) / share[0] for rho in REFLECTANCES]
-    _panel(right, distance, totals, [1.0] * 3, total_count_reach(*share))
+    totals = [rho * (1 / distance**2 + fraction[1]) / fraction[0] for rho in REFLECTANCES]
+    _panel(right, distance, totals, [1.0] * 3, total_count_max_range(*fraction))
     right.set(
         title="signal + daylight = noise floor (fitted)", ylabel="electrons, in units of the floor"
     )
@@ -200,13 +202,13 @@ def _panel(
     axes: Axes, distance: Floats, counts: list[Floats], floors: list[float], reach: Floats
 ) -> None:
     cases = zip(REFLECTANCES, COLOURS, counts, floors, reach, PAPER_M.values(), strict=True)
-    for rho, colour, count, floor, found, goal in cases:
+    for rho, colour, count, floor, result, goal in cases:
         axes.plot(distance, count, color=colour, label=f"ρ = {rho:g}")
-        axes.plot(found, floor, "o", color=colour)
+        axes.plot(result, floor, "o", color=colour)
         axes.axvline(goal, color=colour, lw=1, ls=":")
         axes.annotate(
-            f"{found:.2f} m\n(paper {goal:g} m)",
-            (found, floor),
+            f"{result:.2f} m\n(paper {goal:g} m)",
+            (result, floor),
             xytext=(4, -32),
             textcoords="offset points",
             color=colour,

@@ -19,7 +19,7 @@ D_MAX_M = 10.0
 TAP_WIDTH = 0.25
 PERIODS = (1_000, 10_000)
 ILLUMINANCES_KLX = (15.0, 30.0, 50.0, 100.0)
-PLACES: Mapping[str, tuple[int, ...]] = {"indoors": (0, 1), "outdoors": (2, 3)}
+POSITIONS: Mapping[str, tuple[int, ...]] = {"indoors": (0, 1), "outdoors": (2, 3)}
 #: Power of the array, Table 1, at its peak, over a cone of this half angle.
 POWER_W, HALF_ANGLE_DEG = 6.4, 20.0
 AMPLIFIER_A_PER_SQRT_HZ = 2e-12
@@ -38,8 +38,8 @@ EXPONENT_TOLERANCE = 0.1
 
 def figure_3() -> Result:
     """Figure 3 by Eq. (3), with and without the noise of an amplifier."""
-    reach = {diode: reaches(diode, AMPLIFIER_A_PER_SQRT_HZ) for diode in ("APD", "PIN")}
-    silent = {diode: reaches(diode, 0.0) for diode in ("APD", "PIN")}
+    reach = {diode: max_ranges(diode, AMPLIFIER_A_PER_SQRT_HZ) for diode in ("APD", "PIN")}
+    silent = {diode: max_ranges(diode, 0.0) for diode in ("APD", "PIN")}
     columns = (
         "diode",
         "place",
@@ -48,7 +48,7 @@ def figure_3() -> Result:
         "deviation",
         *(f"{n:,}, silent amplifier" for n in PERIODS),
     )
-    rows = [_row(diode, place, reach[diode], silent[diode]) for diode, place in PAPER_M]
+    rows = [_row(diode, position, reach[diode], silent[diode]) for diode, position in PAPER_M]
     pin, apd = reach["PIN"], reach["APD"]
     tables = [
         Table(
@@ -78,7 +78,7 @@ def figure_3() -> Result:
     return Result(tables, checks, _figure(reach))
 
 
-def reaches(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
+def max_ranges(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
     """Longest distances (periods, illuminances, reflectances) in metres."""
     sensor = _sensor(diode)
     paper = load_instrument("paper")
@@ -111,17 +111,17 @@ def _sensor(diode: str) -> Photodiode:
     return sensor
 
 
-def _ends(reach: Floats, place: str) -> Floats:
+def _ends(reach: Floats, location: str) -> Floats:
     """Nearest and farthest (periods, 2) of a place."""
-    values = reach[:, PLACES[place]].reshape(len(PERIODS), -1)
+    values = reach[:, POSITIONS[location]].reshape(len(PERIODS), -1)
     return np.stack([values.min(axis=-1), values.max(axis=-1)], axis=-1)
 
 
-def _row(diode: str, place: str, reach: Floats, silent: Floats) -> tuple[str, ...]:
-    paper, found = PAPER_M[diode, place], _ends(reach, place)
-    deviation = ", ".join(percent(off) for off in found[1] / paper - 1)
-    without = (_span(ends) for ends in _ends(silent, place))
-    return (diode, place, _span(paper), *map(_span, found), deviation, *without)
+def _row(diode: str, location: str, reach: Floats, silent: Floats) -> tuple[str, ...]:
+    paper, result = PAPER_M[diode, location], _ends(reach, location)
+    deviation = ", ".join(percent(off) for off in result[1] / paper - 1)
+    without = (_span(ends) for ends in _ends(silent, location))
+    return (diode, location, _span(paper), *map(_span, result), deviation, *without)
 
 
 def _span(ends: Floats | tuple[float, float]) -> str:
@@ -178,17 +178,17 @@ def _figure(reach: Mapping[str, Floats]) -> Figure:
 
 
 def _panel(axes: Axes, diode: str, reach: Floats) -> None:
-    places = np.arange(len(ILLUMINANCES_KLX))
-    for place, indices in PLACES.items():
-        low, high = PAPER_M[diode, place]
+    positions = np.arange(len(ILLUMINANCES_KLX))
+    for position, indices in POSITIONS.items():
+        low, high = PAPER_M[diode, position]
         left, right = indices[0] - 0.45, indices[-1] + 0.45
         axes.fill_between([left, right], low, high, color="0.85", zorder=0)
-        axes.text(left, 9.4, f" {place}", fontsize=9, color="0.4")
+        axes.text(left, 9.4, f" {position}", fontsize=9, color="0.4")
     for k, (rho, colour) in enumerate(zip(REFLECTANCES, COLOURS, strict=True)):
         bars = axes.bar(
-            places + 0.26 * (k - 1), reach[:, k], 0.24, color=colour, label=f"ρ = {rho:g}"
+            positions + 0.26 * (k - 1), reach[:, k], 0.24, color=colour, label=f"ρ = {rho:g}"
         )
         axes.bar_label(bars, fmt="%.1f", fontsize=8, padding=1)
-    axes.set_xticks(places, [f"{klx:g}" for klx in ILLUMINANCES_KLX])
+    axes.set_xticks(positions, [f"{klx:g}" for klx in ILLUMINANCES_KLX])
     axes.set(xlabel="background, klx", ylabel="distance, m", ylim=(0, 10))
     axes.legend(frameon=False, loc="upper right")

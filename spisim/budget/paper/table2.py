@@ -133,14 +133,14 @@ def _words() -> str:
 def _figure(seconds: list[float]) -> Figure:
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     axes = figure.subplots()
-    places = np.arange(len(PAPER))
+    positions = np.arange(len(PAPER))
     projection = 1e3 * np.array([row.projection_s for row in PAPER])
     cases = {
         "paper": (1e3 * np.array([row.reconstruction_s for row in PAPER]), "#d1762c"),
         "here": (1e3 * np.array(seconds), "#1f5f8b"),
     }
     for k, (who, (reconstruction, colour)) in enumerate(cases.items()):
-        at = places + 0.4 * (k - 0.5)
+        at = positions + 0.4 * (k - 0.5)
         axes.bar(at, projection, 0.36, color="0.75", label="projection" if k == 0 else None)
         bars = axes.bar(
             at,
@@ -156,7 +156,7 @@ def _figure(seconds: list[float]) -> Figure:
             else 1e3 / (projection + reconstruction)
         )
         axes.bar_label(bars, [f"{rate:.0f} fps" for rate in rates], fontsize=9, padding=2)
-    axes.set_xticks(places, [f"{row.name}\n{row.patterns} patterns" for row in PAPER])
+    axes.set_xticks(positions, [f"{row.name}\n{row.patterns} patterns" for row in PAPER])
     axes.set(ylabel="time of an image, ms", title="Time for an image of Table 2")
     axes.legend(frameon=False)
     return figure

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from spisim.dataset.records import Record
 
 #: Compiling that is worth a line.
-LEAST_COMPILING_S = 1.0
+MIN_COMPILING_S = 1.0
 
 
 def print_preview(preview: Preview) -> None:
@@ -24,8 +24,8 @@ def print_preview(preview: Preview) -> None:
     results.print()
     table = word_table("scene", "weather", "of all", "made", "median, s", "90 %, s", "max, s")
     for each in preview.costs:
-        told = _seconds(each.cost) if each.cost else ("0", "", "", "")
-        table.add_row(each.group.scene, each.group.weather, f"{each.fraction:.0%}", *told)
+        reported = _seconds(each.cost) if each.cost else ("0", "", "", "")
+        table.add_row(each.group.scene, each.group.weather, f"{each.fraction:.0%}", *reported)
     table.add_row("all", "", "100%", *_seconds(preview.cost))
     print_table(table)
     for index, reason in preview.failures.items():
@@ -36,7 +36,7 @@ def print_preview(preview: Preview) -> None:
         f"(on average {preview.cost.mean_s:.2g} s and {preview.bytes_per_sample / 1e3:.3g} kB)",
         soft_wrap=True,
     )
-    if preview.compiling_s >= LEAST_COMPILING_S:
+    if preview.compiling_s >= MIN_COMPILING_S:
         results.print(
             f"The samples made compiled kernels for {short_time(preview.compiling_s)} besides: "
             "later samples of their kind read these from disk",
@@ -63,11 +63,11 @@ def listed(parameters: Mapping[str, Any]) -> str:
 def _print_samples(preview: Preview) -> None:
     from spisim.dataset.records import flat
 
-    rows = [dict(flat(sample.parameters)) for sample in preview.shown]
+    rows = [dict(flat(sample.parameters)) for sample in preview.displayed]
     common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
     if common:
         results.print(f"   all  {listed(common)}", soft_wrap=True)
-    for sample, row in zip(preview.shown, rows, strict=True):
+    for sample, row in zip(preview.displayed, rows, strict=True):
         own = {name: value for name, value in row.items() if name not in common}
         line = f"{sample.index:6}  {sample.scene_name}  {listed(own)}"
         results.print(line.rstrip(), soft_wrap=True)

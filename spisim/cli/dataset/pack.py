@@ -35,7 +35,7 @@ def command(
         packed = pack_dataset(data, output, array or (), advance)
     assert packed.pack is not None
     arrays = packed.pack.index.arrays
-    size_bytes = sum(told.bytes for told in arrays.values())
+    size_bytes = sum(reported.bytes for reported in arrays.values())
     if json:
         print_json({"samples": len(packed), "arrays": list(arrays), "bytes": size_bytes})
     else:

@@ -21,7 +21,7 @@ EVERY_S = 30.0
 
 
 @contextmanager
-def shown(wanted: bool | None) -> Iterator[Update]:
+def displayed(wanted: bool | None) -> Iterator[Update]:
     """A bar on terminals, else a line now and then; always a bar or nothing where that is asked."""
     kinds = {None: bar if messages.is_terminal else lines, True: bar, False: silence}
     with kinds[wanted]() as update:
@@ -38,9 +38,9 @@ def bar() -> Iterator[Update]:
         TextColumn("{task.fields[told]}", markup=False),
     )
     with Progress(*columns, console=messages, transient=True, disable=False) as progress:
-        task = progress.add_task("", total=None, told="")
+        task = progress.add_task("", total=None, reported="")
         yield lambda state: progress.update(
-            task, total=state.samples, completed=state.samples - state.missing, told=rate(state)
+            task, total=state.samples, completed=state.samples - state.missing, reported=rate(state)
         )
 
 

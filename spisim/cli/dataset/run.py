@@ -15,7 +15,7 @@ from ..console import print_json, say
 from ..options import Bar, Json, number_option
 from .arguments import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers
 from .costs import print_preview
-from .progress import shown
+from .progress import displayed
 from .running import executors, explained
 
 if TYPE_CHECKING:
@@ -84,15 +84,15 @@ def command(
         raise InputError("--output DIR is missing")
     folder = output.absolute()
     require_folder(folder)
-    kept = Layout(folder).plan
-    if samples is not None and kept.exists() and kept.samefile(plan):
+    retained = Layout(folder).plan
+    if samples is not None and retained.exists() and retained.samefile(plan):
         raise InputError(f"--samples would change {plan}: change it there, or give it another name")
     if pilot is not None:
         _estimate(planned, folder, executor, workers, pilot, json, progress)
         return
     check(planned)
     activate()  # before every process finds out by itself that light cannot be traced
-    with explained(), shown(progress) as update:
+    with explained(), displayed(progress) as update:
         state = run_dataset(
             planned,
             folder,
@@ -121,7 +121,7 @@ def _estimate(
     from spisim.transport.backend import activate
 
     activate()
-    with explained(), shown(progress) as update:
+    with explained(), displayed(progress) as update:
         result = preview(
             planned,
             folder,

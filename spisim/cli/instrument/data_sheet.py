@@ -116,19 +116,21 @@ def completed(answers: Mapping[str, Any]) -> dict[str, Any]:
     Raises InputError for an answer that is not allowed, or to a question about something that the
     instrument does not have.
     """
-    known: dict[str, Any] = {}
+    available: dict[str, Any] = {}
     for name, question in QUESTIONS.items():
         given = answers.get(name)
-        if is_asked(name, known):
-            answer = default_of(name, known) if given is None else given
-            known[name] = question.checked(name, answer)
+        if is_asked(name, available):
+            answer = default_of(name, available) if given is None else given
+            available[name] = question.checked(name, answer)
         elif given is not None:
-            raise InputError(f"{name} {given}: not one of an instrument that {_described(known)}")
-    return known
+            raise InputError(
+                f"{name} {given}: not one of an instrument that {_described(available)}"
+            )
+    return available
 
 
-def _described(known: Mapping[str, Any]) -> str:
+def _described(given: Mapping[str, Any]) -> str:
     made = {IMAGE: "makes an image alone", RANGES: "makes ranges alone", BOTH: "makes both"}
-    names = [name for name in ("modulation", "image_part", "range_part") if name in known]
-    parts = ", ".join(str(known[name]) for name in names)
-    return f"{made[known['makes']]}{', with ' if parts else ''}{parts}"
+    names = [name for name in ("modulation", "image_part", "range_part") if name in given]
+    parts = ", ".join(str(given[name]) for name in names)
+    return f"{made[given['makes']]}{', with ' if parts else ''}{parts}"

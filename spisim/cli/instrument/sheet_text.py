@@ -94,7 +94,7 @@ def _ranges(answers: Answers, full_scale: float) -> list[str]:
     rows = "\n".join(f"    - [{across:.4g}, {up:.4g}]" for across, up in directions)
     time_s = answers.get("frame_time_s") or (answers["patterns"] + 1) / answers["pattern_rate_hz"]
     light, bandwidth_hz = _light(answers, time_s)
-    places = "\n".join(f"      - [{x:.5f}, {y:.5f}, 0.0]" for x, y in map(_aside, directions))
+    positions = "\n".join(f"      - [{x:.5f}, {y:.5f}, 0.0]" for x, y in map(_aside, directions))
     return [
         f"lasers:\n"
         f"  power_w: {_number(answers['laser_power_w'])}{_about('laser_power_w')}\n"
@@ -104,7 +104,7 @@ def _ranges(answers: Answers, full_scale: float) -> list[str]:
         f"tof:\n{light}\n"
         f"  detector:\n"
         f"    positions_m:          # assumed: 1 cm from where the lasers leave\n"
-        f"{places}\n"
+        f"{positions}\n"
         f"    field_of_view_deg: 1.2  # assumed: around the spot; the lens follows from the area\n"
         f"    f_number: 1.0         # assumed\n"
         f"    lens_transmittance: 0.95  # assumed: coated\n"

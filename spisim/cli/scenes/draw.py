@@ -35,13 +35,13 @@ def command(
     "seed: 7", is drawn when it is loaded.
     """
     from spisim.scene.drawn import draw
-    from spisim.scene.setting import Setting
+    from spisim.scene.load_context import LoadContext
     from spisim.scene.write import check_free, write_scene
 
     check_free(output, overwrite)
     fields = {"family": family, "seed": seed, "parameters": _parameters(settings or [])}
-    drawn = draw(fields, Setting(Path(), "", f"family {family}"))
-    given = "".join(f" --set {shlex.quote(setting)}" for setting in settings or [])
+    drawn = draw(fields, LoadContext(Path(), "", f"family {family}"))
+    given = "".join(f" --set {shlex.quote(context)}" for context in settings or [])
     header = f"# Drawn by `spisim scenes draw {family} --seed {seed}{given}`.\n"
     written = write_scene(output, drawn.fields, drawn.meshes, header)
     warn(written.warnings)
@@ -56,13 +56,13 @@ def command(
 def _parameters(settings: list[str]) -> dict[str, object]:
     from spisim.base.config import load_yaml
 
-    found = {}
-    for setting in settings:
-        name, sign, value = setting.partition("=")
+    result = {}
+    for context in settings:
+        name, sign, value = context.partition("=")
         if not sign:
-            raise InputError(f"--set {setting}: should be NAME=VALUE")
+            raise InputError(f"--set {context}: should be NAME=VALUE")
         try:
-            found[name] = load_yaml(value, "--set")
+            result[name] = load_yaml(value, "--set")
         except InputError:
-            raise InputError(f"--set {setting}: {value!r} is no number or word") from None
-    return found
+            raise InputError(f"--set {context}: {value!r} is no number or word") from None
+    return result

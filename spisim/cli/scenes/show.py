@@ -29,7 +29,8 @@ def command(
     ] = None,
     instrument: InstrumentOption = "paper",
     fov: Annotated[
-        float, real_option("Of the drone's view in the picture.", least=5, most=150, metavar="DEG")
+        float,
+        real_option("Of the drone's view in the picture.", minimum=5, maximum=150, metavar="DEG"),
     ] = 50.0,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -46,37 +47,37 @@ def command(
     files = [named(picture, "scene view")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument)
-    place, oddities = scene_with(scene, carried.wavelength_nm)
-    caster = RayCaster.of(place)
-    found = survey(place, carried, caster)
-    write_look(picture, Look(place, carried, caster, found), fov)
-    problems = [] if found.problem is None else [f"scene {place.name!r}: {found.problem}"]
+    position, oddities = scene_with(scene, carried.wavelength_nm)
+    caster = RayCaster.of(position)
+    result = survey(position, carried, caster)
+    write_look(picture, Look(position, carried, caster, result), fov)
+    problems = [] if result.problem is None else [f"scene {position.name!r}: {result.problem}"]
     warn(problems)
     if json:
-        print_json({**found.summary(), "warnings": oddities + problems, "written": [picture]})
+        print_json({**result.summary(), "warnings": oddities + problems, "written": [picture]})
         return
-    _print(found)
+    _print(result)
     say(f"Wrote {picture}.")
 
 
-def _print(found: Survey) -> None:
+def _print(result: Survey) -> None:
     table = plain_table("distances", "m", "to")
-    table.add_row("nearest in the field", *_cells(found.nearest))
-    for k, spot in enumerate(found.spots):
+    table.add_row("nearest in the field", *_cells(result.nearest))
+    for k, spot in enumerate(result.spots):
         table.add_row(f"spot {k}", *_cells(spot))
-    table.add_row("farthest in the field", *_cells(found.farthest))
-    table.add_row("drone's clearance", f"{found.clearance_m:.3f}", "")
+    table.add_row("farthest in the field", *_cells(result.farthest))
+    table.add_row("drone's clearance", f"{result.clearance_m:.3f}", "")
     print_table(table)
-    for number, why in found.lost.items():
+    for number, why in result.lost.items():
         results.print(f"spot {number} {why}: it gives no range", style="yellow", soft_wrap=True)
-    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in found.extents_m)
-    media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in found.media)
+    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in result.extents_m)
+    media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in result.media)
     results.print(
-        f"\n{found.name}: {found.objects} objects, {found.triangles:,} triangles, {size} m; "
+        f"\n{result.name}: {result.objects} objects, {result.triangles:,} triangles, {size} m; "
         f"{media or 'clear air'}",
         soft_wrap=True,
     )
-    for lamp in found.lamps:
+    for lamp in result.lamps:
         results.print(
             f"lamp {lamp['name']}: {lamp['type']}, {lamp['quantity']} {lamp['amount']:.4g} "
             f"{lamp['unit']}",

@@ -15,7 +15,7 @@ from ..console import progress_bar, say, warn
 from ..inputs import instrument_with, scene_with
 from ..outputs import files_read
 from ..weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
-from .flights import along, as_told, at_rest, check_options
+from .flights import along, as_commanded, at_rest, check_options
 from .line import line_to
 from .telling import report, tell
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
 #: Key poses that are kept; each takes a third of a megabyte at 64 x 64 pixels.
-KEPT = 512
+RETAINED = 512
 
 
 @with_weather
@@ -62,12 +62,12 @@ def command(
     spacing: Annotated[
         float,
         opt.real_option(
-            "Between key poses, where light is solved.", least=0.001, most=0.1, metavar="M"
+            "Between key poses, where light is solved.", minimum=0.001, maximum=0.1, metavar="M"
         ),
     ] = 0.05,
     duration: Annotated[
         float | None,
-        opt.real_option("End after so long.", least=1e-6, most=1e6, metavar="SECONDS"),
+        opt.real_option("End after so long.", minimum=1e-6, maximum=1e6, metavar="SECONDS"),
     ] = None,
     gust: Annotated[
         list[str] | None,
@@ -85,7 +85,7 @@ def command(
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
     speed: Annotated[
-        float, opt.real_option("Fly the path X times as fast.", least=0.01, most=100)
+        float, opt.real_option("Fly the path X times as fast.", minimum=0.01, maximum=100)
     ] = 1.0,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     stated: opt.StatedWeather = None,
@@ -100,7 +100,7 @@ def command(
     """
     from spisim.scene import load_trajectory
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
-    from spisim.serving.record import MOST_FRAMES
+    from spisim.serving.record import MAX_FRAMES
 
     path_options = {"--frame": frame != "body", "--speed": speed != 1}
     check_options(path, pose, gust, path_options, to, json=json)
@@ -111,18 +111,18 @@ def command(
         trajectory = None if path is None else load_trajectory(path, frame).faster(speed)
         of_path = None if trajectory is None else trajectory.weather
         carried = instrument_with(instrument, stated=stated or of_path)
-        place, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        position, oddities = scene_with(scene, carried.wavelength_nm, weather)
         if trajectory is None:
-            flight = as_told(place, pose, gust or [], spacing)
+            flight = as_commanded(position, pose, gust or [], spacing)
         else:
-            flight = along(place, trajectory, spacing, at_once=lockstep)
+            flight = along(position, trajectory, spacing, at_once=lockstep)
         solve = solver(carried, light, spp=spp, seed=seed)
-        kept = max(KEPT, flight.ahead)
-        camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, kept=kept)
+        retained = max(RETAINED, flight.ahead)
+        camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, retained=retained)
         _solve_ahead(camera, flight.ahead, progress)
         recording = None if record is None else FlightRecord(record, flight.scene, carried, truths)
-        told: dict[str, Any] = {"spp": spp} if light == "traced" else {}
-        told |= {"spacing_m": spacing, "lockstep": lockstep}
+        reported: dict[str, Any] = {"spp": spp} if light == "traced" else {}
+        reported |= {"spacing_m": spacing, "lockstep": lockstep}
         source = partial(provenance, flight.scene, carried, light, seed=seed)
         setup = camera.setup(at_rest(flight.scene, carried.frame_time_s))
         server = Server(
@@ -130,9 +130,9 @@ def command(
             flight.pilot,
             line,
             setup,
-            source(settings=told),
-            most=None if duration is None else max(1, round(duration / carried.frame_time_s)),
-            kept=(lambda shot: None) if recording is None else recording.add,
+            source(settings=reported),
+            maximum=None if duration is None else max(1, round(duration / carried.frame_time_s)),
+            retained=(lambda shot: None) if recording is None else recording.add,
             say=say,
             states=tell,
         )
@@ -143,9 +143,9 @@ def command(
         finally:
             if recording is not None:
                 tally = {"tally": asdict(server.tally)}
-                written = recording.write(setup, source(settings=told | tally))
+                written = recording.write(setup, source(settings=reported | tally))
     if recording is not None and recording.full:
-        oddities.append(f"the record is full: it has the first {MOST_FRAMES} frames")
+        oddities.append(f"the record is full: it has the first {MAX_FRAMES} frames")
         warn(oddities[-1:])
     report(server, written, oddities, json=json)
 

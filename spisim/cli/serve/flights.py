@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from spisim.serving import Gust, Keys, Motion, Pilot
 
 #: Key poses of a path, all of which are kept where it is flown in time.
-MOST_AHEAD = 2000
+MAX_AHEAD = 2000
 #: How far a gust blows.
 FARTHEST_M = 100
 
@@ -59,7 +59,7 @@ def along(scene: Scene, path: Trajectory, spacing_m: float, *, at_once: bool) ->
     return Flight(scene, keys, Follower(path), 1 if at_once else _checked(keys.count))
 
 
-def as_told(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:
+def as_commanded(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:
     """From a pose on, or the scene's own, as commands say."""
     from spisim.serving import Drone, PoseKeys
 
@@ -73,15 +73,15 @@ def at_rest(scene: Scene, duration_s: float) -> Motion:
 
     from spisim.serving import Motion
 
-    place_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
-    return Motion(0.0, duration_s, place_m, place_m, turn, turn)
+    position_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
+    return Motion(0.0, duration_s, position_m, position_m, turn, turn)
 
 
 def _checked(ahead: int) -> int:
     """Key poses of a path, all of which are kept."""
-    if ahead > MOST_AHEAD:
+    if ahead > MAX_AHEAD:
         raise InputError(
-            f"the path has {ahead} key poses, at most {MOST_AHEAD} where it is flown in time: "
+            f"the path has {ahead} key poses, at most {MAX_AHEAD} where it is flown in time: "
             "tell a larger --spacing, a shorter path, or --lockstep"
         )
     return ahead
@@ -89,8 +89,8 @@ def _checked(ahead: int) -> int:
 
 def _placed(scene: Scene, text: str) -> Scene:
     """A scene with the drone where an option says."""
-    from spisim.scene import at_moment
-    from spisim.scene.description import Moment
+    from spisim.scene import at_drone_state
+    from spisim.scene.description import DroneState
 
     numbers = _numbers(text, "--pose", (3, 4, 5), "X,Y,Z[,YAW[,PITCH]] in m and degrees")
     position = x, y, z = numbers[0], numbers[1], numbers[2]
@@ -100,13 +100,13 @@ def _placed(scene: Scene, text: str) -> Scene:
         yaw, pitch = (radians(angle) for angle in (*numbers[3:], 0.0)[:2])
         ahead = cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)
         up = -cos(yaw) * sin(pitch), -sin(yaw) * sin(pitch), cos(pitch)
-    moment = Moment(
+    moment = DroneState(
         time_s=0.0,
         position_m=position,
         look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]),
         up=up,
     )
-    return at_moment(scene, moment)
+    return at_drone_state(scene, moment)
 
 
 def _gust(text: str) -> Gust:

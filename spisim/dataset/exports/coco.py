@@ -94,12 +94,12 @@ def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str,
     assert shot.spots is not None
     assert shot.ranges is not None
     height, width = shot.shape
-    places = pixel_of(shot.spots.directions, shot.known_optics, shot.shape)[:, ::-1]
-    within = (places > -0.5) & (places < (width - 0.5, height - 0.5))
+    positions = pixel_of(shot.spots.directions, shot.complete_optics, shot.shape)[:, ::-1]
+    within = (positions > -0.5) & (positions < (width - 0.5, height - 0.5))
     inside = np.flatnonzero(within.all(axis=1))
-    points = np.zeros((len(places), 3))
-    points[inside] = np.column_stack([places[inside], np.full(len(inside), SEEN)])
-    seen = places[inside] if inside.size else np.zeros((1, 2))
+    points = np.zeros((len(positions), 3))
+    points[inside] = np.column_stack([positions[inside], np.full(len(inside), SEEN)])
+    seen = positions[inside] if inside.size else np.zeros((1, 2))
     size = np.ptp(seen, axis=0)
     return {
         "id": number,

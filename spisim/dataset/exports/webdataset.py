@@ -49,21 +49,23 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
         if others:
             raise InputError(f"{others[0]} belongs to another export; choose an empty folder")
         remove_unfinished(paths)
-        for path, places in zip(paths, batches, strict=True):
-            members = itertools.chain.from_iterable(_members(samples[place]) for place in places)
+        for path, positions in zip(paths, batches, strict=True):
+            members = itertools.chain.from_iterable(
+                _members(samples[position]) for position in positions
+            )
             write_atomically(path, _tar(members))
     return paths
 
 
 def _members(sample: StoredSample) -> Iterator[tuple[str, bytes]]:
     key = f"{sample.index:06d}"
-    told = {
+    reported = {
         "index": sample.index,
         "scene_name": sample.scene_name,
         "parameters": dict(sample.parameters),
     }
     yield f"{key}.h5", _content(sample.path)
-    yield f"{key}.json", json.dumps(told, ensure_ascii=False).encode()
+    yield f"{key}.json", json.dumps(reported, ensure_ascii=False).encode()
     for path in sample.sidecars:
         yield f"{key}{path.suffix}", _content(path)
 

@@ -47,11 +47,11 @@ class Evaluator:
         file, sha256 = self.files[index]
         layout = Layout(self.folder)
         try:
-            found = evaluation_of(read_capture(layout.own(self.folder / file)), self.methods)
+            result = evaluation_of(read_capture(layout.own(self.folder / file)), self.methods)
         except InputError as error:
-            found = Evaluation({}, error=str(error))
-        told = {"key": key_of(sha256, self.methods), **asdict(found)}
-        write_atomically(layout.metrics(index), json.dumps(told).encode())
+            result = Evaluation({}, error=str(error))
+        reported = {"key": key_of(sha256, self.methods), **asdict(result)}
+        write_atomically(layout.metrics(index), json.dumps(reported).encode())
         return Outcome(index, "done")
 
 
@@ -73,7 +73,7 @@ def evaluation_of(capture: Capture, methods: Methods = ()) -> Evaluation:
 def evaluate_all(
     folder: Path,
     executor: Callable[[Evaluator], Executor],
-    progress: Callable[[float], None] = lambda share: None,
+    progress: Callable[[float], None] = lambda fraction: None,
     methods: Methods = (),
 ) -> tuple[DataSet, dict[int, Evaluation]]:
     """The data set in a folder, and the metrics of its captures by index.
@@ -83,11 +83,11 @@ def evaluate_all(
     takes its worker with it is told as an error of that capture, and not kept.
     """
     data = open_dataset(folder)
-    found = {record.index: _kept(folder, record, methods) for record in data.records}
+    result = {record.index: _retained(folder, record, methods) for record in data.records}
     missing = {
         record.index: (str(record.file), str(record.sha256))
         for record in data.records
-        if found[record.index] is None
+        if result[record.index] is None
     }
     lost: dict[int, Evaluation] = {}
     if missing:
@@ -98,8 +98,8 @@ def evaluate_all(
                         {}, error=f"evaluation: {outcome.error or DIED}"
                     )
                 progress(done / len(missing))
-    kept = {record.index: _kept(folder, record, methods) for record in data.records}
-    evaluations = {index: each for index, each in kept.items() if each is not None}
+    retained = {record.index: _retained(folder, record, methods) for record in data.records}
+    evaluations = {index: each for index, each in retained.items() if each is not None}
     return data, evaluations | lost
 
 
@@ -122,14 +122,14 @@ def _code() -> str:
         if group.startswith("reconstruction.")
         for point in entry_points(group=group)
     )
-    told = "\n".join(sorted(others)).encode()
-    return hashlib.sha256(told + b"".join(file.read_bytes() for file in files)).hexdigest()
+    text = "\n".join(sorted(others)).encode()
+    return hashlib.sha256(text + b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def _kept(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
+def _retained(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
     layout = Layout(folder)
     with suppress(OSError, ValueError, KeyError):
-        told = json.loads(layout.own(layout.metrics(record.index)).read_bytes())
-        if told["key"] == key_of(str(record.sha256), methods):
-            return Evaluation(told["metrics"], told["profile"], told["error"])
+        fields = json.loads(layout.own(layout.metrics(record.index)).read_bytes())
+        if fields["key"] == key_of(str(record.sha256), methods):
+            return Evaluation(fields["metrics"], fields["profile"], fields["error"])
     return None

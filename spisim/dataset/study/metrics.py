@@ -268,9 +268,9 @@ def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
     stations = {**evaluated, "spots": spots, "buckets": {"": {"saturated": unusable}}}
     figures: dict[str, float | None] = {}
     for kind, quantity in QUANTITIES.items():
-        for method, told in stations[quantity.station].items():
-            figures.setdefault(kind, told[quantity.key])
-            figures[f"{kind}[{method}]" if method else kind] = told[quantity.key]
+        for method, reported in stations[quantity.station].items():
+            figures.setdefault(kind, reported[quantity.key])
+            figures[f"{kind}[{method}]" if method else kind] = reported[quantity.key]
     return figures
 
 
@@ -295,5 +295,5 @@ def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
-    known = [value for value in values if value is not None]
-    return float(np.mean(known)) if known else None
+    available = [value for value in values if value is not None]
+    return float(np.mean(available)) if available else None

@@ -93,15 +93,15 @@ class StudyPlan(Plan):
         if not self.keep.truth:
             raise PydanticCustomError("study", "needs keep.truth, to which it compares")
         values = list(self._grid_values())
-        known = dict.fromkeys(name for each in values for name in each)
+        given = dict.fromkeys(name for each in values for name in each)
         for name in self.study.parameters:
-            if any(f"{name}.{kind}" in known for kind in KINDS):
+            if any(f"{name}.{kind}" in given for kind in KINDS):
                 raise InputError(
                     f"study: {name!r} is drawn; it needs the same values in all rounds"
                 )
-            if name not in known:
-                raise InputError(f"study: {name!r} is not among the grids: {nearest(name, known)}")
-        self._check_told_apart(values)
+            if name not in given:
+                raise InputError(f"study: {name!r} is not among the grids: {nearest(name, given)}")
+        self._check_distinct(values)
         if self.study.x_scale == "log":
             _check_positive(self.study.x, [each.get(self.study.x) for each in values])
         return self
@@ -109,13 +109,13 @@ class StudyPlan(Plan):
     def _grid_values(self) -> Iterator[dict[str, Any]]:
         """What the grids set in each combination, by field."""
         for values in product(*self.axes.values()):
-            told: dict[str, Any] = {}
+            reported: dict[str, Any] = {}
             for name, value in zip(self.axes, values, strict=True):
                 together = name in self.vary and not is_field(name)
-                told |= flat(value if together else {name: value})
-            yield told
+                reported |= flat(value if together else {name: value})
+            yield reported
 
-    def _check_told_apart(self, values: list[dict[str, Any]]) -> None:
+    def _check_distinct(self, values: list[dict[str, Any]]) -> None:
         seen: dict[str, dict[str, Any]] = {}
         for each in values:
             key = repr((each.get("scene"), *condition_of(each, self.study)))  # may be lists

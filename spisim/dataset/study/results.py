@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.base.files import Output
-from reconstruction.base.notebook import drawing, figure, shown, told
+from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.base.plotting import panels
 from spisim.base.config import csv_table
 from spisim.dataset.records import Record
@@ -22,7 +22,7 @@ Condition = tuple[Any, ...]
 ALL_SCENES = "all scenes"
 SPOTS_LEFT, ALL_SPOTS = "valid_spots", 4
 #: Metrics that a notebook shows.
-SHOWN = 3
+DISPLAYED = 3
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ class Results:
     differences: Sequence[Difference]
 
     def _repr_html_(self) -> str:
-        pictures = [self._means(name) for name in self.metrics[:SHOWN]]
-        return shown(self._title, self._facts, pictures)
+        pictures = [self._means(name) for name in self.metrics[:DISPLAYED]]
+        return displayed(self._title, self._facts, pictures)
 
     def __repr__(self) -> str:
-        return told(self._title, self._facts)
+        return reported(self._title, self._facts)
 
     @property
     def _title(self) -> str:
@@ -104,16 +104,16 @@ class Results:
         axes = panels(len(self.metrics))
         for axis, name in zip(axes, self.metrics, strict=True):
             for group in self.groups():
-                told = [
+                reported = [
                     (each[0], estimate)
                     for each in self.conditions
                     if each[1:] == group
                     and (estimate := self.summaries[each, name].estimate).mean is not None
                 ]
-                values, estimates = [value for value, _ in told], [each for _, each in told]
+                values, estimates = [value for value, _ in reported], [each for _, each in reported]
                 label = ", ".join(map(str, group)) or None
                 axis.plot(values, [each.mean for each in estimates], "o-", label=label)
-                sure = [(value, each) for value, each in told if each.low is not None]
+                sure = [(value, each) for value, each in reported if each.low is not None]
                 axis.vlines(
                     [value for value, _ in sure],
                     [each.low for _, each in sure],
@@ -128,21 +128,21 @@ class Results:
 
     def _means(self, name: str) -> str:
         """Means with their intervals, one combination beside the other."""
-        told = [self.summaries[condition, name].estimate for condition in self.conditions]
-        known = [(at, each) for at, each in enumerate(told) if each.mean is not None]
-        sure = [each for _, each in known if each.units >= FEW_UNITS]
+        reported = [self.summaries[condition, name].estimate for condition in self.conditions]
+        available = [(at, each) for at, each in enumerate(reported) if each.mean is not None]
+        sure = [each for _, each in available if each.units >= FEW_UNITS]
         ends = [end for each in sure for end in (each.low, each.high) if end is not None]
-        values = [*ends, *(each.mean for _, each in known if each.mean is not None)] or [0.0]
+        values = [*ends, *(each.mean for _, each in available if each.mean is not None)] or [0.0]
         low, span = min(values), (max(values) - min(values)) or 1.0
 
         def place(value: float) -> str:
-            return f"{(value - low) / span * len(told):.5g}"
+            return f"{(value - low) / span * len(reported):.5g}"
 
         drawn = []
-        for at, each in known:
+        for at, each in available:
             assert each.mean is not None
             drawn.append(
-                f'<circle cx="{at + 0.5}" cy="{place(each.mean)}" r="{len(told) / 60:.4g}" '
+                f'<circle cx="{at + 0.5}" cy="{place(each.mean)}" r="{len(reported) / 60:.4g}" '
                 'fill="currentColor" stroke="none"/>'
             )
             if each in sure and each.low is not None and each.high is not None:
@@ -150,8 +150,8 @@ class Results:
                     f'<path d="M {at + 0.5} {place(each.low)} V {place(each.high)}" '
                     'vector-effect="non-scaling-stroke"/>'
                 )
-        edge = len(told) / 40
-        svg = drawing(drawn, (-edge, -edge), (len(told) + edge, len(told) + edge))
+        edge = len(reported) / 40
+        svg = drawing(drawn, (-edge, -edge), (len(reported) + edge, len(reported) + edge))
         return figure(svg, f"{name}, {low:.3g} to {low + span:.3g}, by combination")
 
     @property
@@ -161,11 +161,11 @@ class Results:
 
     def groups(self) -> dict[Condition, list[Row]]:
         """All rows with metrics by the values of the study's groups."""
-        found: dict[Condition, list[Row]] = {condition[1:]: [] for condition in self.conditions}
+        result: dict[Condition, list[Row]] = {condition[1:]: [] for condition in self.conditions}
         for row in self.rows:
             if row.metrics:
-                found[condition_of(row.parameters, self.planned.study)[1:]].append(row)
-        return found
+                result[condition_of(row.parameters, self.planned.study)[1:]].append(row)
+        return result
 
 
 def results_of(
@@ -227,8 +227,8 @@ def _row(record: Record, evaluations: Mapping[int, Evaluation], combinations: in
 
 
 def _estimate(rows: Iterable[Row], name: str) -> Estimate:
-    known = [(row, value) for row in rows if (value := row.metrics.get(name)) is not None]
-    return over_units([row for row, _ in known], [value for _, value in known])
+    available = [(row, value) for row in rows if (value := row.metrics.get(name)) is not None]
+    return over_units([row for row, _ in available], [value for _, value in available])
 
 
 def over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
@@ -263,19 +263,19 @@ def _base(condition: Condition, first: Condition, study: Study) -> Condition:
 
 def _other_methods(name: str, metrics: Sequence[str]) -> list[str]:
     """Metrics of the same quantity by another method that come later."""
-    later = metrics[metrics.index(name) + 1 :]
-    return [other for other in later if Metric.of(other).kind == Metric.of(name).kind]
+    following = metrics[metrics.index(name) + 1 :]
+    return [other for other in following if Metric.of(other).kind == Metric.of(name).kind]
 
 
 def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: str) -> Estimate:
     partners = {(row.round, row.scene_name): row.metrics.get(other_name) for row in others}
-    kept, values = [], []
+    retained, values = [], []
     for row in rows:
         value, other = row.metrics.get(name), partners.get((row.round, row.scene_name))
         if value is not None and other is not None:
-            kept.append(row)
+            retained.append(row)
             values.append(value - other)
-    return over_units(kept, values)
+    return over_units(retained, values)
 
 
 def tables(folder: Path, results: Results) -> dict[Path, str]:

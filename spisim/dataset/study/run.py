@@ -76,7 +76,7 @@ def run_study(
     space_timeout_s: float = SPACE_TIMEOUT_S,
     say: Say = print,
     made: Callable[[State], None] = lambda state: None,
-    evaluated: Callable[[float], None] = lambda share: None,
+    evaluated: Callable[[float], None] = lambda fraction: None,
 ) -> Finished:
     """Make what is missing of a study's captures and metrics; write the tables.
 

@@ -54,25 +54,25 @@ def estimate(values: Sequence[float], units: Sequence[Hashable]) -> Estimate:
     if len(values) == 0:
         return Estimate(0, 0)
     numbers = np.asarray(values, float)
-    places = {unit: place for place, unit in enumerate(dict.fromkeys(units))}
-    member = [places[unit] for unit in units]
+    positions = {unit: position for position, unit in enumerate(dict.fromkeys(units))}
+    member = [positions[unit] for unit in units]
     sizes = np.bincount(member)
     mean, median = float(numbers.mean()), float(np.median(numbers))
     if len(sizes) < 2:
         return Estimate(len(numbers), len(sizes), mean, median=median)
-    deviations = np.bincount(member, numbers - mean).astype(np.float64)
-    low, high = _interval(deviations, sizes)
+    sigmas = np.bincount(member, numbers - mean).astype(np.float64)
+    low, high = _interval(sigmas, sizes)
     return Estimate(len(numbers), len(sizes), mean, mean + low, mean + high, median)
 
 
-def _interval(deviations: Floats, sizes: NDArray[np.intp]) -> tuple[float, float]:
-    """Ends of the interval, less the mean; `deviations` are the units' sums of values less that."""
+def _interval(sigmas: Floats, sizes: NDArray[np.intp]) -> tuple[float, float]:
+    """Ends of the interval, less the mean; `sigmas` are the units' sums of values less that."""
     units = len(sizes)
-    _, (error,) = _means(np.ones((1, units)), deviations, sizes)
+    _, (error,) = _means(np.ones((1, units)), sigmas, sizes)
     student = -float(stdtrit(units - 1, TAIL))
     if units < FEW_UNITS:
         return -student * float(error), student * float(error)
-    means, errors = _means(_resamples(units), deviations, sizes)
+    means, errors = _means(_resamples(units), sigmas, sizes)
     # Rounding leaves some 1e-17 of equal values' size.
     with np.errstate(divide="ignore", invalid="ignore"):
         studentized = np.nan_to_num(means / np.maximum(errors, 1e-9 * error))
@@ -81,10 +81,10 @@ def _interval(deviations: Floats, sizes: NDArray[np.intp]) -> tuple[float, float
     return -min(float(high), widest) * float(error), -max(float(low), -widest) * float(error)
 
 
-def _means(drawn: Floats, deviations: Floats, sizes: NDArray[np.intp]) -> tuple[Floats, Floats]:
+def _means(drawn: Floats, sigmas: Floats, sizes: NDArray[np.intp]) -> tuple[Floats, Floats]:
     """Mean of the values of units (n,) drawn so often (resamples, n); its error, as a ratio's."""
     units = len(sizes)
-    columns = [deviations, sizes, deviations**2, deviations * sizes, sizes**2]
+    columns = [sigmas, sizes, sigmas**2, sigmas * sizes, sizes**2]
     total, counts, squares, products, sizes_squared = (drawn @ np.stack(columns, axis=1)).T
     means = total / counts
     spread = np.maximum(squares - 2 * means * products + means**2 * sizes_squared, 0)

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 #: Mean counts above which the normal limit of the renewal process stands for its distribution.
 LARGE_COUNT = 1000.0
 #: A counter this close to one count per dead time tells nothing about the light.
-MAX_SHARE_OF_FULL = 0.95
+MAX_FRACTION_OF_FULL = 0.95
 
 
 class Spad(Sensor):
@@ -105,10 +105,10 @@ class Spad(Sensor):
             counts: Any = diodes * self.expected_counts(each, time_s)
         else:
             counts = sum(self.draw_counts(each, time_s, rng) for _ in range(diodes))
-        most = diodes * time_s / self.dead_time_s if self.dead_time_s > 0 else np.inf
+        maximum = diodes * time_s / self.dead_time_s if self.dead_time_s > 0 else np.inf
         return Readings(
             counts,
-            np.asarray(counts >= MAX_SHARE_OF_FULL * most),
+            np.asarray(counts >= MAX_FRACTION_OF_FULL * maximum),
             electrons_per_count=1 - self.afterpulse_probability,
             offset_counts=0.0,
             noise_electrons=0.0,
@@ -139,8 +139,8 @@ class Spad(Sensor):
         counts[~many] = self._events(primaries[~many], time_s, rng)
         p = self.afterpulse_probability
         blind = primaries[many] * self.dead_time_per_primary_s / time_s
-        deviation = np.sqrt((1 + p) * primaries[many] / (1 + blind) ** 3) / (1 - p)
-        counts[many] = np.rint(rng.normal(expected[many], deviation))
+        sigma = np.sqrt((1 + p) * primaries[many] / (1 + blind) ** 3) / (1 - p)
+        counts[many] = np.rint(rng.normal(expected[many], sigma))
         return counts.astype(np.int32)
 
     def _events(self, primaries: Floats, time_s: Each, rng: np.random.Generator) -> Floats:

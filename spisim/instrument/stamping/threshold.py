@@ -39,7 +39,7 @@ class Threshold:
     def reading(self) -> Reading:
         """The current of one pulse at its peak, as charge within half of 1 / B."""
         time_s = self.window_s
-        return Reading("echo", time_s, time_s * self.peak_share, time_s, converted=False)
+        return Reading("echo", time_s, time_s * self.peak_fraction, time_s, converted=False)
 
     @property
     def window_s(self) -> float:
@@ -64,7 +64,7 @@ class Threshold:
         return math.hypot(self.tof.pulse_sigma_s, widening_s)
 
     @property
-    def peak_share(self) -> float:
+    def peak_fraction(self) -> float:
         """Height of the pulse behind the amplifier over that in front: it keeps its charge."""
         return self.tof.pulse_sigma_s / self.sigma_of_pulse_s
 
@@ -109,9 +109,9 @@ class Threshold:
             peak = start + int(np.argmax(current[start : stop + 1]))
             seen = float(ndtr((current[peak] - threshold) / noise_at[peak]))
             middle, scatter = _middle(times, current, noise_at, threshold, start, stop)
-            place = np.diff(ndtr((edges - middle) / scatter))
+            position = np.diff(ndtr((edges - middle) / scatter))
             survives = math.exp(-false_alarms * middle)
-            chances += left * seen * survives * place
+            chances += left * seen * survives * position
             left *= 1 - seen
             if left < 1e-9:
                 break
@@ -131,13 +131,15 @@ class Threshold:
         amplifier = detector.amplifier_noise_electrons(window_s) ** 2
         quiet = excess * steady_per_s * window_s + amplifier
         threshold = tof.threshold_sigma * np.sqrt(quiet)
-        peak = echo_per_s * window_s * self.peak_share
-        place = np.sqrt(2 * np.log(np.maximum(peak / threshold, 1)))  # of the crossing, in sigmas
-        slope = threshold * place / self.sigma_of_pulse_s
+        peak = echo_per_s * window_s * self.peak_fraction
+        position = np.sqrt(
+            2 * np.log(np.maximum(peak / threshold, 1))
+        )  # of the crossing, in sigmas
+        slope = threshold * position / self.sigma_of_pulse_s
         stamp = (quiet + excess * threshold) / (2 * slope**2) + tof.bin_width_s**2 / 12
         false_alarms = np.exp(-(tof.threshold_sigma**2) / 2) / (2 * window_s * np.sqrt(3))
         stamps = tof.pulses * np.exp(-false_alarms * path_m / c)
-        return np.asarray(np.where(place > 0, np.sqrt(stamp / stamps), np.inf))
+        return np.asarray(np.where(position > 0, np.sqrt(stamp / stamps), np.inf))
 
     def warnings(self, steady_per_s: float) -> list[str]:
         """None: time stamps need no converter."""

@@ -56,7 +56,7 @@ class CwTof(Section):
 
     def tap_time_s(self, frequency_hz: float) -> float:
         """Time for which one tap is open in a frame."""
-        return self.modulation.taps.share * self.light_time_s(frequency_hz)
+        return self.modulation.taps.fraction * self.light_time_s(frequency_hz)
 
     @property
     def reading(self) -> Reading:
@@ -113,7 +113,7 @@ class CwTof(Section):
         phase = 2 * np.pi * frequency_hz / c * light.path_length_m
         modulation = self.modulation
         window = modulation.correlation(phase, frequency_hz, self._response)  # (taps, bins)
-        steady = light.steady_per_s[..., None] * modulation.taps.share
+        steady = light.steady_per_s[..., None] * modulation.taps.fraction
         return np.asarray((light.echo_per_s @ window.T + steady) * self.light_time_s(frequency_hz))
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:

@@ -21,7 +21,7 @@ from spisim.instrument.stamping import Stamping
 from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
 
 #: Where more cycles than this end with a photon, too few are left to tell late light from early.
-MAX_SHARE_OF_CYCLES = 0.99
+MAX_FRACTION_OF_CYCLES = 0.99
 
 
 class DirectTof(Section):
@@ -96,7 +96,7 @@ class DirectTof(Section):
         return HistogramSpots(
             **vars(optics),
             counts=counts,
-            saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_SHARE_OF_CYCLES),
+            saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_FRACTION_OF_CYCLES),
             bin_width_s=self.bin_width_s,
             start_s=0.0,
             pulses=self.pulses,
@@ -108,14 +108,14 @@ class DirectTof(Section):
 
     def _chances(self, light: SpotLight) -> Floats:
         """Chances (frames, 4, bins) of a time stamp; the same light is not computed twice."""
-        known: dict[bytes, Floats] = {}
+        given: dict[bytes, Floats] = {}
         stamping = self.stamping
 
         def chances(echo: Floats, steady: Any) -> Floats:
             key = echo.tobytes() + steady.tobytes()
-            if key not in known:
-                known[key] = stamping.chances(light.path_length_m, echo, float(steady))
-            return known[key]
+            if key not in given:
+                given[key] = stamping.chances(light.path_length_m, echo, float(steady))
+            return given[key]
 
         return np.array(
             [

@@ -76,8 +76,8 @@ def cut_m(caster: RayCaster, position_m: Floats, towards: Floats) -> float:
     other = np.cross(towards, one)
     rays = towards + CONE_TANGENT * (np.outer(np.cos(turn), one) + np.outer(np.sin(turn), other))
     rays /= np.linalg.norm(rays, axis=1, keepdims=True)
-    found = caster.along(np.broadcast_to(position_m, rays.shape), rays)
-    distances = np.where(np.isfinite(found.range_m), found.range_m * (rays @ towards), np.inf)
+    result = caster.along(np.broadcast_to(position_m, rays.shape), rays)
+    distances = np.where(np.isfinite(result.range_m), result.range_m * (rays @ towards), np.inf)
     return float(min(MAX_CUT_M, np.median(distances) / 2))
 
 

@@ -34,7 +34,7 @@ PADDING = 3
 RATIO = 2.05
 MARGIN_M = 0.5
 #: What lies farther is left out of plan and side view.
-MAX_SHOWN_M = 40.0
+MAX_DISPLAYED_M = 40.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +50,7 @@ class Look:
     def spots_m(self) -> Floats:
         """(4, 3): where the beams end in the world; far out where they meet nothing."""
         pose = self.scene.drone_pose
-        ranges = np.array([min(spot.range_m, MAX_SHOWN_M) for spot in self.survey.spots])
+        ranges = np.array([min(spot.range_m, MAX_DISPLAYED_M) for spot in self.survey.spots])
         rays = self.instrument.ranging.lasers.directions @ pose[:3, :3].T
         return np.asarray(pose[:3, 3] + ranges[:, None] * rays)
 
@@ -87,12 +87,12 @@ def view_image(scene: Scene, caster: RayCaster, fov_deg: float, pixels: int = PI
 
 
 def _title(sheet: Figure, look: Look) -> None:
-    found = look.survey
-    sheet.text(0.012, 0.952, drawn(found.name), fontsize=15, weight="bold", color=INK, va="bottom")
-    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in found.extents_m)
+    result = look.survey
+    sheet.text(0.012, 0.952, drawn(result.name), fontsize=15, weight="bold", color=INK, va="bottom")
+    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in result.extents_m)
     facts = (
-        f"{found.objects} objects, {found.triangles:,} triangles, {size} m; "
-        f"nothing nearer to the drone than {found.clearance_m:.2f} m"
+        f"{result.objects} objects, {result.triangles:,} triangles, {size} m; "
+        f"nothing nearer to the drone than {result.clearance_m:.2f} m"
     )
     sheet.text(0.012, 0.014, facts, fontsize=8.5, color=PALE_INK, va="bottom")
 
@@ -159,7 +159,7 @@ def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
     plan = Section(position, ahead, left)
     side = Section(position * (1, 1, 0), ahead, up)
     points = np.concatenate([look.survey.points_m, look.spots_m])
-    near = points[np.linalg.norm(points - position, axis=1) <= MAX_SHOWN_M]
+    near = points[np.linalg.norm(points - position, axis=1) <= MAX_DISPLAYED_M]
     near = np.concatenate([near, position[None]])
     in_plan, in_side = _limits(plan.place(near), side.place(near))
     _draw_section(plan_axis, look, plan, in_plan, cut_m(look.caster, position, up))
@@ -230,10 +230,10 @@ def _cone(axis: Any, section: Section, pose: Floats, rim: Floats, **style: Any) 
     axis.add_patch(Polygon(flat[ConvexHull(flat).vertices], **style))
 
 
-def _mark_nearest(axis: Any, place: Floats) -> None:
-    if np.isfinite(place).all():
-        axis.plot(*place, marker="x", ms=8, mec=INK, mew=3.2)
-        axis.plot(*place, marker="x", ms=7, mec=NEAREST, mew=1.6)
+def _mark_nearest(axis: Any, position: Floats) -> None:
+    if np.isfinite(position).all():
+        axis.plot(*position, marker="x", ms=8, mec=INK, mew=3.2)
+        axis.plot(*position, marker="x", ms=7, mec=NEAREST, mew=1.6)
 
 
 def _numbered(axis: Any, x: float, y: float, number: int) -> Text:
@@ -252,24 +252,24 @@ def _numbered(axis: Any, x: float, y: float, number: int) -> Text:
     return text
 
 
-def _label_clear(axis: Any, place: Floats, text: str, colour: str, others: list[Text]) -> None:
+def _label_clear(axis: Any, position: Floats, text: str, colour: str, others: list[Text]) -> None:
     """A label below or above a place, as near as other texts let it be."""
     taken = [other.get_window_extent().padded(PADDING) for other in others]
     for away in (9, 24, 39):
         for way, va in ((-1, "top"), (1, "bottom")):
-            label = _label(axis, place, text, colour, (0, way * away), va)
+            label = _label(axis, position, text, colour, (0, way * away), va)
             if not label.get_window_extent().padded(PADDING).count_overlaps(taken):
                 return
             label.remove()
-    _label(axis, place, text, colour, (0, -9), "top")
+    _label(axis, position, text, colour, (0, -9), "top")
 
 
 def _label(
-    axis: Any, place: Any, text: str, colour: str, offset: tuple[float, float], va: str
+    axis: Any, position: Any, text: str, colour: str, offset: tuple[float, float], va: str
 ) -> Text:
     label: Text = axis.annotate(
         text,
-        place,
+        position,
         xytext=offset,
         textcoords="offset points",
         color=colour,

@@ -110,10 +110,10 @@ def _rows(results: Results, columns: Columns) -> tuple[list[str], list[tuple[str
 
 
 def _warnings(results: Results) -> list[str]:
-    told = []
+    reported = []
     units = [s.estimate.units for s in results.summaries.values() if s.estimate.n]
     if units and min(units) < FEW_UNITS:
-        told.append(
+        reported.append(
             f"Some means rest on {min(units)} independent scenes or rounds: their intervals are "
             "wide and hold for normal values alone, or are missing, and plots leave them out. Five "
             "are needed, ten are better."
@@ -125,11 +125,11 @@ def _warnings(results: Results) -> list[str]:
             if results.summaries[condition, name].estimate.n < results.tried[condition] / 2
         ]
         if lacking:
-            told.append(
+            reported.append(
                 f"{metric_label(name)}: more than half of the samples have none in "
                 f"{_some(lacking)}; the means are those of the others."
             )
-    return told + _of_samples(results.rows)
+    return reported + _of_samples(results.rows)
 
 
 def _of_samples(rows: Sequence[Row]) -> list[str]:
@@ -148,6 +148,6 @@ def _failures(failed: Sequence[Row]) -> list[str]:
     return lines
 
 
-def _some(names: list[str], most: int = 4) -> str:
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return "; ".join(names[:most]) + more
+def _some(names: list[str], maximum: int = 4) -> str:
+    more = f" and {len(names) - maximum} more" if len(names) > maximum else ""
+    return "; ".join(names[:maximum]) + more

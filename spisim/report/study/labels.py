@@ -68,14 +68,14 @@ def group_label(study: Study, group: Sequence[Any]) -> str:
 def condition_label(study: Study, condition: Sequence[Any]) -> str:
     """Name of a combination: curve and value of x."""
     x, *group = condition
-    told = [
+    reported = [
         value_label(name, value)
         for name, value in zip(study.groups, group, strict=True)
         if value is not None
     ]
     if x is not None:
-        told.append(value_label(study.x, x))
-    return ", ".join(told) or study.reference
+        reported.append(value_label(study.x, x))
+    return ", ".join(reported) or study.reference
 
 
 def method_label(name: str) -> str:

@@ -112,16 +112,16 @@ def _over_numbers(results: Results, metrics: Sequence[str], width_in: float) -> 
     along = [c for c in results.conditions if c[0] is not None]
     beside = [c for c in results.conditions if c[0] is None]
     values = sorted({float(condition[0]) for condition in along})
-    place = np.log10 if study.x_scale == "log" else np.asarray
-    low, high = float(place(values[0])), float(place(values[-1]))
+    position = np.log10 if study.x_scale == "log" else np.asarray
+    low, high = float(position(values[0])), float(position(values[-1]))
     span = (high - low) or 1.0
     curves = _curves(results, metrics, along)
     middle = (len(curves) - 1) / 2
     for number, (look, points) in enumerate(curves):
         points.sort(key=lambda point: point.condition[0])
-        xs = [float(place(p.condition[0])) + (number - middle) * DODGE * span for p in points]
+        xs = [float(position(p.condition[0])) + (number - middle) * DODGE * span for p in points]
         draw_estimates(axes, look, xs, [point.estimate for point in points])
-    ticks = {float(place(value)): brief(value) for value in values}
+    ticks = {float(position(value)): brief(value) for value in values}
     for number, condition in enumerate(beside, start=1):
         at = high + (number + 0.5) * BESIDE * span
         ticks[at] = condition_label(study, condition)
@@ -149,19 +149,19 @@ def _over_names(results: Results, metrics: Sequence[str], width_in: float) -> Fi
     study = results.planned.study
     names = list(dict.fromkeys(condition[0] for condition in results.conditions))
     curves = _curves(results, metrics, results.conditions)
-    told = [study.reference if name is None else brief(name) for name in names]
-    told = [fill(name, int(NAME_CHARACTERS * width_in / WIDE_IN)) for name in told]
-    lines = max(name.count("\n") for name in told) + 1
+    reported = [study.reference if name is None else brief(name) for name in names]
+    reported = [fill(name, int(NAME_CHARACTERS * width_in / WIDE_IN)) for name in reported]
+    lines = max(name.count("\n") for name in reported) + 1
     height = 1.6 + len(names) * max(0.3, 0.13 * len(curves), 0.18 * lines)
     figure = Figure(figsize=(width_in, height), layout="constrained")
     axes = figure.subplots()
     rows = {name: row for row, name in enumerate(names)}
     offsets = np.linspace(-0.32, 0.32, len(curves)) if len(curves) > 1 else [0.0]
     for (look, points), offset in zip(curves, offsets, strict=True):
-        places = [rows[point.condition[0]] + offset for point in points]
+        positions = [rows[point.condition[0]] + offset for point in points]
         estimates = [point.estimate for point in points]
-        draw_estimates(axes, {**look, "ls": "none"}, places, estimates, along="x")
-    axes.set_yticks(range(len(names)), list(map(drawn, told)))
+        draw_estimates(axes, {**look, "ls": "none"}, positions, estimates, along="x")
+    axes.set_yticks(range(len(names)), list(map(drawn, reported)))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
     for row in range(1, len(names)):
@@ -176,7 +176,7 @@ def _over_names(results: Results, metrics: Sequence[str], width_in: float) -> Fi
 def draw_estimates(
     axes: Axes,
     look: Look,
-    places: Iterable[float],
+    positions: Iterable[float],
     estimates: Iterable[Estimate],
     along: str = "y",
 ) -> None:
@@ -184,10 +184,10 @@ def draw_estimates(
 
     Intervals of few units are left out: see `_interval`.
     """
-    known = [(at, e) for at, e in zip(places, estimates, strict=True) if e.mean is not None]
-    at = np.array([place for place, _ in known])
-    means = np.array([e.mean for _, e in known])
-    low, high = np.array([_interval(e) for _, e in known]).reshape(-1, 2).T
+    available = [(at, e) for at, e in zip(positions, estimates, strict=True) if e.mean is not None]
+    at = np.array([position for position, _ in available])
+    means = np.array([e.mean for _, e in available])
+    low, high = np.array([_interval(e) for _, e in available]).reshape(-1, 2).T
     bars = np.maximum([means - low, high - means], 0)
     style: Look = {"lw": 1.3, "elinewidth": 1.1, "capsize": 2.5} | look
     if along == "y":
@@ -209,11 +209,11 @@ def _interval(estimate: Estimate) -> tuple[float, float]:
 
 def _scale(axes: Axes, results: Results, metrics: Sequence[str], along: str = "y") -> None:
     """Scale of the metric's axis, and its zero."""
-    shown = [s.estimate for (_, name), s in results.summaries.items() if name in metrics]
-    shown = [estimate for estimate in shown if estimate.mean is not None]
-    means = [estimate.mean for estimate in shown if estimate.mean is not None]
+    displayed = [s.estimate for (_, name), s in results.summaries.items() if name in metrics]
+    displayed = [estimate for estimate in displayed if estimate.mean is not None]
+    means = [estimate.mean for estimate in displayed if estimate.mean is not None]
     if len(set(means)) == 1:  # not a scale of rounding errors
-        ends = [1.1 * end for estimate in shown for end in _interval(estimate)]
+        ends = [1.1 * end for estimate in displayed for end in _interval(estimate)]
         axes.set(**{f"{along}lim": (min(0, *ends), max(0, *ends) or 1)})
     better = Metric.of(metrics[0]).quantity.better
     if better == "near zero":
@@ -243,8 +243,8 @@ def legend_above(figure: Figure, handles: Sequence[Any], labels: Collection[str]
     """A legend in as many columns as there is room for."""
     room = LEGEND_CHARACTERS * figure.get_figwidth() / WIDE_IN
     columns = max(1, min(len(labels), int(room // (max(map(len, labels)) + 8))))
-    told = [drawn(fill(label, int(room) - 8)) for label in labels]
-    figure.legend(handles, told, loc="outside upper left", ncols=columns)
+    reported = [drawn(fill(label, int(room) - 8)) for label in labels]
+    figure.legend(handles, reported, loc="outside upper left", ncols=columns)
 
 
 def plain_log(axis: Axis) -> None:

@@ -33,8 +33,8 @@ def _figure(results: Results, width_in: float) -> Figure:
         for number, (group, rows) in enumerate(groups.items()):
             look = {**group_look(number), "label": group_label(results.planned.study, group)}
             profile = profile_of(rows, method)
-            places = [true_m * 1.02**number for true_m in profile]  # side by side
-            draw_estimates(axes, look, places, profile.values())
+            positions = [true_m * 1.02**number for true_m in profile]  # side by side
+            draw_estimates(axes, look, positions, profile.values())
         axes.axline((1, 1), (2, 2), color="0.3", lw=0.8, zorder=0)
         axes.set(xscale="log", yscale="log")
         axes.set_title(method_title("depths", method))
@@ -56,11 +56,11 @@ def _figure(results: Results, width_in: float) -> Figure:
 
 def profile_of(rows: list[Row], method: str) -> dict[float, Estimate]:
     """Mean estimate by true depth, of the bins that enough scenes or rounds have."""
-    found = {}
-    for place, true_m in enumerate(CENTRES_M):
-        told = [(row, row.profile[method][place]) for row in rows if method in row.profile]
-        known = [(row, value) for row, value in told if value is not None]
-        estimate = over_units([row for row, _ in known], [value for _, value in known])
+    result = {}
+    for position, true_m in enumerate(CENTRES_M):
+        reported = [(row, row.profile[method][position]) for row in rows if method in row.profile]
+        available = [(row, value) for row, value in reported if value is not None]
+        estimate = over_units([row for row, _ in available], [value for _, value in available])
         if estimate.units >= MIN_UNITS:
-            found[float(true_m)] = estimate
-    return found
+            result[float(true_m)] = estimate
+    return result

@@ -47,7 +47,7 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
         rrb.BarChartView(origin="readings/patterns", name="patterns"),
         rrb.TensorView(origin="readings/pattern_taps", name="taps of patterns"),
     )
-    told = rrb.Horizontal(
+    reported = rrb.Horizontal(
         rrb.TimeSeriesView(origin="ranges", name="ranges, m"),
         rrb.TextDocumentView(origin="notes", name="notes"),
     )
@@ -55,11 +55,11 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
         rrb.Horizontal(
             rrb.Vertical(
                 rrb.Spatial3DView(origin="world", name="space", eye_controls=looking),
-                told,
-                row_shares=[3, 1],
+                reported,
+                row_fractions=[3, 1],
             ),
-            rrb.Vertical(pictures, readings, row_shares=[3, 2]),
-            column_shares=[3, 2],
+            rrb.Vertical(pictures, readings, row_fractions=[3, 2]),
+            column_fractions=[3, 2],
         ),
         collapse_panels=True,
     )

@@ -7,26 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from spisim.report.viewer.sights import Sight
+from spisim.report.viewer.views import View
 
 
-def draw_pictures(rerun: Any, stream: Any, sight: Sight) -> None:
+def draw_pictures(rerun: Any, stream: Any, view: View) -> None:
     """Log images in grey, on one scale with the truth, and depth maps in metres."""
-    truth, depth_m = sight.truth, sight.shot.depth_m
-    brightest = float(np.max(sight.shot.image if truth is None else truth.image))
-    _draw_image(rerun, stream, "images/image", sight.shot.image, brightest)
+    truth, depth_m = view.truth, view.shot.depth_m
+    brightest = float(np.max(view.shot.image if truth is None else truth.image))
+    _draw_image(rerun, stream, "images/image", view.shot.image, brightest)
     if truth is not None:
         _draw_image(rerun, stream, "images/truth", truth.image, brightest)
-    known = [map_m for map_m in (depth_m, None if truth is None else truth.depth_m)
+    finite = [map_m for map_m in (depth_m, None if truth is None else truth.depth_m)
              if map_m is not None and np.isfinite(map_m).any()]  # fmt: skip
-    farthest_m = max((float(np.nanmax(map_m)) for map_m in known), default=1.0)
+    farthest_m = max((float(np.nanmax(map_m)) for map_m in finite), default=1.0)
     maps = {"depth/depth": depth_m, "depth/truth": None if truth is None else truth.depth_m}
     for name, map_m in maps.items():
         if map_m is not None:
-            shown = rerun.DepthImage(
+            displayed = rerun.DepthImage(
                 np.nan_to_num(map_m).astype(np.float32), meter=1.0, depth_range=(0.0, farthest_m)
             )
-            stream.log(name, shown)
+            stream.log(name, displayed)
 
 
 def _draw_image(

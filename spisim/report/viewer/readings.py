@@ -9,37 +9,39 @@ import numpy as np
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.ranging.methods.cw import quadrature_weights
-from spisim.report.viewer.sights import Sight
 from spisim.report.viewer.space import spot_colours, spot_words
+from spisim.report.viewer.views import View
 
 
-def draw_readings(rerun: Any, stream: Any, sight: Sight) -> None:
+def draw_readings(rerun: Any, stream: Any, view: View) -> None:
     """Log bars of readings, phasors in their plane, ranges as curves, and what is to be known."""
-    stream.log("notes", rerun.TextDocument(_notes(sight), media_type="text/markdown"))
-    if sight.frame is not None:
-        stream.log("readings/patterns", rerun.BarChart(sight.frame.buckets.counts[0]))
-        _draw_spots(rerun, stream, sight.frame.spots)
-        taps = sight.frame.pattern_taps
+    stream.log("notes", rerun.TextDocument(_notes(view), media_type="text/markdown"))
+    if view.frame is not None:
+        stream.log("readings/patterns", rerun.BarChart(view.frame.buckets.counts[0]))
+        _draw_spots(rerun, stream, view.frame.spots)
+        taps = view.frame.pattern_taps
         if taps is not None:
-            shown = rerun.Tensor(taps.taps[0], dim_names=("exposure", "tap"))
-            stream.log("readings/pattern_taps", shown)
-    ranges = sight.shot.ranges
+            displayed = rerun.Tensor(taps.taps[0], dim_names=("exposure", "tap"))
+            stream.log("readings/pattern_taps", displayed)
+    ranges = view.shot.ranges
     if ranges is None:
         return
     for k, (range_m, sigma_m) in enumerate(zip(ranges.range_m, ranges.sigma_m, strict=True)):
         if np.isfinite(range_m):
             stream.log(f"ranges/spot_{k}", rerun.Scalars(range_m))
             stream.log(f"sigmas/spot_{k}", rerun.Scalars(sigma_m))
-        if sight.truth is not None and np.isfinite(sight.truth.spot_range_m[k]):
-            stream.log(f"ranges/true_{k}", rerun.Scalars(sight.truth.spot_range_m[k]))
+        if view.truth is not None and np.isfinite(view.truth.spot_range_m[k]):
+            stream.log(f"ranges/true_{k}", rerun.Scalars(view.truth.spot_range_m[k]))
 
 
 def style_ranges(rerun: Any, stream: Any) -> None:
     """Let curves have the colours of their spots, true ones paler."""
     for k, colour in enumerate(spot_colours()):
         pale = (colour.astype(int) + 255) // 2
-        for name, shown, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
-            line = rerun.SeriesLines(colors=[shown.tolist()], names=f"{name} {k}", widths=[width])
+        for name, displayed, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
+            line = rerun.SeriesLines(
+                colors=[displayed.tolist()], names=f"{name} {k}", widths=[width]
+            )
             stream.log(f"ranges/{name}_{k}", line, static=True)
 
 
@@ -69,24 +71,24 @@ def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
 def phasors_of(spots: CwSpots) -> dict[float, np.ndarray]:
     """A exp(i phi) (4,) in electrons, of the first frame, by modulation frequency."""
     electrons = spots.electrons(spots.taps[0])
-    found = {}
+    result = {}
     for hertz in np.unique(spots.tap_frequencies_hz).tolist():
         of = spots.tap_frequencies_hz == hertz
         weights = quadrature_weights((spots.tap_phases_rad - spots.phase_offsets_rad)[of])
         _, cosine, sine = np.moveaxis(electrons[:, of] @ weights.T, -1, 0)
-        found[hertz] = cosine + 1j * sine
-    return found
+        result[hertz] = cosine + 1j * sine
+    return result
 
 
-def _notes(sight: Sight) -> str:
-    lines = [f"**{sight.title}**, frame {sight.result.frame}"]
-    lines += [f"- {words}" for words in spot_words(sight.result)]
-    ranges = sight.shot.ranges
+def _notes(view: View) -> str:
+    lines = [f"**{view.title}**, frame {view.result.frame}"]
+    lines += [f"- {words}" for words in spot_words(view.result)]
+    ranges = view.shot.ranges
     if ranges is not None and ranges.fog is not None:
         lines.append(f"- fog: extinction {ranges.fog.extinction_per_m:.4g} per metre")
-    if sight.truth is not None and sight.shot.depth_m is not None:
-        error = np.abs(sight.shot.depth_m - sight.truth.depth_m)
+    if view.truth is not None and view.shot.depth_m is not None:
+        error = np.abs(view.shot.depth_m - view.truth.depth_m)
         if np.isfinite(error).any():
             lines.append(f"- depth: mean error {np.nanmean(error):.3f} m")
-    lines += [f"- warning: {text}" for text in sight.shot.warnings]
+    lines += [f"- warning: {text}" for text in view.shot.warnings]
     return "\n".join(lines)

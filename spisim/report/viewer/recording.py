@@ -15,8 +15,8 @@ from spisim.dataset.extras import needed
 from spisim.report.viewer.layout import layout
 from spisim.report.viewer.pictures import draw_pictures
 from spisim.report.viewer.readings import draw_readings, style_ranges
-from spisim.report.viewer.sights import Sight
 from spisim.report.viewer.space import Space
+from spisim.report.viewer.views import View
 from spisim.report.viewer.window import open_window
 
 KIND = "recording of Rerun"
@@ -35,10 +35,10 @@ def recording_output(path: Path) -> Output:
 
 def check_viewer() -> None:
     """Raise InputError where no window can be opened."""
-    shown = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get(
+    displayed = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get(
         "WAYLAND_DISPLAY"
     )  # fmt: skip
-    if not shown:
+    if not displayed:
         raise InputError(
             "there is no display to open the viewer on; --save FILE.rrd writes a recording, and "
             "`rerun FILE.rrd` opens it on another machine"
@@ -62,21 +62,21 @@ class Recording:
         self._begun_ns: int | None = None
         self.frames = 0
 
-    def add(self, sight: Sight) -> None:
+    def add(self, view: View) -> None:
         """Add a frame."""
         stream = self._stream
         if self._begun_ns is None:
-            self._begun_ns = sight.shot.stamp_ns
-            pose = np.eye(4) if sight.shot.pose is None else sight.shot.pose
-            self._rerun.send_blueprint(layout(pose, sight.scene), recording=stream)
+            self._begun_ns = view.shot.stamp_ns
+            pose = np.eye(4) if view.shot.pose is None else view.shot.pose
+            self._rerun.send_blueprint(layout(pose, view.scene), recording=stream)
             style_ranges(self._rerun, stream)
-        seconds = (sight.shot.stamp_ns - self._begun_ns) / 1e9
+        seconds = (view.shot.stamp_ns - self._begun_ns) / 1e9
         stream.set_time("time", duration=np.timedelta64(round(1e9 * seconds), "ns"))
         stream.set_time("frame", sequence=self.frames)
         self.frames += 1
-        self._space.draw(sight)
-        draw_pictures(self._rerun, stream, sight)
-        draw_readings(self._rerun, stream, sight)
+        self._space.draw(view)
+        draw_pictures(self._rerun, stream, view)
+        draw_readings(self._rerun, stream, view)
 
     def close(self) -> None:
         """Write what is left, and let go of the file or viewer.

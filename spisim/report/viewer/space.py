@@ -13,7 +13,7 @@ from reconstruction.depth import pixel_rays
 from reconstruction.ranging import RANGED
 from reconstruction.result import Result
 from spisim.report.style import SPOT_COLOURS
-from spisim.report.viewer.sights import Sight
+from spisim.report.viewer.views import View
 from spisim.scene import Scene, SceneObject
 
 DRONE = "world/drone"
@@ -34,14 +34,14 @@ class Space:
         self._text: str | None = None
         stream.log("world", rerun.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def draw(self, sight: Sight) -> None:
+    def draw(self, view: View) -> None:
         """Draw a frame."""
-        if sight.scene is not None:
-            self._draw_scene(sight.scene, sight.since_s)
-        self._draw_drone(sight)
-        self._draw_clouds(sight)
-        if sight.shot.ranges is not None and sight.shot.spots is not None:
-            self._draw_spots(sight)
+        if view.scene is not None:
+            self._draw_scene(view.scene, view.since_s)
+        self._draw_drone(view)
+        self._draw_clouds(view)
+        if view.shot.ranges is not None and view.shot.spots is not None:
+            self._draw_spots(view)
 
     def _draw_scene(self, scene: Scene, since_s: float) -> None:
         new = scene.text != self._text
@@ -65,11 +65,11 @@ class Space:
             albedo_factor=(grey, grey, grey, 255),
         )
 
-    def _draw_drone(self, sight: Sight) -> None:
-        rr, shot = self._rr, sight.shot
+    def _draw_drone(self, view: View) -> None:
+        rr, shot = self._rr, view.shot
         pose = np.eye(4) if shot.pose is None else shot.pose
-        place = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
-        self._stream.log(DRONE, place)
+        position = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+        self._stream.log(DRONE, position)
         body = rr.Boxes3D(half_sizes=[0.15, 0.04, 0.15], colors=[(240, 240, 240)])
         self._stream.log(f"{DRONE}/body", body)
         if shot.optics is None:
@@ -87,32 +87,32 @@ class Space:
         )
         self._stream.log(f"{DRONE}/projector", field)
 
-    def _draw_clouds(self, sight: Sight) -> None:
-        if sight.shot.optics is None:
+    def _draw_clouds(self, view: View) -> None:
+        if view.shot.optics is None:
             return
-        rays = pixel_rays(sight.shot.optics, sight.shot.shape)
-        maps = {"cloud": (sight.shot.depth_m, CLOUD)}
-        if sight.truth is not None:
-            maps["truth"] = (sight.truth.depth_m, TRUTH)
+        rays = pixel_rays(view.shot.optics, view.shot.shape)
+        maps = {"cloud": (view.shot.depth_m, CLOUD)}
+        if view.truth is not None:
+            maps["truth"] = (view.truth.depth_m, TRUTH)
         for name, (depth_m, colour) in maps.items():
             if depth_m is None:
                 self._stream.log(f"{DRONE}/{name}", self._rr.Clear(recursive=False))
                 continue
             points = (rays * depth_m[..., None])[np.isfinite(depth_m)]
-            shown = self._rr.Points3D(
+            displayed = self._rr.Points3D(
                 points.astype(np.float32),
                 colors=[colour],
                 radii=self._rr.Radius.ui_points(POINT_PX),
             )
-            self._stream.log(f"{DRONE}/{name}", shown)
+            self._stream.log(f"{DRONE}/{name}", displayed)
 
-    def _draw_spots(self, sight: Sight) -> None:
+    def _draw_spots(self, view: View) -> None:
         """Beams to where the ranges end, what three sigma are, and where they truly end."""
         rr = self._rr
-        assert sight.shot.ranges is not None
-        assert sight.shot.spots is not None
-        range_m, sigma_m = sight.shot.ranges.range_m, sight.shot.ranges.sigma_m
-        directions, seen = sight.shot.spots.directions, sight.shot.ranges.valid
+        assert view.shot.ranges is not None
+        assert view.shot.spots is not None
+        range_m, sigma_m = view.shot.ranges.range_m, view.shot.ranges.sigma_m
+        directions, seen = view.shot.spots.directions, view.shot.ranges.valid
         colours = spot_colours()
         ends = directions[seen] * range_m[seen, None]
         beams = [[(0.0, 0.0, 0.0), end] for end in ends.tolist()]
@@ -121,7 +121,7 @@ class Space:
             ends,
             colors=colours[seen],
             radii=rr.Radius.ui_points(SPOT_PX),
-            labels=[words for words, is_in in zip(spot_words(sight.result), seen, strict=True)
+            labels=[words for words, is_in in zip(spot_words(view.result), seen, strict=True)
                     if is_in],
         )  # fmt: skip
         self._stream.log(f"{DRONE}/spots/measured", points)
@@ -129,9 +129,9 @@ class Space:
         bars = np.stack([ends - span, ends + span], axis=1).tolist()
         sigmas = rr.LineStrips3D(bars, colors=colours[seen], radii=rr.Radius.ui_points(SPOT_PX / 2))
         self._stream.log(f"{DRONE}/spots/sigma", sigmas)
-        if sight.truth is not None:
-            true = (directions * sight.truth.spot_range_m[:, None])[
-                np.isfinite(sight.truth.spot_range_m)
+        if view.truth is not None:
+            true = (directions * view.truth.spot_range_m[:, None])[
+                np.isfinite(view.truth.spot_range_m)
             ]
             there = rr.Points3D(true, colors=[TRUTH], radii=rr.Radius.ui_points(SPOT_PX))
             self._stream.log(f"{DRONE}/spots/truth", there)

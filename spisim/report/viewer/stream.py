@@ -8,7 +8,7 @@ from reconstruction.exports import Shot
 from reconstruction.live import Arrival, Outcome
 from reconstruction.live.sinks import Sink
 from spisim.report.viewer.recording import Recording
-from spisim.report.viewer.sights import Sight
+from spisim.report.viewer.views import View
 
 #: Frames whose readings wait for their results.
 REMEMBERED = 64
@@ -29,13 +29,13 @@ class StreamViewer(Sink):
     def result(self, outcome: Outcome) -> None:
         """Show it."""
         setup, number = outcome.stream.setup, outcome.result.frame
-        known = (each for each in self._arrivals if each.frame.first == number)
-        arrival = next(known, None)
+        given = (each for each in self._arrivals if each.frame.first == number)
+        arrival = next(given, None)
         stamp_ns = outcome.time_ns
         if not stamp_ns and arrival is not None:
             stamp_ns = round(1e9 * arrival.received_s)
         self._recording.add(
-            Sight(
+            View(
                 self._title,
                 Shot.of(outcome.result, setup, stamp_ns),
                 outcome.result,

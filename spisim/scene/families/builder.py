@@ -98,14 +98,14 @@ class SceneBuilder:
 class Family:
     """A kind of scene; `build` makes one from its parameters, the rest at random.
 
-    Draws are repeated until `least_spots` of the four laser spots return: all where the world is
+    Draws are repeated until `min_spots` of the four laser spots return: all where the world is
     closed, fewer where it is open.
     """
 
     description: str
     parameters: type[Parameters]
     build: Callable[[Any, np.random.Generator], SceneBuilder]
-    least_spots: int = 4
+    min_spots: int = 4
 
 
 def _pose(turn: Point, at: Point) -> dict[str, list[float]]:

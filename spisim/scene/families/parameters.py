@@ -18,17 +18,17 @@ class Parameters(Section):
 
     @model_validator(mode="before")
     @classmethod
-    def _known_words(cls, data: Any) -> Any:
+    def _accepted_words(cls, data: Any) -> Any:
         for name, distribution in ranges(cls).items():
-            known = distribution.get("choice", ())
-            if known and name in data and data[name] not in known:
+            given = distribution.get("choice", ())
+            if given and name in data and data[name] not in given:
                 raise PydanticCustomError(
                     "unknown_word",
                     "unknown {field} {word}: {hint}",
                     {
                         "field": name,
                         "word": repr(data[name]),
-                        "hint": nearest(str(data[name]), known),
+                        "hint": nearest(str(data[name]), given),
                     },
                 )
         return data
@@ -59,11 +59,11 @@ def _field(distribution: Distribution, text: str, **limits: Any) -> Any:
 
 def ranges(model: type[Parameters]) -> dict[str, dict[str, Any]]:
     """What every parameter is drawn from, as a configuration file would say it."""
-    found = {}
+    result = {}
     for name, field in model.model_fields.items():
         assert isinstance(field.json_schema_extra, dict)  # made by `drawn` and the like
-        found[name] = field.json_schema_extra["drawn"]
-    return found  # type: ignore[return-value]
+        result[name] = field.json_schema_extra["drawn"]
+    return result  # type: ignore[return-value]
 
 
 def draw_parameters(

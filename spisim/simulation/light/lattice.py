@@ -51,47 +51,49 @@ class Lattice:
     A solution needs `spot_orders` among its `extra`.
     """
 
-    def __init__(self, solve: Callable[[Node], Transport], kept: int) -> None:
+    def __init__(self, solve: Callable[[Node], Transport], retained: int) -> None:
         self.solved = 0
         self._solve = solve
-        self._most = kept
-        self._kept: OrderedDict[Node, _Key] = OrderedDict()
+        self._maximum = retained
+        self._retained: OrderedDict[Node, _Key] = OrderedDict()
 
-    def light(self, places: Floats) -> LatticeLight:
+    def light(self, positions: Floats) -> LatticeLight:
         """That of one frame, whose exposures happen at places (M, d) in steps of the lattice."""
-        nodes, shares = simplices(places)
-        used = np.unique(nodes[shares > 0], axis=0)
+        nodes, fractions = simplices(positions)
+        used = np.unique(nodes[fractions > 0], axis=0)
         numbers = {tuple(node): number for number, node in enumerate(used.tolist())}
         flat = nodes.reshape(-1, nodes.shape[-1]).tolist()
         # Nodes without a share may be any that is there.
         keys = np.array([numbers.get(tuple(node), 0) for node in flat], np.intp)
-        weights = np.bincount(keys, shares.ravel()) / len(places)
+        weights = np.bincount(keys, fractions.ravel()) / len(positions)
         transports = _aligned([self.at(node) for node in numbers], weights)
-        return LatticeLight(transports, Interpolation(keys.reshape(1, *shares.shape), shares[None]))
+        return LatticeLight(
+            transports, Interpolation(keys.reshape(1, *fractions.shape), fractions[None])
+        )
 
     def at(self, node: Node) -> _Key:
         """Light at a node, solved where it is not kept."""
-        found = self._kept.pop(node, None)
-        if found is None:
-            found = _Key.of(self._solve(node))
+        result = self._retained.pop(node, None)
+        if result is None:
+            result = _Key.of(self._solve(node))
             self.solved += 1
-        self._kept[node] = found
-        if len(self._kept) > self._most:
-            self._kept.popitem(last=False)
-        return found
+        self._retained[node] = result
+        if len(self._retained) > self._maximum:
+            self._retained.popitem(last=False)
+        return result
 
 
-def simplices(places: Floats) -> tuple[NDArray[np.int64], Floats]:
+def simplices(positions: Floats) -> tuple[NDArray[np.int64], Floats]:
     """Nodes (M, d + 1, d) around places (M, d), and their shares (M, d + 1), which add up to 1."""
-    places = np.round(places, ROUNDING)
-    base = np.floor(places)
-    rest = places - base
+    positions = np.round(positions, ROUNDING)
+    base = np.floor(positions)
+    rest = positions - base
     order = np.argsort(-rest, axis=1, kind="stable")
     falling = np.take_along_axis(rest, order, axis=1)
     bounds = np.pad(falling, ((0, 0), (1, 1)), constant_values=0.0)
     bounds[:, 0] = 1.0
     # From one corner to the next along the axes, the one with the largest rest first.
-    steps = np.cumsum(np.eye(places.shape[1], dtype=np.int64)[order], axis=1)
+    steps = np.cumsum(np.eye(positions.shape[1], dtype=np.int64)[order], axis=1)
     corners = np.pad(steps, ((0, 0), (1, 0), (0, 0)))
     return base.astype(np.int64)[:, None] + corners, bounds[:, :-1] - bounds[:, 1:]
 
@@ -113,8 +115,8 @@ class _Key:
         whole = surfaces.sum(axis=1)
         with np.errstate(invalid="ignore"):
             path_m = surfaces @ transport.path_length_m / whole
-        kept = {name: each for name, each in transport.extra.items() if name == "phasors"}
-        return cls(replace(transport, extra=kept), surfaces, path_m)
+        retained = {name: each for name, each in transport.extra.items() if name == "phasors"}
+        return cls(replace(transport, extra=retained), surfaces, path_m)
 
     def moved(self, by_m: Floats) -> Transport:
         """With the surfaces' echoes of each spot at paths that are longer by (4,)."""
@@ -123,12 +125,12 @@ class _Key:
         for spot in np.flatnonzero(by_m):
             bins = np.flatnonzero(self.surfaces[spot])
             light = self.surfaces[spot, bins]
-            place = np.interp(lengths[bins] + by_m[spot], lengths, np.arange(lengths.size))
-            before = np.minimum(place.astype(np.intp), lengths.size - 2)
-            later = place - before
+            position = np.interp(lengths[bins] + by_m[spot], lengths, np.arange(lengths.size))
+            before = np.minimum(position.astype(np.intp), lengths.size - 2)
+            following = position - before
             histogram[spot, bins] -= light
-            np.add.at(histogram[spot], before, (1 - later) * light)
-            np.add.at(histogram[spot], before + 1, later * light)
+            np.add.at(histogram[spot], before, (1 - following) * light)
+            np.add.at(histogram[spot], before + 1, following * light)
         return replace(self.transport, spot_histogram=histogram)
 
 

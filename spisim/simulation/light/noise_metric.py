@@ -13,15 +13,15 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.operators import Decoder, PatternPlan, decoder_for, expose
-from spisim.budget import collected_share, exposure_noise, ranging_noise
+from spisim.budget import collected_fraction, exposure_noise, ranging_noise
 from spisim.instrument import Instrument
-from spisim.transport.engine.sampling import Gauge
+from spisim.transport.engine.sampling import ErrorMetric
 
 #: Light of less variance than this, in electrons², has none that matters.
-LEAST_VARIANCE = 1e-12
+MIN_VARIANCE = 1e-12
 
 
-def image_gauge(instrument: Instrument, daylight_w: float) -> Gauge:
+def image_error_metric(instrument: Instrument, daylight_w: float) -> ErrorMetric:
     """Rms noise share of the decoded coefficients, for `image` sums.
 
     Of exposures themselves, where a plan cannot be decoded or its patterns are not orthogonal.
@@ -38,17 +38,17 @@ def image_gauge(instrument: Instrument, daylight_w: float) -> Gauge:
             len(detector.positions_m) * detector.dark_electrons(time_s), dtype=np.float64
         ),
     }
-    collected = collected_share(instrument)
+    collected = collected_fraction(instrument)
 
     def readings(sums: Mapping[str, Floats]) -> Floats:
         image = sums["image"].reshape(electrons.shape) * electrons
         dark = dark_level * image.sum()
-        shown = [(1 - dark_level) * expose(plan, image) + dark for plan in plans]
+        displayed = [(1 - dark_level) * expose(plan, image) + dark for plan in plans]
         decoded = [
             each if decoder is None else decoder.decode(each)
-            for each, decoder in zip(shown, decoders, strict=True)
+            for each, decoder in zip(displayed, decoders, strict=True)
         ]
-        return np.concatenate([*shown, *decoded])
+        return np.concatenate([*displayed, *decoded])
 
     def size(mean: Floats, error: Floats) -> float:
         exposures = np.split(mean, np.cumsum([plan.exposures for plan in plans]))[: len(plans)]
@@ -59,14 +59,14 @@ def image_gauge(instrument: Instrument, daylight_w: float) -> Gauge:
             for each, decoder in zip(exposures, decoders, strict=True)
         ]
         errors = collected * error[sum(plan.exposures for plan in plans) :]
-        return _share(errors, np.concatenate(variances))
+        return _fraction(errors, np.concatenate(variances))
 
-    return Gauge(readings, size)
+    return ErrorMetric(readings, size)
 
 
-def spot_gauge(
+def spot_error_metric(
     instrument: Instrument, daylight_w: Floats, crosstalk_w: Floats, phase_rad: Floats
-) -> Gauge:
+) -> ErrorMetric:
     """Rms noise share of the spots' phasors, for `histogram` sums over path lengths.
 
     `phase_rad` (bins,): of the light in a phasor, a turn for the longest unambiguous path. The
@@ -88,9 +88,9 @@ def spot_gauge(
 
     def size(mean: Floats, error: Floats) -> float:
         noise = ranging_noise(instrument, {"signal": mean[0], **others})
-        return _share(error[1:] * tof.reading.echo_s, noise.total_variance / 2)
+        return _fraction(error[1:] * tof.reading.echo_s, noise.total_variance / 2)
 
-    return Gauge(readings, size)
+    return ErrorMetric(readings, size)
 
 
 def _decoder(plan: PatternPlan) -> Decoder | None:
@@ -110,5 +110,5 @@ def _variance(decoder: Decoder | None, variance: Floats) -> Floats:
     return np.asarray(decoder.own_variance(variance) + shared)
 
 
-def _share(error: Floats, variance: Floats) -> float:
-    return float(np.sqrt(np.mean(error**2 / np.maximum(variance, LEAST_VARIANCE))))
+def _fraction(error: Floats, variance: Floats) -> float:
+    return float(np.sqrt(np.mean(error**2 / np.maximum(variance, MIN_VARIANCE))))

@@ -40,11 +40,11 @@ class LightSequence:
     def between(self, times_s: Floats) -> Interpolation:
         """The light at other times (frames, M)."""
         last = len(self.times_s) - 1
-        place = np.interp(times_s, self.times_s, np.arange(last + 1)) if last else 0 * times_s
-        before = np.floor(place).astype(np.intp)
+        position = np.interp(times_s, self.times_s, np.arange(last + 1)) if last else 0 * times_s
+        before = np.floor(position).astype(np.intp)
         keys = np.stack([before, np.minimum(before + 1, last)], axis=-1)
-        later = place - before
-        return Interpolation(keys, np.stack([1 - later, later], axis=-1))
+        following = position - before
+        return Interpolation(keys, np.stack([1 - following, following], axis=-1))
 
 
 Progress = Callable[[float], None] | None

@@ -13,7 +13,7 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
-from spisim.simulation.light.noise_metric import image_gauge, spot_gauge
+from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -38,10 +38,10 @@ SPOT_PATHS_PER_SPP = 64
 #: And first of all on the way to an error: a launch of fewer takes as long.
 FIRST_SPOT_PATHS = 64
 #: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
-LEAST_IMAGES = 5
+MIN_IMAGES = 5
 #: And paths per pixel in each of them: most of the light is found along rays, of which there are
 #: several to a path.
-LEAST_PATHS = 0.5
+MIN_PATHS = 0.5
 #: Many coefficients tell early how many paths are missing: at most so many times those before.
 GROWTH = 3.0
 
@@ -81,7 +81,7 @@ class Transport:
 
 
 #: Paths per `spp`, and in their place the noise share to be reached.
-Effort = tuple[int, float | None]
+SampleBudget = tuple[int, float | None]
 
 
 def _none(**sums: Floats) -> Estimate:
@@ -197,21 +197,21 @@ def _image(
     world: World,
     placed: InstrumentView,
     daylight_w: float,
-    effort: Effort,
+    effort: SampleBudget,
     outputs: Outputs,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
 ) -> Estimate:
     """Light of the projector on the bucket detector."""
     spp, noise_share = effort
-    gauge = image_gauge(instrument, daylight_w)
-    budget: SamplingBudget = Paths(spp, gauge=gauge)
+    error_metric = image_error_metric(instrument, daylight_w)
+    budget: SamplingBudget = Paths(spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(
             noise_share,
-            gauge,
-            1 if placed.projector.pixels % 2 else LEAST_PATHS,
-            launches=LEAST_IMAGES,
+            error_metric,
+            1 if placed.projector.pixels % 2 else MIN_PATHS,
+            launches=MIN_IMAGES,
             growth=GROWTH,
         )
     return transport_image(
@@ -230,7 +230,7 @@ def _spots(
     world: World,
     placed: InstrumentView,
     steady: Mapping[str, Any],
-    effort: Effort,
+    effort: SampleBudget,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
 ) -> tuple[Estimate, Floats]:
@@ -240,19 +240,19 @@ def _spots(
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
-    gauge = spot_gauge(
+    error_metric = spot_error_metric(
         instrument,
         steady["spot_daylight_w"],
         steady["spot_crosstalk_w"],
         2 * np.pi / longest_m * bins.centres_m,
     )
-    budget: SamplingBudget = Paths(SPOT_PATHS_PER_SPP * spp, gauge=gauge)
+    budget: SamplingBudget = Paths(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
     if noise_share is not None:
-        budget = TargetError(noise_share, gauge, FIRST_SPOT_PATHS, growth=GROWTH)
-    found = spot_histogram(
+        budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
+    result = spot_histogram(
         world, placed.beams, placed.tof, bins, budget, seed=seed, progress=progress
     )
-    return found, bins.centres_m
+    return result, bins.centres_m
 
 
 def steady_light(

@@ -118,8 +118,8 @@ def _image(
     if not instrument.images:
         dark = np.zeros(shape)
         return {"image": dark, "image_error": dark, "dropped": 0, "paths": 0, "extra": {}}
-    found = image_once(world, placed, instrument.tap_frequencies_hz, seed)
-    once, waves = by_order(found.mean, shape)
+    result = image_once(world, placed, instrument.tap_frequencies_hz, seed)
+    once, waves = by_order(result.mean, shape)
     depth = extinction_per_m * mean_path_m(waves[0, -1])
     light, guessed = _completed(once[0], once[1], depth, extinction_per_m)
     phasors = [
@@ -128,9 +128,9 @@ def _image(
     ]
     return {
         "image": light,
-        "image_error": np.hypot(image_error(found, light.shape), guessed),
-        "dropped": found.dropped,
-        "paths": found.paths,
+        "image_error": np.hypot(image_error(result, light.shape), guessed),
+        "dropped": result.dropped,
+        "paths": result.paths,
         "extra": {"phasors": np.array(phasors)} if phasors else {},
     }
 
@@ -150,17 +150,17 @@ def _spots(
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
-    found = spot_histogram(
+    result = spot_histogram(
         world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=seed, max_vertices=1
     )
-    surfaces, echo = found.mean["histogram_orders"][:2]
+    surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
     return {
         "spot_histogram": surfaces + echo + guessed,
-        "spot_histogram_error": np.hypot(spot_error(found), guessed),
+        "spot_histogram_error": np.hypot(spot_error(result), guessed),
         "path_length_m": bins.centres_m,
-        "dropped": found.dropped,
-        "paths": found.paths,
+        "dropped": result.dropped,
+        "paths": result.paths,
         "extra": {"spot_orders": np.stack([surfaces, echo, guessed])},
     }
 

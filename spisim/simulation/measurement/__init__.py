@@ -1,6 +1,11 @@
 """Light becomes counts: photo-electrons, noise, converter, capture."""
 
-from spisim.simulation.measurement.capture import frame_truth, record, record_frames, told_optics
+from spisim.simulation.measurement.capture import (
+    frame_truth,
+    record,
+    record_frames,
+    recorded_optics,
+)
 from spisim.simulation.measurement.diagnostics import simulation_warnings
 from spisim.simulation.measurement.electronics import Memory
 from spisim.simulation.measurement.light import BucketLight, bucket_light
@@ -13,7 +18,7 @@ __all__ = [
     "frame_truth",
     "record",
     "record_frames",
+    "recorded_optics",
     "simulation_warnings",
     "spot_light",
-    "told_optics",
 ]

@@ -40,8 +40,8 @@ def record(
     `settings` tells how the light was traced. With noise and frames it goes into the provenance,
     so that the capture can be made again; with the media, so that it tells their optics.
     """
-    told = {"noise": noise, "frames": frames, "media": scene.media_summary()}
-    settings = {**(settings or {}), **told}
+    reported = {"noise": noise, "frames": frames, "media": scene.media_summary()}
+    settings = {**(settings or {}), **reported}
     streams = np.random.SeedSequence(seed)
     readings, mean = record_frames(
         scene, instrument, light, truths, streams, noise=noise, frames=frames
@@ -53,7 +53,7 @@ def record(
         buckets=readings.buckets,
         spots=readings.spots,
         pattern_taps=readings.pattern_taps,
-        optics=told_optics(instrument),
+        optics=recorded_optics(instrument),
         provenance=Provenance(
             source="simulation",
             software=f"spisim {__version__}",
@@ -110,7 +110,7 @@ def record_frames(
     return Frames(first, buckets, spots, pattern_taps), mean
 
 
-def told_optics(instrument: Instrument) -> Optics | None:
+def recorded_optics(instrument: Instrument) -> Optics | None:
     """What captures state of projector and bucket detector; None without."""
     if not instrument.images:
         return None

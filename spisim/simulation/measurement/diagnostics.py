@@ -30,12 +30,17 @@ def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
 
 def noise_share_warnings(light: Transport) -> list[str]:
     """A sentence about light that is noisier than the detectors that measure it."""
-    shares = {"image": light.noise_share, "spots": light.spot_noise_share}
-    told = [f"{share:.2g} times in the {what}" for what, share in shares.items() if share > 1]
-    if not told:
+    fractions = {"image": light.noise_share, "spots": light.spot_noise_share}
+    reported = [
+        f"{fraction:.2g} times in the {what}"
+        for what, fraction in fractions.items()
+        if fraction > 1
+    ]
+    if not reported:
         return []
     return [
-        f"the light's own noise is above the detectors', {' and '.join(told)}: errors of images "
+        f"the light's own noise is above the detectors', {' and '.join(reported)}: errors of "
+        "images "
         "and ranges are those of too few light paths; more spp, or a transport_noise_share below "
         "1, makes it better"
     ]

@@ -36,8 +36,8 @@ def slow_part(
     step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
     level = electrons[0].mean() if level is None else level
     # The level before a reading follows from all readings before it.
-    deviations = electrons.ravel() - level
-    followed = lfilter([0, step], [1, step - 1], deviations)
+    sigmas = electrons.ravel() - level
+    followed = lfilter([0, step], [1, step - 1], sigmas)
     taken_off = np.asarray(level + followed).reshape(electrons.shape)
     last = float(taken_off[-1, -1])
     return taken_off, last + step * (float(electrons[-1, -1]) - last)
@@ -65,7 +65,7 @@ def carried_over(
     return (lacking(slow) - lacking(fast)) / ((slow - fast) * exposure_time_s)
 
 
-def with_carry_over(readings: Floats, share: float, last: float | None = None) -> Floats:
+def with_carry_over(readings: Floats, fraction: float, last: float | None = None) -> Floats:
     """Readings (frames, M) with a share of their predecessors.
 
     Before the first comes the `last` one of an earlier recording, else that of this one.
@@ -74,4 +74,4 @@ def with_carry_over(readings: Floats, share: float, last: float | None = None) -
     if last is not None:
         in_turn[0] = last
     before = in_turn.reshape(readings.shape)
-    return np.asarray((1 - share) * readings + share * before)
+    return np.asarray((1 - fraction) * readings + fraction * before)

@@ -61,7 +61,7 @@ def bucket_light(
     between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = pixel_electrons(instrument)
-    told = between.until(frames if len(light.transports) > 1 else 1)
+    reported = between.until(frames if len(light.transports) > 1 else 1)
     images, errors = (
         np.array([getattr(key, name) for key in light.transports])
         for name in ("image", "image_error")
@@ -73,7 +73,7 @@ def bucket_light(
     if modulation is not None:
         by_tap = tap_images(instrument, modulation, light.transports)  # (taps, keys, H, W)
         pictures = np.concatenate([pictures, by_tap])
-        by_tap_steady = np.tile(modulation.taps.share * steady, (len(by_tap), 1))
+        by_tap_steady = np.tile(modulation.taps.fraction * steady, (len(by_tap), 1))
         steadies = np.concatenate([steadies, by_tap_steady])
     pictures = pictures * electrons
     changes = on_buckets(drops, pictures, between, electrons, _response(instrument))
@@ -81,10 +81,10 @@ def bucket_light(
         _readings(instrument, between, first, *window)
         for window in zip(pictures, steadies, changes, strict=True)
     ]
-    share = _carried(instrument)
+    fraction = _carried(instrument)
     last = [None] * len(settled) if before is None else before.light.tolist()
     buckets, *taps = (
-        with_carry_over(each, share, each_last)
+        with_carry_over(each, fraction, each_last)
         for each, each_last in zip(settled, last, strict=True)
     )
     taken_off, level = np.zeros_like(buckets), 0.0
@@ -96,8 +96,8 @@ def bucket_light(
             None if before is None else before.level,
         )
     return BucketLight(
-        image=told.means(images) * switched,
-        image_error=told.means(errors) * switched,
+        image=reported.means(images) * switched,
+        image_error=reported.means(errors) * switched,
         buckets=buckets,
         taken_off=taken_off,
         taps=np.stack(taps, axis=-1) if taps else None,
@@ -138,7 +138,7 @@ def tap_images(
     phasors = np.array([key.extra["phasors"] for key in transports])  # (keys, orders, H, W)
     waves = np.einsum("nt,knhw->tkhw", turns, phasors).real
     images = np.array([key.image for key in transports])
-    return np.asarray(modulation.taps.share * (images + waves))
+    return np.asarray(modulation.taps.fraction * (images + waves))
 
 
 def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
@@ -183,7 +183,7 @@ def _readings(
         light = (1 - dark) * expose(plan, images) + dark * total + steady[:, None]  # (keys, M)
         frames = slice(turn, None, len(plans))
         nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]
-        readings[frames] += (between.shares[frames] * nearby).sum(axis=-1)
+        readings[frames] += (between.fractions[frames] * nearby).sum(axis=-1)
     return readings
 
 

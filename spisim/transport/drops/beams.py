@@ -46,7 +46,7 @@ class _Met(NamedTuple):
 
     drop: NDArray[np.intp]
     along_m: Floats
-    share: Floats  # of the light that comes so far
+    fraction: Floats  # of the light that comes so far
 
 
 def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
@@ -62,8 +62,8 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     passed = np.zeros((len(times_s), len(drops[0].view.beams.directions), len(path_length_m)))
     echoes = np.zeros_like(passed)
     for frame, times in enumerate(times_s):
-        reach_m = drops[0].spot_range_m(frame).tolist()
-        beams = [_out_and_back(drops[0], *spot) for spot in enumerate(reach_m)]
+        max_range_m = drops[0].spot_range_m(frame).tolist()
+        beams = [_out_and_back(drops[0], *spot) for spot in enumerate(max_range_m)]
         fields = [_in_reach(one, beams, frame) for one in drops]
         for time_s in times:
             for number, beam in enumerate(beams):
@@ -81,7 +81,7 @@ def _in_reach(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int)
     """The drops that may come into a beam in a frame."""
     field, middle, moved = drops.in_frame(frame)
     near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
-    return field.kept(np.any(near, axis=0))
+    return field.retained(np.any(near, axis=0))
 
 
 def _at(
@@ -104,11 +104,11 @@ def _at(
         drops.fog_per_m,
         APERTURE_POINTS,
     )
-    echoed = _binned(lengths, light.length_m, out.share * light.share)
+    echoed = _binned(lengths, light.length_m, out.fraction * light.fraction)
     return _beyond(lengths, out) + _beyond(lengths, back), echoed
 
 
-def _out_and_back(drops: FallingDrops, number: int, reach_m: float) -> tuple[_Beam, _Beam]:
+def _out_and_back(drops: FallingDrops, number: int, max_range_m: float) -> tuple[_Beam, _Beam]:
     """A laser's beam, and the cone from its spot to its detector."""
     lasers, tof = drops.view.beams, drops.view.tof
     direction = lasers.directions[number]
@@ -117,9 +117,9 @@ def _out_and_back(drops: FallingDrops, number: int, reach_m: float) -> tuple[_Be
         return np.hypot(lasers.waist_m, lasers.divergence_rad * along_m)
 
     detector = tof.positions_m[number]
-    home = direction * reach_m - detector
+    home = direction * max_range_m - detector
     distance = float(np.linalg.norm(home))
-    spot_width = beam_width(np.array(reach_m))
+    spot_width = beam_width(np.array(max_range_m))
     aperture_width = np.sqrt(tof.area_m2 / np.pi) / 2  # of a disc: half its radius
 
     def cone_width(along_m: Floats) -> Floats:
@@ -127,7 +127,7 @@ def _out_and_back(drops: FallingDrops, number: int, reach_m: float) -> tuple[_Be
         return np.hypot(aperture_width * (1 - part), spot_width * part)
 
     return (
-        _Beam(np.zeros(3), direction, reach_m, beam_width),
+        _Beam(np.zeros(3), direction, max_range_m, beam_width),
         _Beam(detector, home / distance, distance, cone_width),
     )
 
@@ -152,14 +152,14 @@ def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
     width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), MIN_WIDTH * radius)
     drop = np.flatnonzero(inside & (aside2 < (radius + REACH * width) ** 2))
     scale = 1 / width[drop] ** 2
-    share = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)
-    return _Met(drop, along[drop], np.asarray(share))
+    fraction = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)
+    return _Met(drop, along[drop], np.asarray(fraction))
 
 
 def _beyond(lengths: Floats, met: _Met) -> Floats:
     """Logarithm (bins,) of what passes the drops, of light that comes from beyond them."""
     first = np.searchsorted(lengths, 2 * met.along_m)
-    passed = np.log1p(-np.minimum(met.share, 1 - 1e-12))
+    passed = np.log1p(-np.minimum(met.fraction, 1 - 1e-12))
     within = first < len(lengths)
     return np.cumsum(np.bincount(first[within], passed[within], minlength=len(lengths)))
 

@@ -7,7 +7,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
 from spisim.transport.drops.discs import (
-    Shares,
+    Fractions,
     disc_points,
     on_the_way_back,
     on_the_way_out,
@@ -52,22 +52,22 @@ def on_buckets(
     plans, dark = instrument.pattern_plans, instrument.imaging.projector.dark_level
     for frame in range(len(between.keys)):
         plan = plans[frame % len(plans)]
-        fields = [_in_sight(one, frame) for one in drops]
+        fields = [_in_view(one, frame) for one in drops]
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
             nearby = pictures[:, between.keys[frame, exposure]]
-            shown = np.tensordot(nearby, between.shares[frame, exposure], (1, 0))
+            displayed = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
             left = np.ones(lit.size)
             for one, field in zip(drops, fields, strict=True):
                 passed, met, echoed = _at(one, field, time_s, one.depth_m(frame), response)
                 left *= passed
-                light_on_drops = (lit * electrons.ravel())[met.pixel] * met.share
+                light_on_drops = (lit * electrons.ravel())[met.pixel] * met.fraction
                 changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
-            changes[:, frame, exposure] += shown.reshape(len(pictures), -1) @ (lit * (left - 1))
+            changes[:, frame, exposure] += displayed.reshape(len(pictures), -1) @ (lit * (left - 1))
     return changes
 
 
-def _in_sight(drops: FallingDrops, frame: int) -> DropField:
+def _in_view(drops: FallingDrops, frame: int) -> DropField:
     """The drops that may be in some pixel's light, out or back, in a frame."""
     projector, bucket = drops.view.projector, drops.view.bucket
     field, positions, moved = drops.in_frame(frame)
@@ -76,7 +76,7 @@ def _in_sight(drops: FallingDrops, frame: int) -> DropField:
     widest = max(aside, projector.lens_radius_m) + field.diameters_mm.max(initial=0.0) * 1e-3
     seen = np.abs(x) < projector.tan_half_width * (z + moved) + widest + moved
     seen &= np.abs(y) < projector.tan_half_height * (z + moved) + widest + moved
-    return field.kept(seen)
+    return field.retained(seen)
 
 
 def _at(
@@ -85,7 +85,7 @@ def _at(
     time_s: float,
     depth_m: Floats,
     response: Callable[[Floats], Floats],
-) -> tuple[Floats, Shares, Floats]:
+) -> tuple[Floats, Fractions, Floats]:
     """What passes of each pixel's light, what meets drops, and (windows, points) its echo."""
     projector, bucket = drops.view.projector, drops.view.bucket
     positions, diameters = drops.at(field, time_s)
@@ -95,17 +95,17 @@ def _at(
     passed_out = passing(out, points, projector.pixels)
     back, collected = [], []
     for number in range(len(bucket.positions_m)):
-        shares = on_the_way_back(projector, bucket, number, depth_m, points)
-        back.append(passing(shares, points, projector.pixels))
-        share, length_m = echo(
-            points.place_m,
+        fractions = on_the_way_back(projector, bucket, number, depth_m, points)
+        back.append(passing(fractions, points, projector.pixels))
+        fraction, length_m = echo(
+            points.position_m,
             diameters[points.drop],
             drops.precipitation.optics,
             bucket,
             number,
             drops.fog_per_m,
         )
-        collected.append(share * response(length_m))
+        collected.append(fraction * response(length_m))
     return passed_out * np.mean(back, axis=0), out, np.sum(collected, axis=0)
 
 

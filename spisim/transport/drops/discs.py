@@ -29,18 +29,18 @@ class Points(NamedTuple):
     """Points on the discs of drops, (points, ...): the first of a drop is its centre."""
 
     drop: Ints
-    place_m: Floats  # (points, 3)
+    position_m: Floats  # (points, 3)
     area_m2: Floats  # of the disc, that the point stands for
     on_lens: Floats  # (points, 2) of a unit disc: where on lens or aperture its ray goes through
     several: Ints  # the points that are not their drop's only one
 
 
-class Shares(NamedTuple):
+class Fractions(NamedTuple):
     """Of the light of some pixels, the share that is met at some points."""
 
     point: Ints
     pixel: Ints  # row by row
-    share: Floats
+    fraction: Floats
 
 
 def disc_points(
@@ -55,18 +55,18 @@ def disc_points(
     wanted = (ON_DISC * diameters / pixel_m) ** 2 + (ON_LENS * blur_m / pixel_m) ** 2
     counts = np.clip(wanted, 1, MAX_POINTS).astype(np.intp)
     drop = np.repeat(np.arange(len(counts)), counts)
-    place, on_lens = positions_m[drop], np.zeros((len(drop), 2))
+    position, on_lens = positions_m[drop], np.zeros((len(drop), 2))
     several = np.flatnonzero(counts[drop] > 1)
     rank = several - (np.cumsum(counts) - counts)[drop[several]]
     reach = np.sqrt((rank + 0.5) / counts[drop[several]]) * diameters[drop[several]] / 2
     turn = rank * GOLDEN_ANGLE
-    centre = place[several]
+    centre = position[several]
     sideways = np.cross(centre, [0.0, -1.0, 0.0])
     upwards = np.cross(centre, sideways)
     for shift, way in ((reach * np.cos(turn), sideways), (reach * np.sin(turn), upwards)):
-        place[several] += (shift / length(way))[:, None] * way
+        position[several] += (shift / length(way))[:, None] * way
     on_lens[several] = _unit_disc(np.mod(0.5 + rank[:, None] * ROOTS, 1))
-    return Points(drop, place, (np.pi / 4 * diameters**2 / counts)[drop], on_lens, several)
+    return Points(drop, position, (np.pi / 4 * diameters**2 / counts)[drop], on_lens, several)
 
 
 def length(vectors: Floats) -> Floats:
@@ -74,62 +74,62 @@ def length(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("nk,nk->n", vectors, vectors)))
 
 
-def on_the_way_out(projector: ProjectorView, depth_m: Floats, points: Points) -> Shares:
+def on_the_way_out(projector: ProjectorView, depth_m: Floats, points: Points) -> Fractions:
     """Share of each pixel's power that would meet each point, in front of surfaces (H, W).
 
     A pixel of area a on the image plane at unit distance sends 1 / (a cos³θ) of its power per
     steradian, evenly from all of the lens, which is sharp at its focus.
     """
-    lens = np.zeros_like(points.place_m)
+    lens = np.zeros_like(points.position_m)
     lens[:, :2] = points.on_lens * projector.lens_radius_m
-    ray = points.place_m - lens
+    ray = points.position_m - lens
     image = lens[:, :2] / projector.focus_m + ray[:, :2] / ray[:, 2:]
     inside, pixel = _pixel(projector, image)
-    inside &= points.place_m[:, 2] < depth_m.ravel()[pixel]
-    share = points.area_m2 * length(ray) / (projector.pixel_area * ray[:, 2] ** 3)
-    return Shares(np.flatnonzero(inside), pixel[inside], share[inside])
+    inside &= points.position_m[:, 2] < depth_m.ravel()[pixel]
+    fraction = points.area_m2 * length(ray) / (projector.pixel_area * ray[:, 2] ** 3)
+    return Fractions(np.flatnonzero(inside), pixel[inside], fraction[inside])
 
 
 def on_the_way_back(
     projector: ProjectorView, aperture: DetectorView, number: int, depth_m: Floats, points: Points
-) -> Shares:
+) -> Fractions:
     """Share of the light from each pixel's surface to an aperture that would meet each point.
 
     The surface of a pixel counts as lying across the optical axis at its depth (H, W), and as
     sending the same light into all of the aperture.
     """
-    place = aperture.positions_m[number]
+    position = aperture.positions_m[number]
     radius = np.sqrt(aperture.area_m2 / np.pi)
-    start = np.broadcast_to(place, points.place_m.shape).copy()
+    start = np.broadcast_to(position, points.position_m.shape).copy()
     start[:, :2] += points.on_lens * radius
-    ray = points.place_m - start
-    image = points.place_m[:, :2] / points.place_m[:, 2:]
+    ray = points.position_m - start
+    image = points.position_m[:, :2] / points.position_m[:, 2:]
     for _ in range(SURFACE_STEPS):
         _, pixel = _pixel(projector, image)
         depth = depth_m.ravel()[pixel, None]
         image = (start[:, :2] + ray[:, :2] * (depth - start[:, 2:]) / ray[:, 2:]) / depth
     inside, pixel = _pixel(projector, image)
     depth = depth_m.ravel()[pixel]
-    inside &= (points.place_m[:, 2] < depth) & (ray[:, 2] > 0)
+    inside &= (points.position_m[:, 2] < depth) & (ray[:, 2] > 0)
     ahead = np.where(inside, ray[:, 2], 1.0)
-    share = points.area_m2 * length(ray) / (projector.pixel_area * ahead**3)
-    share *= (1 - start[:, 2] / depth) ** 2
-    return Shares(np.flatnonzero(inside), pixel[inside], share[inside])
+    fraction = points.area_m2 * length(ray) / (projector.pixel_area * ahead**3)
+    fraction *= (1 - start[:, 2] / depth) ** 2
+    return Fractions(np.flatnonzero(inside), pixel[inside], fraction[inside])
 
 
-def passing(shares: Shares, points: Points, pixels: int) -> Floats:
+def passing(fractions: Fractions, points: Points, pixels: int) -> Floats:
     """Share of each pixel's light that passes all drops, (pixels,).
 
     Each drop lies anywhere in a pixel, whatever others do, so that what passes is a product.
     """
     among = np.zeros(len(points.drop), dtype=np.bool_)
     among[points.several] = True
-    together = among[shares.point]
-    drop, pixel = points.drop[shares.point[together]], shares.pixel[together]
+    together = among[fractions.point]
+    drop, pixel = points.drop[fractions.point[together]], fractions.pixel[together]
     pairs, which = np.unique(drop * pixels + pixel, return_inverse=True)
-    joint = np.bincount(which, shares.share[together], minlength=len(pairs))
-    pixel = np.concatenate([shares.pixel[~together], pairs % pixels])
-    covered = np.minimum(np.concatenate([shares.share[~together], joint]), 1 - 1e-12)
+    joint = np.bincount(which, fractions.fraction[together], minlength=len(pairs))
+    pixel = np.concatenate([fractions.pixel[~together], pairs % pixels])
+    covered = np.minimum(np.concatenate([fractions.fraction[~together], joint]), 1 - 1e-12)
     return np.exp(np.bincount(pixel, np.log1p(-covered), minlength=pixels))
 
 

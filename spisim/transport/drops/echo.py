@@ -13,7 +13,7 @@ from spisim.transport.views import DetectorView
 class Echo(NamedTuple):
     """Of the light on each place, the share on a detector's aperture, and the path it took."""
 
-    share: Floats
+    fraction: Floats
     length_m: Floats  # from the pinhole to the place and on to the detector
 
 
@@ -44,13 +44,13 @@ def _collection(
     positions_m: Floats, detector: DetectorView, number: int, aperture_points: int
 ) -> Floats:
     """Solid angle of the aperture from each place, as far as that is in its field."""
-    axis, least = detector.axes[number], np.cos(detector.half_angle_rad)
+    axis, minimum = detector.axes[number], np.cos(detector.half_angle_rad)
     total = np.zeros(len(positions_m))
     for point in _aperture(axis, np.sqrt(detector.area_m2 / np.pi), aperture_points):
         towards = positions_m - (detector.positions_m[number] + point)
         ahead, squared = towards @ axis, np.einsum("dk,dk->d", towards, towards)
         cosine = ahead / np.sqrt(squared)
-        inside = (cosine >= least) & (cosine > 0)
+        inside = (cosine >= minimum) & (cosine > 0)
         total[inside] += cosine[inside] ** (1 + detector.vignetting) / squared[inside]
     return total * detector.area_m2 / aperture_points
 

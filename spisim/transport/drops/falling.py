@@ -51,8 +51,8 @@ class FallingDrops:
             for end in (first, last)
         )
         depth, (near, far) = positions[:, 2], self.depths_m
-        kept = (depth > near - moved) & (depth < far + moved)
-        return field.kept(kept), positions[kept], moved * np.sqrt(3)
+        retained = (depth > near - moved) & (depth < far + moved)
+        return field.retained(retained), positions[retained], moved * np.sqrt(3)
 
     def depth_m(self, frame: int) -> Floats:
         """Depth (H, W) of the surfaces in a frame."""

@@ -28,7 +28,7 @@ class DropField:
     They fill `box` (2, 3), low and high corner, which moves along with the instrument.
     """
 
-    places_m: Floats  # at the start of the recording
+    starts_m: Floats  # at the start of the recording
     velocities_m_s: Floats
     diameters_mm: Floats
     box: Floats
@@ -42,14 +42,14 @@ class DropField:
         """
         low, high = self.box
         travelled = self.velocities_m_s * time_s - self.pose_at(time_s)[:3, 3]
-        boxes = np.floor((self.places_m + travelled - low) / (high - low))
-        return replace(self, places_m=self.places_m - boxes * (high - low))
+        boxes = np.floor((self.starts_m + travelled - low) / (high - low))
+        return replace(self, starts_m=self.starts_m - boxes * (high - low))
 
-    def kept(self, which: NDArray[np.bool_]) -> DropField:
+    def retained(self, which: NDArray[np.bool_]) -> DropField:
         """Some of the drops."""
         return replace(
             self,
-            places_m=self.places_m[which],
+            starts_m=self.starts_m[which],
             velocities_m_s=self.velocities_m_s[which],
             diameters_mm=self.diameters_mm[which],
         )
@@ -57,7 +57,7 @@ class DropField:
     def positions_m(self, time_s: float) -> Floats:
         """Positions (drops, 3) in the optical frame that the instrument has then."""
         pose = self.pose_at(time_s)
-        apart = self.places_m + self.velocities_m_s * time_s - pose[:3, 3]
+        apart = self.starts_m + self.velocities_m_s * time_s - pose[:3, 3]
         return np.asarray(apart @ pose[:3, :3])
 
 
@@ -98,7 +98,7 @@ def drop_field(
     falling = np.zeros((count, 3))
     falling[:, 2] = -precipitation.fall_speed_m_s(diameters)
     return DropField(
-        places_m=box[0] + rng.random((count, 3)) * size,
+        starts_m=box[0] + rng.random((count, 3)) * size,
         velocities_m_s=(falling + precipitation.wind_m_s) @ scene.drone_pose[:3, :3],
         diameters_mm=diameters,
         box=box,
@@ -125,7 +125,7 @@ def _field_corners(instrument: Instrument, far_m: float) -> Floats:
     far = np.concatenate(ends)
     for detector in instrument.detectors.values():
         radius = np.sqrt(detector.aperture_area_m2 / np.pi)
-        near += [np.asarray(place)[:2] + signs * radius for place in detector.positions_m]
+        near += [np.asarray(position)[:2] + signs * radius for position in detector.positions_m]
     return np.concatenate(
         [
             np.column_stack([far, np.full(len(far), far_m)]),

@@ -49,8 +49,8 @@ class Check:
         finite = dr.isfinite(value) & dr.isfinite(length_m)
         size = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)
         amount = dr.select(finite, mi.Int64(dr.ceil(size)), 1)
-        place = dr.select(finite, mi.UInt32(cell), self._cells)
-        dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, place, active)
+        position = dr.select(finite, mi.UInt32(cell), self._cells)
+        dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, position, active)
         return active & finite
 
     def read(self) -> int:

@@ -61,8 +61,8 @@ class Detectors:
         return lane % self.count
 
     def launch(self, lane: Any, sampler: Any) -> Launch:
-        place = stratified(lane // self.count, self.samples, sampler)
-        ray, cosine = self._ray(lane % self.count, place, sampler)
+        position = stratified(lane // self.count, self.samples, sampler)
+        ray, cosine = self._ray(lane % self.count, position, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
@@ -78,10 +78,10 @@ class Detectors:
         ray, cosine = self._ray(lane % self.count, sampler.next_2d(), sampler)
         return ray, self._launched(cosine)
 
-    def _ray(self, number: Any, place: Any, sampler: Any) -> tuple[Any, Any]:
+    def _ray(self, number: Any, position: Any, sampler: Any) -> tuple[Any, Any]:
         """From the aperture in the direction of a point of the unit square; cosine to the axis."""
         frame = self._frame(number)
-        disc = mi.warp.square_to_uniform_disk_concentric(place) * dr.sqrt(self.sine2)
+        disc = mi.warp.square_to_uniform_disk_concentric(position) * dr.sqrt(self.sine2)
         cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
         origin = self._aperture_point(number, frame, sampler)
         return mi.Ray3f(origin, frame.to_world(mi.Vector3f(disc.x, disc.y, cosine))), cosine

@@ -127,17 +127,19 @@ class Beams:
         state = launch.state
         ray, si, reach = state.beam
         angular = EquiAngular.about(first_vertex, ray, reach)
-        fog_share = self._fog_share(si)
-        chosen = dr.select(state.in_fog, fog_share * angular.density(state.distance), 1 - fog_share)
+        fog_fraction = self._fog_fraction(si)
+        chosen = dr.select(
+            state.in_fog, fog_fraction * angular.density(state.distance), 1 - fog_fraction
+        )
         return state.rate / chosen
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
         ray, si, reach = self._beam(lane, sampler)
-        fog_share = self._fog_share(si)
-        in_fog = sampler.next_1d() < fog_share
+        fog_fraction = self._fog_fraction(si)
+        in_fog = sampler.next_1d() < fog_fraction
         angular = EquiAngular.about(vertex, ray, reach)
         distance = dr.select(in_fog, angular.sample(sampler.next_1d()), reach)
-        chosen = dr.select(in_fog, fog_share * angular.density(distance), 1 - fog_share)
+        chosen = dr.select(in_fog, fog_fraction * angular.density(distance), 1 - fog_fraction)
         point = ray(distance)
         towards = mi.Vector3f(vertex - point)
         squared = dr.squared_norm(towards)
@@ -169,10 +171,10 @@ class Beams:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
-        place = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
+        position = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
         origin = dr.gather(mi.Point3f, self.origins, cell)
         return mi.Ray3f(
-            mi.Point3f(origin + frame.s * place.x + frame.t * place.y),
+            mi.Point3f(origin + frame.s * position.x + frame.t * position.y),
             frame.to_world(dr.normalize(mi.Vector3f(tilt.x, tilt.y, 1))),
         )
 
@@ -186,10 +188,10 @@ class Beams:
 
         Per metre in fog, a probability on the surface.
         """
-        through = self.world.media.known_transmittance(ray.o, ray.d, distance)
+        through = self.world.media.closed_form_transmittance(ray.o, ray.d, distance)
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
-    def _fog_share(self, si: Any) -> Any:
+    def _fog_fraction(self, si: Any) -> Any:
         """How often a detector-side path is connected to the fog rather than the surface."""
         if not self.world.media.parts:
             return mi.Float(0)

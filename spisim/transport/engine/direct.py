@@ -16,8 +16,8 @@ from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
+from spisim.transport.engine.line_of_sight import Mirrored, Straight
 from spisim.transport.engine.points import Points
-from spisim.transport.engine.sight import Mirrored, Straight
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.mirrors import reflected
@@ -31,7 +31,7 @@ Lanes = tuple[Any, Any, Any, Any]
 
 
 #: How the other end is seen from there.
-Sight = Straight | Mirrored
+LineOfSight = Straight | Mirrored
 
 
 class Pencil(NamedTuple):
@@ -99,42 +99,44 @@ def mirrored_light(
     ray = mi.Ray3f(start.point, towards)
     value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
     lit &= carries_light(value)
-    place = cell if start.cell is None else start.cell
-    deposit(Contribution(value, place, length_m, mi.UInt32(0), lit, replica))
+    position = cell if start.cell is None else start.cell
+    deposit(Contribution(value, position, length_m, mi.UInt32(0), lit, replica))
 
 
-def _along_rays(world: World, this: Source, sight: Sight, lanes: Lanes, deposit: Deposit) -> None:
+def _along_rays(
+    world: World, this: Source, view: LineOfSight, lanes: Lanes, deposit: Deposit
+) -> None:
     lane, cell, replica, sampler = lanes
     ray, weight = this.pencil(lane, sampler)
     si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, sight.end.choose(lane, sampler))
+    pencil = Pencil(ray, si, reach, view.end.choose(lane, sampler))
 
     def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
         order = mi.UInt32(scatterings)
         deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
 
-    far_point = _off_surface(world, pencil, sight, sampler, add)
+    far_point = _off_surface(world, pencil, view, sampler, add)
     if world.media.parts:
-        _off_fog(world, pencil, sight, far_point, sampler, add)
+        _off_fog(world, pencil, view, far_point, sampler, add)
 
 
-def _off_surface(world: World, pencil: Pencil, sight: Sight, sampler: Any, add: Any) -> Any:
+def _off_surface(world: World, pencil: Pencil, view: LineOfSight, sampler: Any, add: Any) -> Any:
     """Light that the surface scatters; returns the place of the other end that it goes to."""
     ray, si, reach, number = pencil
-    end = sight.connect_to(number, si.p, sampler)
+    end = view.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
-    context = surface_context(sight.end)
+    context = surface_context(view.end)
     scattered = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = scattered.x * end.importance
     lit = carries_light(value) & si.is_valid()
     value *= world.media.transmittance(ray.o, ray.d, reach, sampler, lit)
-    value *= sight.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
+    value *= view.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
     add(value, reach + gap, 0, lit)
     return end.point
 
 
 def _off_fog(
-    world: World, pencil: Pencil, sight: Sight, far_point: Any, sampler: Any, add: Any
+    world: World, pencil: Pencil, view: LineOfSight, far_point: Any, sampler: Any, add: Any
 ) -> None:
     """Light that the fog scatters, at one point per lane where the other's field covers the ray.
 
@@ -143,7 +145,7 @@ def _off_fog(
     """
     media = world.media
     ray, si, reach, number = pencil
-    near, far = sight.overlap(number, ray, reach)
+    near, far = view.overlap(number, ray, reach)
     angular = EquiAngular.about(far_point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
@@ -152,13 +154,13 @@ def _off_fog(
     density = 0.5 * (angular.density(distance) + dr.rcp(far - near))
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, sampler.next_1d())
-    end = sight.connect_to(number, point, sampler)
+    end = view.connect_to(number, point, sampler)
     towards, gap = direction_to(point, end.point)
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
     value *= media.transmittance(ray.o, ray.d, distance, sampler, lit)
-    value *= sight.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
+    value *= view.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
     add(value, distance + gap, 1, lit)
 
 

@@ -186,11 +186,11 @@ class Projector:
         """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
         return self.importance_towards(direction, lens) / self.pixels
 
-    def ray_at(self, place: Any, sampler: Any) -> tuple[Any, Any]:
+    def ray_at(self, position: Any, sampler: Any) -> tuple[Any, Any]:
         """The ray through a place of the field, a point of the unit square, and its pixel."""
         height, width = self.shape
-        x, y = 2 * place.x - 1, 2 * place.y - 1
-        pixel = mi.UInt32(place.y * height) * width + mi.UInt32(place.x * width)
+        x, y = 2 * position.x - 1, 2 * position.y - 1
+        pixel = mi.UInt32(position.y * height) * width + mi.UInt32(position.x * width)
         ray = self._ray(x * self.half_width, y * self.half_height, sampler)
         return ray, dr.minimum(pixel, self.pixels - 1)
 

@@ -4,7 +4,7 @@ Paths from the projector and paths from the detector estimate the same light. Ea
 is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
 other, and against a third that joins a detector's path to a ray of the projector, they cover each
 other's weakness (`walk`). Light that is scattered once only, or once by fog and once by a surface,
-needs no walk: it is summed along the projector's rays (`direct`, `halo`).
+needs no walk: it is summed along the projector's rays (`direct`, `double_scattering`).
 """
 
 from collections.abc import Callable, Sequence
@@ -16,9 +16,9 @@ import numpy as np
 from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, direct_light_in_mirrors, mirrored_light
+from spisim.transport.engine.double_scattering import double_scattering_light
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
-from spisim.transport.engine.halo import halo_light
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.rays import FogRays
@@ -46,13 +46,13 @@ from spisim.transport.world import World
 #: a walk, and has a tenth to two times its variance.
 DIRECT_RAYS = 8
 #: And light that fog and a surface scatter once each.
-HALO_RAYS = 2
+DOUBLE_SCATTERING_RAYS = 2
 #: Where something retro-reflects: most of what it sends back to the detector, fog scatters on the
 #: way, and few rays find that (twice as efficient for safety vests in fog of 40 m).
-HALO_RAYS_TO_RETRO = 12
+DOUBLE_SCATTERING_RAYS_TO_RETRO = 12
 #: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
 #: mirrors show.
-SPOT_RAYS, SPOT_HALO_RAYS = 8, 2
+SPOT_RAYS, SPOT_DOUBLE_SCATTERING_RAYS = 8, 2
 
 
 class Strategy(Enum):
@@ -113,7 +113,7 @@ def image_light(
     # In clear air there is no fog to connect to.
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
-    halo = strategy is Strategy.BOTH and world.hazy
+    double_scattering = strategy is Strategy.BOTH and world.hazy
     outward = inward = alone
     if strategy is Strategy.BOTH:
         outward, inward = second_on_or_behind_glass, second_on
@@ -128,10 +128,19 @@ def image_light(
             if not world.geometry.see_through:
                 return
             strategy = Strategy.PROJECTOR  # which finds what lies behind panes
-        if halo:
-            rays_alone = near.times(HALO_RAYS_TO_RETRO if world.retroreflects else HALO_RAYS)
-            halo_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
-    walk = partial(Walk, world, deposit=deposit, rays=rays, halo=halo, replicas=replicas)
+        if double_scattering:
+            rays_alone = near.times(
+                DOUBLE_SCATTERING_RAYS_TO_RETRO if world.retroreflects else DOUBLE_SCATTERING_RAYS
+            )
+            double_scattering_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
+    walk = partial(
+        Walk,
+        world,
+        deposit=deposit,
+        rays=rays,
+        double_scattering=double_scattering,
+        replicas=replicas,
+    )
     if strategy is not Strategy.DETECTOR:
         out = walk(near, far, True, outward, mirrors=world.mirrors, footprint=footprint)
         out.run(seeds[0], max_vertices)
@@ -166,15 +175,21 @@ def spot_histogram(
         far = Detectors.of(detectors, int(samples))
         rays = near.times(SPOT_RAYS)
         direct_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
-        rays = near.times(SPOT_HALO_RAYS)
+        rays = near.times(SPOT_DOUBLE_SCATTERING_RAYS)
         direct_light_in_mirrors(world, rays, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1 or world.geometry.see_through:
-            weight, halo = alone, False
+            weight, double_scattering = alone, False
             if strategy is Strategy.BOTH:
-                weight, halo = balanced, world.hazy
-            if halo:
-                halo_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
-            walk = partial(Walk, world, deposit=tallies.add, halo=halo, replicas=replicas)
+                weight, double_scattering = balanced, world.hazy
+            if double_scattering:
+                double_scattering_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
+            walk = partial(
+                Walk,
+                world,
+                deposit=tallies.add,
+                double_scattering=double_scattering,
+                replicas=replicas,
+            )
             if strategy is not Strategy.DETECTOR:
                 out = walk(near, far, True, weight, mirrors=world.smooth)
                 out.run(seeds[0], max_vertices - 1)

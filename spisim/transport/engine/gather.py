@@ -60,24 +60,24 @@ class Gather:
         lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.sensor.launch(lane, sampler)
-        found = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+        result = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
         if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
-            self._see(lane, found, sampler)
+            self._see(lane, result, sampler)
         path, scale = _start(launch), dr.rcp(launch.beta)
-        while dr.hint(path.active, exclude=[self, found, scale, limit]):
-            here, reach = self._fly(path, found, limit, sampler)
+        while dr.hint(path.active, exclude=[self, result, scale, limit]):
+            here, reach = self._fly(path, result, limit, sampler)
             may_join = path.active & (path.vertex <= limit)
             for light in self.lamps.joined:
                 lit = light.seen_from(here.point, sampler)
-                self._join(here, lit, path, found, sampler, may_join)
+                self._join(here, lit, path, result, sampler, may_join)
             if dr.hint(self.lamps.points is not None, mode="scalar"):
-                self._join_points(here, reach, path, found, sampler, may_join)
+                self._join_points(here, reach, path, result, sampler, may_join)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
 
     def _fly(
-        self, path: _Path, found: Contribution, limit: Any, sampler: Any
+        self, path: _Path, result: Contribution, limit: Any, sampler: Any
     ) -> tuple[Vertex, Any]:
         """Follow the ray to a surface or a collision, and tell how far it could have gone.
 
@@ -89,12 +89,14 @@ class Gather:
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
         for around in self.lamps.around:
-            self._meet(around.met(ray.d), path, found, path.active & ~in_fog & ~on_surface)
+            self._meet(around.met(ray.d), path, result, path.active & ~in_fog & ~on_surface)
         if self.lamps.areas is not None:
-            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, found, on_surface)
+            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, result, on_surface)
         reach = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
         if self.lamps.points is not None and media.parts:
-            self._join_along(ray, reach, path, found, sampler, path.active & (path.vertex <= limit))
+            self._join_along(
+                ray, reach, path, result, sampler, path.active & (path.vertex <= limit)
+            )
         path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
@@ -112,38 +114,38 @@ class Gather:
         )
         return here, reach
 
-    def _meet(self, met: Met, path: _Path, found: Contribution, active: Any) -> None:
+    def _meet(self, met: Met, path: _Path, result: Contribution, active: Any) -> None:
         """Deposit light that the path has run into."""
         alone = (path.density == dr.inf) | (met.density == 0)
-        share = dr.select(alone, 1, path.density / (path.density + met.density))
-        value = path.beta * met.radiance * share
-        self.deposit(found._replace(value=value, active=active & carries_light(value)))
+        fraction = dr.select(alone, 1, path.density / (path.density + met.density))
+        value = path.beta * met.radiance * fraction
+        self.deposit(result._replace(value=value, active=active & carries_light(value)))
 
     def _join(
         self,
         here: Vertex,
         lit: Lit,
         path: _Path,
-        found: Contribution,
+        result: Contribution,
         sampler: Any,
         active: Any,
-        share: Any = 1,
+        fraction: Any = 1,
     ) -> None:
         """Deposit what a vertex sends on of a lamp's light."""
         lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
         balance = lit.density / (lit.density + lobe.forward)
-        weight = dr.select(lit.density == dr.inf, share, balance)
+        weight = dr.select(lit.density == dr.inf, fraction, balance)
         value = path.beta * lobe.value * lit.irradiance * weight
         lit_up = active & carries_light(value)
         value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
-        self.deposit(found._replace(value=value, active=lit_up & carries_light(value)))
+        self.deposit(result._replace(value=value, active=lit_up & carries_light(value)))
 
     def _join_points(
         self,
         here: Vertex,
         reach: Any,
         path: _Path,
-        found: Contribution,
+        result: Contribution,
         sampler: Any,
         active: Any,
     ) -> None:
@@ -151,17 +153,17 @@ class Gather:
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
-        share = mi.Float(1)
+        fraction = mi.Float(1)
         if media.parts:
             distance = dr.dot(here.point - path.ray.o, path.ray.d)
             angular = EquiAngular.about(position, path.ray, reach).density(distance)
             flown = self._flown(path.ray, distance, here.point)
-            share = dr.select(here.in_fog, flown / (flown + angular), 1)
+            fraction = dr.select(here.in_fog, flown / (flown + angular), 1)
         lit = points.chosen_from(number, position, here.point)
-        self._join(here, lit, path, found, sampler, active, share)
+        self._join(here, lit, path, result, sampler, active, fraction)
 
     def _join_along(
-        self, ray: Any, reach: Any, path: _Path, found: Contribution, sampler: Any, active: Any
+        self, ray: Any, reach: Any, path: _Path, result: Contribution, sampler: Any, active: Any
     ) -> None:
         """Deposit what fog on the way scatters of them, wherever the path's own flight ends."""
         points, media = self.lamps.points, self.world.media
@@ -180,27 +182,27 @@ class Gather:
         active &= carries_light(value)
         value *= media.transmittance(ray.o, ray.d, distance, sampler, active)
         value *= media.transmittance(point, lit.towards, lit.gap_m, sampler, active)
-        self.deposit(found._replace(value=value, active=active & carries_light(value)))
+        self.deposit(result._replace(value=value, active=active & carries_light(value)))
 
     def _flown(self, ray: Any, distance: Any, point: Any) -> Any:
         """Density with which a flight ends there by a collision, as far as it has a closed form."""
         media = self.world.media
-        return media.extinction_at(point) * media.known_transmittance(ray.o, ray.d, distance)
+        return media.extinction_at(point) * media.closed_form_transmittance(ray.o, ray.d, distance)
 
-    def _see(self, lane: Any, found: Contribution, sampler: Any) -> None:
+    def _see(self, lane: Any, result: Contribution, sampler: Any) -> None:
         """Deposit the light that shines straight onto a detector from lamps that none runs into."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
         for light in (*self.lamps.parallel, *points):
             middle = dr.gather(mi.Point3f, self.sensor.positions, lane % self.sensor.count)
             lit = light.seen_from(middle, sampler)
-            place = mi.Point3f(middle + lit.towards * lit.gap_m)
-            end = self.sensor.connect(lane, place, sampler)
+            position = mi.Point3f(middle + lit.towards * lit.gap_m)
+            end = self.sensor.connect(lane, position, sampler)
             value = lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.rate
             active = carries_light(value)
             value *= self.world.geometry.between(middle, lit.towards, lit.gap_m, active)
             value *= self.world.media.transmittance(middle, lit.towards, lit.gap_m, sampler, active)
-            self.deposit(found._replace(value=value, active=active & carries_light(value)))
+            self.deposit(result._replace(value=value, active=active & carries_light(value)))
 
     def _leave(self, here: Vertex, turn: Turn, path: _Path) -> None:
         """Take the next direction."""

@@ -72,12 +72,12 @@ class Points:
     ) -> Points:
         """Of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
         weights = mi.Float(np.float32(powers / powers.sum()))
-        places, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
+        indices, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
         strengths = mi.Float(np.float32(intensities))
         beams, cutoffs = (mi.Float(np.float32(each)) for each in angles.T)
-        dr.make_opaque(places, headings, strengths, beams, cutoffs, weights)
+        dr.make_opaque(indices, headings, strengths, beams, cutoffs, weights)
         choice = mi.DiscreteDistribution(weights)
-        return cls(places, headings, strengths, beams, cutoffs, choice)
+        return cls(indices, headings, strengths, beams, cutoffs, choice)
 
     def choose(self, sampler: Any) -> tuple[Any, Any]:
         """Number and position of a lamp."""
@@ -102,8 +102,8 @@ class Points:
         angle = dr.safe_acos(-dr.dot(axis, towards))
         slope = (cutoff - angle) / dr.maximum(cutoff - beam, 1e-9)
         falloff = dr.select(angle <= beam, 1, dr.clip(slope, 0, 1))
-        share = self.choice.eval_pmf_normalized(number)
-        irradiance = intensity * falloff / (share * gap_m * gap_m)
+        fraction = self.choice.eval_pmf_normalized(number)
+        irradiance = intensity * falloff / (fraction * gap_m * gap_m)
         return Lit(towards, gap_m, irradiance, mi.Float(dr.inf))
 
 
@@ -137,15 +137,15 @@ class Areas:
     def seen_from(self, vertex: Any, sampler: Any) -> Lit:
         """See `Joined`."""
         number = self.choice.sample(sampler.next_1d())
-        place = mi.warp.square_to_uniform_triangle(sampler.next_2d())
+        position = mi.warp.square_to_uniform_triangle(sampler.next_2d())
         first, second = (dr.gather(mi.Vector3f, edge, number) for edge in self.edges)
         corner = dr.gather(mi.Point3f, self.corners, number)
-        towards, gap_m = direction_to(vertex, corner + first * place.x + second * place.y)
+        towards, gap_m = direction_to(vertex, corner + first * position.x + second * position.y)
         cosine = -dr.dot(dr.normalize(dr.cross(first, second)), towards)
         irradiance = dr.select(cosine > 0, self.total * cosine / (gap_m * gap_m), 0)
-        share = self.choice.eval_pmf_normalized(number)
+        fraction = self.choice.eval_pmf_normalized(number)
         area = 0.5 * dr.norm(dr.cross(first, second))
-        density = share / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
+        density = fraction / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
         return Lit(towards, gap_m, irradiance, density)
 
     def met(self, before: Any, si: Any, active: Any) -> Met:
@@ -206,10 +206,10 @@ class Surround:
     def seen_from(self, vertex: Any, sampler: Any) -> Lit:
         """See `Joined`."""
         height, width = self.shape
-        cell, place = self.choice.sample(sampler.next_1d()), sampler.next_2d()
+        cell, position = self.choice.sample(sampler.next_1d()), sampler.next_2d()
         top, below = (dr.cos(dr.pi / height * mi.Float(cell // width + k)) for k in (0, 1))
-        cosine = dr.lerp(top, below, place.y)
-        azimuth = dr.two_pi / width * (mi.Float(cell % width) + place.x)
+        cosine = dr.lerp(top, below, position.y)
+        azimuth = dr.two_pi / width * (mi.Float(cell % width) + position.x)
         sine, (up, along) = dr.safe_sqrt(1 - cosine * cosine), dr.sincos(azimuth)
         towards = self.to_world @ mi.Vector3f(sine * along, sine * up, cosine)
         met = self.met(towards)
@@ -227,8 +227,8 @@ class Surround:
         row = dr.minimum(mi.UInt32(v * height), height - 1)
         column = dr.minimum(mi.UInt32(u * width), width - 1)
         top, below = (dr.cos(dr.pi / height * mi.Float(row + k)) for k in (0, 1))
-        share = self.choice.eval_pmf_normalized(row * width + column)
-        return Met(radiance, share * width * dr.inv_two_pi / (top - below))
+        fraction = self.choice.eval_pmf_normalized(row * width + column)
+        return Met(radiance, fraction * width * dr.inv_two_pi / (top - below))
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,7 +23,7 @@ class Lamp:
     """
 
     projector: Projector
-    shares: Any  # of the power, by virtual pixel
+    fractions: Any  # of the power, by virtual pixel
     pixels: Any  # drawn in proportion to it
     samples: int
     rate: Any  # see `Projector`
@@ -34,10 +34,10 @@ class Lamp:
         cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
     ) -> Lamp:
         """`power` (H, W) of each virtual pixel, in any unit."""
-        shares = mi.Float((power / power.sum()).astype(np.float32).ravel())
-        dr.make_opaque(shares)
-        pixels, rate = mi.DiscreteDistribution(shares), dr.opaque(mi.Float, samples)
-        return cls(Projector.of(view, 1), shares, pixels, samples, rate, cells)
+        fractions = mi.Float((power / power.sum()).astype(np.float32).ravel())
+        dr.make_opaque(fractions)
+        pixels, rate = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
+        return cls(Projector.of(view, 1), fractions, pixels, samples, rate, cells)
 
     @property
     def lanes(self) -> int:
@@ -60,7 +60,9 @@ class Lamp:
         index = lane // (self.cells or 1)
         pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
         ray, _ = self.projector.pencil(pixel, sampler)
-        importance = self.projector.importance_of(ray.d) * dr.gather(mi.Float, self.shares, pixel)
+        importance = self.projector.importance_of(ray.d) * dr.gather(
+            mi.Float, self.fractions, pixel
+        )
         return Launch(
             origin=ray.o,
             direction=ray.d,
@@ -76,13 +78,13 @@ class Lamp:
 
     def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
-        importance = end.importance * dr.gather(mi.Float, self.shares, end.cell)
+        importance = end.importance * dr.gather(mi.Float, self.fractions, end.cell)
         return end._replace(importance=importance, density=importance * self.rate, cell=None)
 
     def random_ray(self, sampler: Any) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
-        weight = dr.gather(mi.Float, self.shares, pixel) * self.projector.pixels
+        weight = dr.gather(mi.Float, self.fractions, pixel) * self.projector.pixels
         return RandomRay(ray, weight, weight * self.rate, None)
 
     def random_ray_density(self, direction: Any, lens: Any) -> Any:

@@ -85,9 +85,9 @@ class Densities:
         self.start = dr.select(first, dr.rcp(launched * self.through), self.start)
         self.start_m = dr.select(first, self.segment_m, self.start_m)
 
-    def other_end(self, lobe: Lobe, end: Connection, known: Any, first: Any) -> Ratio:
-        """R of a connection to the other end over a gap of `known` transmittance."""
-        per_m2 = self.ratio * self.start * end.density * known * lobe.cosines
+    def other_end(self, lobe: Lobe, end: Connection, given: Any, first: Any) -> Ratio:
+        """R of a connection to the other end over a gap of `given` transmittance."""
+        per_m2 = self.ratio * self.start * end.density * given * lobe.cosines
         per_m2 *= dr.select(first, 1, lobe.backward)
         return Ratio(per_m2 * self.start_m * self.start_m, per_m2)
 
@@ -95,8 +95,8 @@ class Densities:
         self, rays: FogRays, start: Any, point: Any, lobe: Lobe, ratio: Ratio, second: Any
     ) -> Any:
         """R S where the walk comes from the projector, along the ray `start`, to `point`."""
-        place = rays.density(start, self.start_m, point)
-        reach = dr.select(self.before_forward > 0, self._over_segment(place), 0)
+        position = rays.density(start, self.start_m, point)
+        reach = dr.select(self.before_forward > 0, self._over_segment(position), 0)
         self.bridge = dr.select(second, reach, self.bridge)
         at_second = quotient(self.bridge, lobe.backward)
         return ratio.per_m2 * dr.select(second, at_second, self.bridge)
@@ -104,16 +104,16 @@ class Densities:
     def bridge_inward(self, rays: FogRays, lens: Any, point: Any, in_fog: Any) -> Any:
         """S where the walk comes from the detector and `point` is connected to the `lens`."""
         direction, gap = direction_to(lens, point)
-        place = rays.density(mi.Ray3f(lens, direction), gap, self.before)
-        reach = quotient(self._over_segment(place), self.before_forward * gap * gap)
+        position = rays.density(mi.Ray3f(lens, direction), gap, self.before)
+        reach = quotient(self._over_segment(position), self.before_forward * gap * gap)
         return dr.select(in_fog, reach, 0)
 
-    def footprint(self, place: Any) -> Any:
-        """Density of a `place` that was picked, by its solid angle from the end, over the walk's.
+    def footprint(self, position: Any) -> Any:
+        """Density of a picked `position`, by its solid angle from the end, over the walk's.
 
         Times the cosine towards the end over that of arrival.
         """
-        return quotient(place * self.segment_m * self.segment_m, self.before_forward)
+        return quotient(position * self.segment_m * self.segment_m, self.before_forward)
 
     def leave(self, turn: Turn, in_fog: Any, first: Any) -> None:
         """Turn at a vertex. The same delta is in both densities of a specular one, which cannot be

@@ -42,19 +42,21 @@ class FogRays:
         phase = media.phase(medium, point, ray.d, towards, inside)
         clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
         through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
-        known = media.known_transmittance(ray.o, ray.d, distance)
+        given = media.closed_form_transmittance(ray.o, ray.d, distance)
         biased = media.flight_density(ray.o, ray.d, distance, medium, inside, mi.Float(0))
-        place = angular.density(distance)
-        strength = clear * through * media.albedo(medium) * extinction * phase / (place * gap * gap)
+        position = angular.density(distance)
+        strength = (
+            clear * through * media.albedo(medium) * extinction * phase / (position * gap * gap)
+        )
         end = Connection(
             point=point,
             importance=dr.select(inside, weight * strength, 0),
-            density=launched * known * biased * extinction * phase / (place * gap * gap),
+            density=launched * given * biased * extinction * phase / (position * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,
         )
-        return end, density * place / (distance * distance * extinction)
+        return end, density * position / (distance * distance * extinction)
 
     def density(self, ray: Any, distance: Any, second: Any) -> Any:
         """Number density with which `connect` picks the place `distance` along a ray, seen from

@@ -17,7 +17,7 @@ MIN_LAUNCHES = 8
 #: Lanes of one launch, per strategy: bounds memory.
 MAX_LANES = 2**20
 #: And at least, on the way to an error, if not a third of all before: a launch has its price.
-LEAST_LANES = 2**14
+MIN_LANES = 2**14
 
 
 class TransportWarning(UserWarning):
@@ -25,7 +25,7 @@ class TransportWarning(UserWarning):
 
 
 @dataclass(frozen=True, eq=False)
-class Gauge:
+class ErrorMetric:
     """How large errors are, in a measure that falls with one over the square root of the paths.
 
     `readings` turns what was estimated into the numbers that matter, such as decoded coefficients;
@@ -45,21 +45,21 @@ class Paths:
 
     per_cell: int
     launches: int = MIN_LAUNCHES  # at least
-    gauge: Gauge | None = None
+    error_metric: ErrorMetric | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TargetError:
-    """Go on until errors are at most `target` by their gauge, or there are `most` paths per cell.
+    """Go on until errors are at most `target` by their metric, or there are `maximum` paths a cell.
 
     The first launch has `first` paths per cell, which may be less than one, the next as many as
     seem to be missing, at most `growth` times those before: the first few may not tell.
     """
 
     target: float
-    gauge: Gauge
+    error_metric: ErrorMetric
     first: float = 1
-    most: int = 2**20
+    maximum: int = 2**20
     launches: int = MIN_LAUNCHES  # at least
     growth: float = 1.0
 
@@ -88,13 +88,13 @@ class _Running:
     (West 1979; without weights, Welford.)
     """
 
-    def __init__(self, gauge: Gauge | None = None) -> None:
+    def __init__(self, error_metric: ErrorMetric | None = None) -> None:
         self.count = 0
         self.weight = 0.0
         self.mean: dict[str, Floats] = {}
         self._squares: dict[str, Floats] = {}
-        self._gauge = gauge
-        self._readings = None if gauge is None else _Running()
+        self._error_metric = error_metric
+        self._readings = None if error_metric is None else _Running()
 
     def add(self, values: Mapping[str, Floats], weight: float) -> None:
         self.count += 1
@@ -105,8 +105,8 @@ class _Running:
             self.mean[name] = mean + step * (weight / self.weight)
             before = self._squares.get(name, np.zeros(()))
             self._squares[name] = before + weight * step * (value - self.mean[name])
-        if self._gauge is not None and self._readings is not None:
-            self._readings.add({"readings": self._gauge.readings(values)}, weight)
+        if self._error_metric is not None and self._readings is not None:
+            self._readings.add({"readings": self._error_metric.readings(values)}, weight)
 
     def error(self) -> dict[str, Floats]:
         spread = max(self.count - 1, 1) * self.weight
@@ -114,12 +114,12 @@ class _Running:
 
     def size(self) -> float:
         """Of the errors, by the gauge."""
-        if self._gauge is None or self._readings is None:
+        if self._error_metric is None or self._readings is None:
             return math.nan
         if self.count < 2:
             return math.inf
         readings = self._readings
-        return self._gauge.size(readings.mean["readings"], readings.error()["readings"])
+        return self._error_metric.size(readings.mean["readings"], readings.error()["readings"])
 
 
 def repeat(
@@ -140,14 +140,14 @@ def repeat(
 
     TransportWarning tells how much of the light had to be left out.
     """
-    most = max(1, MAX_LANES // (cells * replicas))
-    running, dropped = _Running(budget.gauge), 0
+    maximum = max(1, MAX_LANES // (cells * replicas))
+    running, dropped = _Running(budget.error_metric), 0
     if isinstance(budget, Paths):
-        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // most)) // replicas)
+        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // maximum)) // replicas)
         samples: float = max(1, round(budget.per_cell / launches))
     else:
         launches = budget.launches
-        samples = min(budget.first, most)
+        samples = min(budget.first, maximum)
     done, beside = 0.0, min(replicas, launches)
     for step in count():
         values, unsummed = launch(samples, _seeds(seed, step), beside)
@@ -157,17 +157,19 @@ def repeat(
         if isinstance(budget, Paths):
             done = running.count / launches
         else:
-            done = max(done, _share_done(budget, running))
+            done = max(done, _fraction_done(budget, running))
         if progress is not None:
             progress(done)
         if done >= 1:
             break
         if isinstance(budget, TargetError) and running.count >= launches:
-            least = min(running.weight / 3, LEAST_LANES / cells)
-            missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), least)
+            minimum = min(running.weight / 3, MIN_LANES / cells)
+            missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), minimum)
             beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
-            share = missing / beside
-            samples = budget.first if share <= budget.first < 1 else min(math.ceil(share), most)
+            fraction = missing / beside
+            samples = (
+                budget.first if fraction <= budget.first < 1 else min(math.ceil(fraction), maximum)
+            )
     if dropped:
         warnings.warn(
             f"{dropped} contributions of light were not finite numbers and are left out: a "
@@ -185,14 +187,14 @@ def replicas_of(cells: int) -> int:
     return min(MIN_LAUNCHES, 1 << (fitting.bit_length() - 1))
 
 
-def _share_done(budget: TargetError, running: _Running) -> float:
+def _fraction_done(budget: TargetError, running: _Running) -> float:
     """Share of the paths that it will take, as far as is known."""
-    if running.weight >= budget.most:
+    if running.weight >= budget.maximum:
         return 1.0
-    share = (budget.target / max(running.size(), budget.target)) ** 2
+    fraction = (budget.target / max(running.size(), budget.target)) ** 2
     if running.count < budget.launches:
-        return float(min(share, running.count / budget.launches))
-    return float(share)
+        return float(min(fraction, running.count / budget.launches))
+    return float(fraction)
 
 
 def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:

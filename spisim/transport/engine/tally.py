@@ -83,9 +83,9 @@ class PhasorTally:
         """See `Tally`."""
         for number, wave_number in enumerate(self._wave_numbers):
             sine, cosine = dr.sincos(wave_number * light.length_m)
-            place = 2 * (light.cell * len(self._wave_numbers) + number)
-            self._sum.add(light.value * cosine, place, light.active)
-            self._sum.add(light.value * sine, place + 1, light.active)
+            position = 2 * (light.cell * len(self._wave_numbers) + number)
+            self._sum.add(light.value * cosine, position, light.active)
+            self._sum.add(light.value * sine, position + 1, light.active)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
         """See `Tally`."""
@@ -148,13 +148,13 @@ class HistogramTally:
     def add(self, light: Contribution) -> None:
         """See `Tally`."""
         near = self._bins.near
-        place = dr.minimum(light.length_m / self._bins.width_m, near - 1)
-        low = dr.minimum(mi.UInt32(place), near - 2)
-        upper = place - mi.Float(low)
+        position = dr.minimum(light.length_m / self._bins.width_m, near - 1)
+        low = dr.minimum(mi.UInt32(position), near - 2)
+        upper = position - mi.Float(low)
         if self._bins.far_m:
             beyond = light.active & (light.length_m > (near - 1) * self._bins.width_m)
-            between, share = self._far(light.length_m, beyond)
-            low, upper = dr.select(beyond, between, low), dr.select(beyond, share, upper)
+            between, fraction = self._far(light.length_m, beyond)
+            low, upper = dr.select(beyond, between, low), dr.select(beyond, fraction, upper)
         cell = light.cell * self._count + low
         self._sum.add(light.value * (1 - upper), cell, light.active)
         self._sum.add(light.value * upper, cell + 1, light.active)

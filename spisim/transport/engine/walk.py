@@ -24,13 +24,13 @@ import mitsuba as mi
 
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
+from spisim.transport.engine.double_scattering import estimated_along_rays
 from spisim.transport.engine.ends import Connection, Launch, Projector
 from spisim.transport.engine.footprint import Footprint
-from spisim.transport.engine.halo import found_along_rays
 from spisim.transport.engine.lights import Lamp, Sun
+from spisim.transport.engine.line_of_sight import Mirrored
 from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
-from spisim.transport.engine.sight import Mirrored
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
@@ -83,7 +83,7 @@ class Walk:
     rays: FogRays | None = None
     mirrors: Mirrors | None = None
     footprint: Footprint | None = None
-    halo: bool = False  # light of `halo_light` is found by it alone
+    double_scattering: bool = False  # light of `halo_light` is found by it alone
     sky: Sky | None = None
     ending: float = 1.0  # roulette may end paths that carry less than this share of their start
     replicas: int = 1  # estimates side by side, which paths take turns to be part of
@@ -124,16 +124,16 @@ class Walk:
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
-            place = (launch.cell, path.length_m, path.scatterings)
-            self.deposit(Contribution(light, *place, escaped, launch.replica))
+            position = (launch.cell, path.length_m, path.scatterings)
+            self.deposit(Contribution(light, *position, escaped, launch.replica))
         path.active &= in_fog | on_surface
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
         path.length_m += distance
         path.scatterings += dr.select(in_fog, 1, 0)
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
-        known = media.known_transmittance(ray.o, ray.d, distance)
-        path.densities.go(distance, known * dr.select(path.active, biased, 1))
+        given = media.closed_form_transmittance(ray.o, ray.d, distance)
+        path.densities.go(distance, given * dr.select(path.active, biased, 1))
         path.densities.arrive_first(path.vertex == 1, self.this.density(launch, point))
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
         return Vertex(
@@ -154,8 +154,8 @@ class Walk:
         """P or D: deposit what a vertex sends to the other end."""
         end = self._flown(self.other.connect(lane, here.point, sampler), here)
         has_part = path.active & self.weight.part(path.vertex, path.crossings > 0)
-        if self.halo:
-            has_part &= ~self._in_halo(here, end, path, launch)
+        if self.double_scattering:
+            has_part &= ~self._double_scattering(here, end, path, launch)
         join = self._join(here, end, path, has_part, sampler)
         others = join.ratio.value
         if self.rays is not None and self.outward:
@@ -169,19 +169,21 @@ class Walk:
             others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
         self._deposit(join, others, path.vertex, end, launch, path)
 
-    def _in_halo(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
-        """Whether `halo_light` finds the light of a vertex that is joined to the other end."""
+    def _double_scattering(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
+        """Whether `double_scattering_light` adds the light of a vertex joined to the other end."""
         begun = isinstance(self.this, Beams)  # paths from beams start at their first vertex
         if self.outward:
-            found = found_along_rays(path.densities.before, here.point, end.point, here.in_fog)
+            result = estimated_along_rays(path.densities.before, here.point, end.point, here.in_fog)
             scatterings, vertices = path.scatterings, path.vertex + (1 if begun else 0)
         elif isinstance(self.other, Beams):
-            found = found_along_rays(end.point, here.point, launch.origin, here.in_fog)
+            result = estimated_along_rays(end.point, here.point, launch.origin, here.in_fog)
             scatterings, vertices = path.scatterings + end.scatterings, path.vertex + 1
         else:
-            found = found_along_rays(here.point, path.densities.before, launch.origin, ~here.in_fog)
+            result = estimated_along_rays(
+                here.point, path.densities.before, launch.origin, ~here.in_fog
+            )
             scatterings, vertices = path.scatterings, path.vertex
-        return found & ~path.densities.met_mirror_first & (vertices == 2) & (scatterings == 1)
+        return result & ~path.densities.met_mirror_first & (vertices == 2) & (scatterings == 1)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
         """The other end, with the density of its paths' first flights as they are drawn."""
@@ -194,12 +196,12 @@ class Walk:
     def _join_ray(self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any) -> None:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
-        end, place = self.rays.connect(here.point, sampler, path.active)
+        end, position = self.rays.connect(here.point, sampler, path.active)
         has_part = path.active & (path.vertex < limit)
-        if self.halo:
+        if self.double_scattering:
             has_part &= here.in_fog | (path.vertex > 1)
         join = self._join(here, end, path, has_part, sampler)
-        detectors = quotient(join.lobe.forward * join.known, place * join.gap_m * join.gap_m)
+        detectors = quotient(join.lobe.forward * join.known, position * join.gap_m * join.gap_m)
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
 
     def _join_footprint(
@@ -207,9 +209,9 @@ class Walk:
     ) -> None:
         """Deposit what a vertex sends to a place that the other end sees."""
         assert self.footprint is not None
-        end, place = self.footprint.connect(here.point, sampler, path.active)
+        end, position = self.footprint.connect(here.point, sampler, path.active)
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
-        walk = quotient(join.lobe.forward, place)
+        walk = quotient(join.lobe.forward, position)
         self._deposit(join, walk, path.vertex + 1, end, launch, path)
 
     @dr.syntax
@@ -227,24 +229,24 @@ class Walk:
         number = self.other.choose(lane, sampler)
         each, count = mi.UInt32(0), dr.select(blind, mirrors.largest.count, 0)
         while dr.hint(each < count, exclude=[self, here, path, launch, mirrors, number, count]):
-            sight = Mirrored(self.world, self.other, mirrors.one(each))
-            end = sight.connect_to(number, here.point, sampler)
-            shown = mirrors.largest.show(each, here.point, end.point) & (end.importance > 0)
-            if dr.hint(shown, exclude=[self, here, path, launch, sight, end]):
-                self._deposit_mirrored(here, path, launch, sight, end, sampler, mi.Bool(True))
+            view = Mirrored(self.world, self.other, mirrors.one(each))
+            end = view.connect_to(number, here.point, sampler)
+            displayed = mirrors.largest.show(each, here.point, end.point) & (end.importance > 0)
+            if dr.hint(displayed, exclude=[self, here, path, launch, view, end]):
+                self._deposit_mirrored(here, path, launch, view, end, sampler, mi.Bool(True))
             each += 1
-        if dr.hint(mirrors.most > 1, mode="scalar"):
+        if dr.hint(mirrors.maximum > 1, mode="scalar"):
             fold, looked = mirrors.choose_two(sampler)
-            sight = Mirrored(self.world, self.other, fold)
-            end = sight.connect_to(number, here.point, sampler)
-            self._deposit_mirrored(here, path, launch, sight, end, sampler, blind & looked)
+            view = Mirrored(self.world, self.other, fold)
+            end = view.connect_to(number, here.point, sampler)
+            self._deposit_mirrored(here, path, launch, view, end, sampler, blind & looked)
 
     def _deposit_mirrored(
         self,
         here: Vertex,
         path: Path,
         launch: Launch,
-        sight: Mirrored,
+        view: Mirrored,
         end: Connection,
         sampler: Any,
         active: Any,
@@ -253,7 +255,7 @@ class Walk:
         lobe = here.lobe(towards, active & (end.importance > 0))
         value = path.beta * end.importance * lobe.value
         lit = active & carries_light(value)
-        value *= sight.transmission(
+        value *= view.transmission(
             here.si, here.point, towards, length_m, here.in_fog, sampler, lit
         )
         self.deposit(
@@ -273,16 +275,16 @@ class Walk:
         value = path.beta * end.importance * lobe.value
         connected = allowed & carries_light(value)
         value *= here.transmission(towards, gap, sampler, connected)
-        known = self.world.media.known_transmittance(here.point, towards, gap)
-        ratio = path.densities.other_end(lobe, end, known, path.vertex == 1)
-        return _Join(value, ratio, lobe, gap, known, connected & carries_light(value))
+        given = self.world.media.closed_form_transmittance(here.point, towards, gap)
+        ratio = path.densities.other_end(lobe, end, given, path.vertex == 1)
+        return _Join(value, ratio, lobe, gap, given, connected & carries_light(value))
 
     def _deposit(
         self, join: _Join, others: Any, vertex: Any, end: Connection, launch: Launch, path: Path
     ) -> None:
         self.deposit(
             Contribution(
-                join.value * self.weight.share(others, vertex),
+                join.value * self.weight.fraction(others, vertex),
                 end.cell if launch.cell is None else launch.cell,
                 path.length_m + join.gap_m + end.length_m,
                 path.scatterings + end.scatterings,

@@ -18,7 +18,7 @@ class Weight(NamedTuple):
     """Of one strategy: in which light it has a part, and how large its share is there."""
 
     part: Callable[[Any, Any], Any]  # (vertex, crossed)
-    share: Callable[[Any, Any], Any]  # (others, vertex)
+    fraction: Callable[[Any, Any], Any]  # (others, vertex)
 
 
 def _all(vertex: Any, crossed: Any) -> Any:

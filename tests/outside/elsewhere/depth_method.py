@@ -17,7 +17,7 @@ class Flat:
             if not np.isfinite(depths_m).any():
                 return None
             spread = np.full(shape, np.nanstd(np.log(depths_m)))
-            return DepthEstimate(np.full(shape, np.nanmean(depths_m)), deviation=spread)
+            return DepthEstimate(np.full(shape, np.nanmean(depths_m)), sigma=spread)
 
         return solve
 

@@ -10,7 +10,7 @@ class Smoothed:
 
     def compile(self, operator):
         def solve(coefficients):
-            return Estimate(gaussian_filter(operator.least_energy(coefficients.values), 1))
+            return Estimate(gaussian_filter(operator.min_norm(coefficients.values), 1))
 
         return solve
 

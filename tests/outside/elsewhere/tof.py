@@ -36,7 +36,7 @@ class Mean:
 
     def compile(self, spots, optics=None):
         def solve(spots, brightness=None):
-            nothing = np.zeros(4, bool)
+            no_return = np.zeros(4, bool)
             electrons = spots.electrons[0]
             sigma_m = c * spots.tick_s / np.sqrt(np.maximum(electrons, 1))
             paths = Paths(
@@ -44,9 +44,9 @@ class Mean:
                 sigma_m=sigma_m,
                 signal_electrons=electrons,
                 background_electrons=0 * electrons,
-                saturated=nothing,
+                saturated=no_return,
                 no_signal=electrons < 1,
-                ambiguous=nothing,
+                ambiguous=no_return,
             )
             return ranges_from_paths(paths, spots)
 

@@ -35,7 +35,7 @@ from spisim.transport.world import World
 THIN_PER_M = 1e-4
 
 
-def halo_light(
+def double_scattering_light(
     world: World,
     this: Projector | Beams,
     other: Detectors | Lamp,
@@ -54,8 +54,8 @@ def halo_light(
         deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
 
 
-def found_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> Any:
-    """Whether `halo_light` finds light of two vertices, in their order from the projector.
+def estimated_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> Any:
+    """Whether `double_scattering_light` adds light of two vertices, ordered from the projector.
 
     One of them is on a surface that scatters, the other in fog.
     """

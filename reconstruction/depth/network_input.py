@@ -37,22 +37,22 @@ BRIGHTEST = 10.0
 """Veil over bright pixels: what is brighter is not told apart."""
 DARKEST_OF_ALL, DARK = 1, 5
 """Percentiles of dark pixels."""
-MOST_VEIL = 0.95
+MAX_VEIL = 0.95
 """Of the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
 START = AnchoredPrior(
-    log_depth_deviation=0.4,
-    log_reflectance_deviation=0.7,
+    log_depth_sigma=0.4,
+    log_reflectance_sigma=0.7,
     correlation_length=0.5,
     similarity=0.7,
     nugget=0.05,
     min_brightness=0.2,
     uncertain=0.05,
     max_nearer=1.3,
-    doubt=1.0,
+    sigma_factor=1.0,
 )
 """Constants of the map that is corrected: part of what was learned, whatever others come to fit."""
-DEVIATION = 0.01, 1.0
+SIGMA = 0.01, 1.0
 """Of that map: what is surer or less sure is not told apart."""
 CLEAR_PER_M = 1e-3
 """Extinction below which fog is not told from clear air."""
@@ -67,20 +67,21 @@ class Anchors(NamedTuple):
     @property
     def weight(self) -> Floats:
         """How much each counts, 0 where nothing is told."""
-        known = np.isfinite(self.log_depth) & np.isfinite(self.log_sigma)
-        return np.where(known, 1 / (1 + (np.where(known, self.log_sigma, 1) / SURE) ** 2), 0.0)
+        finite = np.isfinite(self.log_depth) & np.isfinite(self.log_sigma)
+        return np.where(finite, 1 / (1 + (np.where(finite, self.log_sigma, 1) / SURE) ** 2), 0.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Shown:
+class NetworkInput:
     """One frame as the network sees it.
 
     ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
     the method that was asked for, ``fitted`` those of target and fog fitted together, and ``lost``
     (4,) where nothing came back. ``log_reflectance`` (4,) by the laser light, nan where unknown.
-    ``noise`` is the rms noise of a reading over what readings vary by, ``share`` the number of
-    patterns over that of pixels, ``reach_m`` the range from which on spots look nearer than they
-    are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not known.
+    ``noise`` is the rms noise of a reading over what readings vary by, ``fraction`` the number of
+    patterns over that of pixels, ``max_range_m`` the range from which on spots look nearer than
+    they are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not
+    known.
     """
 
     image: Floats
@@ -91,8 +92,8 @@ class Shown:
     lost: Mask
     log_reflectance: Floats
     noise: float
-    share: float
-    reach_m: float
+    fraction: float
+    max_range_m: float
     extinction_per_m: float = np.nan
     backscatter_per_m_sr: float = np.nan
 
@@ -111,11 +112,11 @@ class Shown:
     @cached_property
     def percentiles(self) -> tuple[float, float, float]:
         """Brightness of the darkest, of dark and of bright pixels."""
-        places = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
-        below, above = np.floor(places).astype(int), np.ceil(places).astype(int)
+        positions = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
+        below, above = np.floor(positions).astype(int), np.ceil(positions).astype(int)
         ordered = np.partition(self.image, np.append(below, above), axis=None)
-        told = ordered[below] + (places - below) * (ordered[above] - ordered[below])
-        return float(told[0]), float(told[1]), float(told[2])
+        reported = ordered[below] + (positions - below) * (ordered[above] - ordered[below])
+        return float(reported[0]), float(reported[1]), float(reported[2])
 
     @property
     def bright(self) -> float:
@@ -144,33 +145,33 @@ class Inputs(NamedTuple):
     plain: Channels
 
 
-def inputs_of(shown: Shown) -> Inputs:
+def inputs_of(displayed: NetworkInput) -> Inputs:
     """Maps and numbers of a frame."""
-    level, best = shown.level, shown.best
-    places = places_of(shown)
-    measured, fitted, sure = shown.plain.weight, shown.fitted.weight, best.weight
+    level, best = displayed.level, displayed.best
+    positions = positions_of(displayed)
+    measured, fitted, sure = displayed.plain.weight, displayed.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
-    in_front = veil(shown, places)
-    hidden = min(in_front, MOST_VEIL * shown.percentiles[0])
+    in_front = veil(displayed, positions)
+    hidden = min(in_front, MAX_VEIL * displayed.percentiles[0])
     bright, unveiled = (
-        _log(shown.image - each, shown.bright - each) for each in (0.0, max(hidden, 0.0))
+        _log(displayed.image - each, displayed.bright - each) for each in (0.0, max(hidden, 0.0))
     )
     # Log depth over the level, were all surfaces as bright as those of the spots.
     by_bright, by_unveiled = (
-        log_depth - level + places.around(log) / 2 for log in (bright, unveiled)
+        log_depth - level + positions.around(log) / 2 for log in (bright, unveiled)
     )
-    reflectance = np.nan_to_num(shown.log_reflectance - TYPICAL_LOG_REFLECTANCE)
-    known = np.isfinite(shown.log_reflectance) * sure
-    spread = places.spread(
+    reflectance = np.nan_to_num(displayed.log_reflectance - TYPICAL_LOG_REFLECTANCE)
+    finite = np.isfinite(displayed.log_reflectance) * sure
+    spread = positions.spread(
         (log_depth - level, sure),
-        (shown.plain.log_depth - level, measured),
-        (shown.fitted.log_depth - level, fitted),
+        (displayed.plain.log_depth - level, measured),
+        (displayed.fitted.log_depth - level, fitted),
         (by_bright, sure),
         (by_unveiled, sure),
-        (reflectance, known),
+        (reflectance, finite),
     )
-    near = places.summed(places.near, np.array([measured, fitted, shown.lost]))
-    start, unsure, plain = _anchored(shown, places)
+    near = positions.summed(positions.near, np.array([measured, fitted, displayed.lost]))
+    start, unsure, plain = _anchored(displayed, positions)
     maps = np.array(
         [
             bright,
@@ -186,13 +187,13 @@ def inputs_of(shown: Shown) -> Inputs:
             spread[3] - bright / 2,
             spread[4] - unveiled / 2,
             spread[5],
-            4 * places.x,
-            4 * places.y,
+            4 * positions.x,
+            4 * positions.y,
             plain - start,
         ],
         np.float32,
     )
-    numbers = _numbers(shown, known, reflectance, in_front)
+    numbers = _numbers(displayed, finite, reflectance, in_front)
     return Inputs(maps, numbers, start.astype(np.float32), plain.astype(np.float32))
 
 
@@ -219,24 +220,24 @@ class Places(NamedTuple):
         whole = weights @ nearness.reshape(4, -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
-    def spread(self, *told: tuple[Floats, Floats]) -> Floats:
+    def spread(self, *reported: tuple[Floats, Floats]) -> Floats:
         """Of values and weights, (4,) each, values (n, H, W) between the spots.
 
         They are near 0 far from all that count.
         """
-        values, weights = np.array(told).swapaxes(0, 1)
+        values, weights = np.array(reported).swapaxes(0, 1)
         sums = np.where(weights > 0, values, 0) * weights
         both = self.summed(self.inverse, np.concatenate([sums, weights]))
-        return np.asarray(both[: len(told)] / (both[len(told) :] + 0.1))
+        return np.asarray(both[: len(reported)] / (both[len(reported) :] + 0.1))
 
 
-def places_of(shown: Shown) -> Places:
+def positions_of(displayed: NetworkInput) -> Places:
     """Those of a frame."""
-    return _places(shown.optics, shown.image.shape, tuple(shown.directions.flat))
+    return _positions(displayed.optics, displayed.image.shape, tuple(displayed.directions.flat))
 
 
 @lru_cache(maxsize=4)  # the same for all frames of a recording
-def _places(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> Places:
+def _positions(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> Places:
     anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
     squared = np.moveaxis(squared_distances(shape, anchors), -1, 0) / max(shape) ** 2
     rays = pixel_rays(optics, shape)
@@ -246,7 +247,7 @@ def _places(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...
         1 / (squared + SOFTENING),
         rays[..., 0],
         rays[..., 1],
-        *(wide_hats(place, side) for place, side in zip(anchors.T, shape, strict=True)),
+        *(wide_hats(position, side) for position, side in zip(anchors.T, shape, strict=True)),
     )
 
 
@@ -268,57 +269,59 @@ _LOGARITHMS = {
 """Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
 
 
-def _anchored(shown: Shown, places: Places) -> tuple[Floats, Floats, Floats]:
+def _anchored(displayed: NetworkInput, positions: Places) -> tuple[Floats, Floats, Floats]:
     """Log depth of the map anchored on the best spots, log of its deviation, both (H, W).
 
     And log depth of that on the plain ones, or the best where there are none.
     """
-    mapped = AnchoredImage(shown.image, shown.bright, places.anchors, START)
-    nowhere = np.full(shown.image.shape, shown.level)
+    mapped = AnchoredImage(displayed.image, displayed.bright, positions.anchors, START)
+    nowhere = np.full(displayed.image.shape, displayed.level)
 
     def of(spots: Anchors) -> LogDepth | None:
         depth_m = np.exp(spots.log_depth)
         with np.errstate(invalid="ignore"):
             return mapped.log_depth(depth_m, spots.log_sigma * depth_m)
 
-    best = of(shown.best)
+    best = of(displayed.best)
     if best is None:
         start, unsure = nowhere, np.zeros(nowhere.shape)
     else:
-        start, unsure = best.mean, np.log(np.clip(best.deviation(), *DEVIATION))
-    if not shown.plain.weight.any():
+        start, unsure = best.mean, np.log(np.clip(best.sigma(), *SIGMA))
+    if not displayed.plain.weight.any():
         return start, unsure, start
-    plain = of(shown.plain)
+    plain = of(displayed.plain)
     return start, unsure, nowhere if plain is None else plain.mean
 
 
-def _numbers(shown: Shown, known: Floats, reflectance: Floats, in_front: float) -> Channels:
+def _numbers(
+    displayed: NetworkInput, given: Floats, reflectance: Floats, in_front: float
+) -> Channels:
     """What is the same for all pixels: see `NUMBERS`.
 
     The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
     that is less, there is less fog.
     """
-    best = shown.best
+    best = displayed.best
     weight = best.weight
     total = max(weight.sum(), 1e-6)
-    away = np.nan_to_num(best.log_depth - shown.level)
-    foggy = bool(np.isfinite(shown.extinction_per_m))
+    away = np.nan_to_num(best.log_depth - displayed.level)
+    foggy = bool(np.isfinite(displayed.extinction_per_m))
     numbers = [
-        shown.level - np.log(USUAL_M),
+        displayed.level - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
-        np.count_nonzero(shown.plain.weight) / 4,
-        np.count_nonzero(shown.lost) / 4,
-        _mean_deviation(shown.plain),
-        _mean_deviation(shown.fitted),
-        math.log(min(max(shown.noise, 1e-4), 10)) / 4,
-        of_share(shown.share),
-        np.log(max(shown.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
+        np.count_nonzero(displayed.plain.weight) / 4,
+        np.count_nonzero(displayed.lost) / 4,
+        _mean_sigma(displayed.plain),
+        _mean_sigma(displayed.fitted),
+        math.log(min(max(displayed.noise, 1e-4), 10)) / 4,
+        of_fraction(displayed.fraction),
+        np.log(max(displayed.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
-        math.log(min(max(shown.reach_m, 1), 100) / 10),
-        known @ reflectance / max(known.sum(), 1e-6),
-        known.sum() / 4,
-        math.log1p(min(max(in_front / shown.bright, 0), BRIGHTEST)),
-        math.log1p(min(max(shown.percentiles[1] / shown.bright, -0.5), 1)),
+        math.log(min(max(displayed.max_range_m, 1), 100) / 10),
+        given @ reflectance / max(given.sum(), 1e-6),
+        given.sum() / 4,
+        math.log1p(min(max(in_front / displayed.bright, 0), BRIGHTEST)),
+        math.log1p(min(max(displayed.percentiles[1] / displayed.bright, -0.5), 1)),
     ]
     return np.array(numbers, np.float32)
 
@@ -330,18 +333,18 @@ def plainly(name: str, number: float) -> str:
     return f"{value:.3g}{unit}"
 
 
-def of_share(share: float) -> float:
+def of_fraction(fraction: float) -> float:
     """The number "share" of patterns over pixels."""
-    return float(np.log(share)) / 4
+    return float(np.log(fraction)) / 4
 
 
-def _mean_deviation(anchors: Anchors) -> float:
+def _mean_sigma(anchors: Anchors) -> float:
     """Of the log, on a scale of some units; that of a spot without a range is 1."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
     return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
 
-def veil(shown: Shown, places: Places) -> float:
+def veil(displayed: NetworkInput, positions: Places) -> float:
     """Brightness of the fog in front of everything, as far as the fog is known.
 
     A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
@@ -349,15 +352,15 @@ def veil(shown: Shown, places: Places) -> float:
     the detector sees it; K follows from the spots, whose rho and z are known. The fog beyond a
     surface is missing in its veil, a few per cent where that is metres away.
     """
-    best, weight = shown.best, shown.best.weight
-    usable = (weight > 0) & np.isfinite(shown.log_reflectance)
-    if not (np.isfinite(shown.extinction_per_m) and usable.any()):
+    best, weight = displayed.best, displayed.best.weight
+    usable = (weight > 0) & np.isfinite(displayed.log_reflectance)
+    if not (np.isfinite(displayed.extinction_per_m) and usable.any()):
         return 0.0
-    alpha, beta = shown.extinction_per_m, shown.backscatter_per_m_sr
-    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(shown.log_reflectance[usable])
+    alpha, beta = displayed.extinction_per_m, displayed.backscatter_per_m_sr
+    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(displayed.log_reflectance[usable])
     returned = reflectance * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
     in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
-    seen = places.around(shown.image)[usable]
+    seen = positions.around(displayed.image)[usable]
     scale = float(np.median(seen / (returned + in_fog)))
     return max(scale * in_fog, 0.0)
 

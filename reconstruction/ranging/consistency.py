@@ -11,32 +11,32 @@ from ..capture.readings.cw import CwSpots
 from .methods.cw import demodulate, quadrature_weights
 from .ranges import MIN_SIGNAL, Ranges
 
-LEAST_M = 0.05
+MIN_M = 0.05
 """Ranges that differ by less may do so by calibration."""
 NO_REASONS = ("",) * 4
 
 
-def range_doubts(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
+def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
     """A few words about each method whose ranges fog or further echoes may have biased.
 
     Of methods that take their echo for the only one. It is not, where one that knows better tells
     another range, and where the ranges of several frequencies differ; each by more than MIN_SIGNAL
     standard deviations and LEAST_M. A single frequency alone tells nothing.
     """
-    found = {}
+    result = {}
     for name, ranges in rangings.items():
         if _knows_better(ranges):
             continue
         others = {other: each for other, each in rangings.items() if _knows_better(each)}
         apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else NO_REASONS
-        told = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
-        doubted = [f"{spot} ({why})" for spot, why in enumerate(told) if why]
+        reported = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
+        doubted = [f"{spot} ({why})" for spot, why in enumerate(reported) if why]
         if doubted:
-            found[name] = (
+            result[name] = (
                 "perhaps biased by fog or further echoes, beyond its sigma, at "
                 f"spot{'s' * (len(doubted) > 1)} {', '.join(doubted)}"
             )
-    return found
+    return result
 
 
 def _knows_better(ranges: Ranges) -> bool:
@@ -89,4 +89,4 @@ def _apart(range_m: float, off_m: Floats, sigma_m: Floats) -> str:
 
 
 def _limit_m(sigma_m: float) -> float:
-    return max(MIN_SIGNAL * sigma_m, LEAST_M)
+    return max(MIN_SIGNAL * sigma_m, MIN_M)

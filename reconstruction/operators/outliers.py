@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Mask
 from .plan import PatternPlan
 from .redundancy import FEWEST, Weights, equal_sums, matrix_of
-from .throughput import BEYOND_DOUBT, Throughput
+from .throughput import CERTAIN, Throughput
 
 FAR = 10.0
 """Standard deviations of all sums, by their median, beyond which one is spoilt,"""
@@ -24,7 +24,7 @@ NEIGHBOURS = 9
 MEDIAN_OF_NORMAL = 0.6745
 
 
-class SpoiltReadings:
+class OutlierDetector:
     """Finds them among ``usable`` (M,) readings of a plan, wherever enough is shown twice.
 
     ``throughput`` tells whether that says anything of these patterns.
@@ -38,18 +38,18 @@ class SpoiltReadings:
 
     def __call__(self, signal: NDArray[np.float64], usable: Mask | None = None) -> Mask:
         """Which of the readings (M,) are spoilt, (M,), where fewer are ``usable`` than usually."""
-        found = np.zeros(signal.shape, dtype=bool)
+        result = np.zeros(signal.shape, dtype=bool)
         if not self._groups or np.iscomplexobj(signal):
-            return found
-        if self._throughput.score(signal, usable) > BEYOND_DOUBT:
-            return found
-        told = signal[self._usable if usable is None else usable]
-        if not told.size:
-            return found
-        least = HARMFUL * _deviation(told - np.median(told))
+            return result
+        if self._throughput.score(signal, usable) > CERTAIN:
+            return result
+        reported = signal[self._usable if usable is None else usable]
+        if not reported.size:
+            return result
+        minimum = HARMFUL * _sigma(reported - np.median(reported))
         for group in self._groups:
-            found |= group.spoilt(signal, least, usable)
-        return found
+            result |= group.outliers(signal, minimum, usable)
+        return result
 
 
 class _Group:
@@ -59,22 +59,22 @@ class _Group:
         self._sums = matrix_of(sums, readings)
         self._of = [np.array(list(weights)) for weights in sums]
 
-    def spoilt(self, signal: NDArray[np.float64], least: float, usable: Mask | None) -> Mask:
-        found = np.zeros(signal.shape, dtype=bool)
+    def outliers(self, signal: NDArray[np.float64], minimum: float, usable: Mask | None) -> Mask:
+        result = np.zeros(signal.shape, dtype=bool)
         sums, numbers = self._sums, np.arange(self._sums.shape[0])
         if usable is not None:
-            kept = sums.resting_on(usable)
-            sums, numbers = sums.only(kept), numbers[kept]
+            retained = sums.resting_on(usable)
+            sums, numbers = sums.only(retained), numbers[retained]
             if numbers.size < FEWEST:
-                return found
+                return result
         off = sums @ signal
         off = off - _course(off)
-        limit = max(FAR * _deviation(off), least)
+        limit = max(FAR * _sigma(off), minimum)
         far = np.abs(off) > limit
         if limit > 0 and far.mean() <= FEW:  # 0 of counts of few photons, most of them the same
             for number in numbers[far]:
-                found[self._of[number]] = True
-        return found
+                result[self._of[number]] = True
+        return result
 
 
 def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -84,6 +84,6 @@ def _course(sums: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(np.median(windows, axis=-1))
 
 
-def _deviation(values: NDArray[np.float64]) -> float:
+def _sigma(values: NDArray[np.float64]) -> float:
     """Standard deviation about 0, by the median, as if few values were not normal."""
     return float(np.median(np.abs(values))) / MEDIAN_OF_NORMAL

@@ -15,13 +15,13 @@ from reconstruction.exports import Shot
 from spisim.dataset.reader import DataSet
 from spisim.dataset.shots import placed
 from spisim.scene import Scene, make_scene, scenes_folder
-from spisim.scene.stock import Stock
+from spisim.scene.cache import SceneCache
 
 SECOND_NS = 10**9
 
 
 @dataclass(frozen=True, eq=False)
-class Sight:
+class View:
     """One frame: its readings, what was made of them, and what is known of the truth.
 
     `scene` is that of the capture's beginning, `since_s` before this frame. `title` says whence.
@@ -37,9 +37,9 @@ class Sight:
     since_s: float = 0.0
 
 
-def sights_of_captures(
+def views_of_captures(
     paths: Iterable[Path], choice: Mapping[str, Any] | None = None
-) -> Iterator[Sight]:
+) -> Iterator[View]:
     """All frames of captures, those of a flight in its time, others one after the other.
 
     ``choice`` is of methods and weather, as a `Reconstructor` takes them. Raises InputError,
@@ -50,21 +50,21 @@ def sights_of_captures(
     for path in paths:
         capture = read_capture(path)
         with naming(path):
-            for sight in eyes.of(capture, path.stem, path.parent, next_ns):
-                yield sight
-                period_ns = round(1e9 * _period_s(sight.setup))
-                next_ns = sight.shot.stamp_ns + period_ns - period_ns // 2
+            for view in eyes.of(capture, path.stem, path.parent, next_ns):
+                yield view
+                period_ns = round(1e9 * _period_s(view.setup))
+                next_ns = view.shot.stamp_ns + period_ns - period_ns // 2
 
 
-def sights_of_samples(samples: DataSet, choice: Mapping[str, Any] | None = None) -> Iterator[Sight]:
+def views_of_samples(samples: DataSet, choice: Mapping[str, Any] | None = None) -> Iterator[View]:
     """All frames of the samples of a data set, one sample a second; InputError as of captures."""
     if not samples:
         raise InputError(f"{samples.folder}: there is no finished sample to look at")
     eyes = _Eyes(choice or {})
-    for place, sample in enumerate(samples):
+    for position, sample in enumerate(samples):
         title = f"sample {sample.index}, {sample.scene_name}"
         with naming(sample.path):
-            yield from eyes.of(sample.capture, title, sample.path.parent, place * SECOND_NS)
+            yield from eyes.of(sample.capture, title, sample.path.parent, position * SECOND_NS)
 
 
 class _Eyes:
@@ -72,29 +72,31 @@ class _Eyes:
 
     def __init__(self, choice: Mapping[str, Any]) -> None:
         self._choice = dict(choice)
-        self._stock = Stock()
+        self._cache = SceneCache()
 
-    def of(self, capture: Capture, title: str, folder: Path, begun_ns: int) -> Iterator[Sight]:
+    def of(self, capture: Capture, title: str, folder: Path, begun_ns: int) -> Iterator[View]:
         """Frames of a capture, the first at `begun_ns` unless it is of a flight."""
         scene = self._scene(capture, title, folder)
         reconstruct = Reconstructor(capture.setup, **self._choice)
         period_s = _period_s(capture.setup)
         for number in range(capture.frames):
             since_s = (number + 0.5) * period_s
-            place = placed(capture, number)
+            position = placed(capture, number)
             stamp_ns = begun_ns + round(1e9 * since_s)
-            if place is not None and place.time_s is not None:
-                stamp_ns = round(1e9 * place.time_s)
+            if position is not None and position.time_s is not None:
+                stamp_ns = round(1e9 * position.time_s)
             frame = capture.frame(number)
             result = reconstruct(frame)
-            known = capture.truth is not None and capture.truth.knows(number)
-            yield Sight(
+            valid = capture.truth is not None and capture.truth.knows(number)
+            yield View(
                 title,
-                Shot.of(result, capture.setup, stamp_ns, None if place is None else place.pose),
+                Shot.of(
+                    result, capture.setup, stamp_ns, None if position is None else position.pose
+                ),
                 result,
                 capture.setup,
                 frame,
-                capture.truth.at(number) if known and capture.truth is not None else None,
+                capture.truth.at(number) if valid and capture.truth is not None else None,
                 scene,
                 since_s,
             )
@@ -112,7 +114,7 @@ class _Eyes:
             warnings.simplefilter("ignore")  # told when it was simulated
             for where in (scenes_folder(), folder):
                 try:
-                    return make_scene(text, where, "its scene", stock=self._stock)
+                    return make_scene(text, where, "its scene", cache=self._cache)
                 except InputError as error:
                     problem = error
         warnings.warn(f"{title}: shown without its surroundings: {problem}", stacklevel=2)

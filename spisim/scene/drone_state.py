@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from spisim.base.config import dump_yaml, load_yaml
-from spisim.scene.description import Moment
+from spisim.scene.description import DroneState
 from spisim.scene.model import Scene
 from spisim.scene.pose import look_at
 
 
-def at_moment(scene: Scene, moment: Moment) -> Scene:
+def at_drone_state(scene: Scene, moment: DroneState) -> Scene:
     """The scene with objects and fog moved on by the moment's time, and the drone as it is then.
 
     The scene's text gets a section `moment`, so that it loads as this very scene. Raises InputError

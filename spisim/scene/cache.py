@@ -16,7 +16,7 @@ from spisim.scene.placing import Meshes, placed
 
 if TYPE_CHECKING:
     from spisim.scene.families import SceneBuilder
-    from spisim.scene.setting import Setting
+    from spisim.scene.load_context import LoadContext
 
 #: Scenes whose objects and draws are kept, and triangles of all of them; the last one stays,
 #: however many it has.
@@ -25,7 +25,7 @@ MAX_TRIANGLES = 250_000
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
+class _Cached:
     objects: tuple[SceneObject, ...]
     content: bytes  # of the objects when they were made
 
@@ -34,7 +34,7 @@ class _Kept:
         return sum(len(thing.mesh.faces) for thing in self.objects)
 
 
-class Stock:
+class SceneCache:
     """Objects and draws of the scenes made last.
 
     They are found by all that they are made from, the content of files included. Scenes that are
@@ -43,53 +43,53 @@ class Stock:
     """
 
     def __init__(self) -> None:
-        self._objects: OrderedDict[bytes, _Kept] = OrderedDict()
+        self._objects: OrderedDict[bytes, _Cached] = OrderedDict()
         self._builders: OrderedDict[str, SceneBuilder] = OrderedDict()
 
     def objects(
-        self, described: SceneDescription, setting: Setting, meshes: Meshes
+        self, described: SceneDescription, context: LoadContext, meshes: Meshes
     ) -> tuple[SceneObject, ...]:
         """Objects of a description; see `placed`."""
         try:
-            key = _key(described, setting, meshes)
+            key = _key(described, context, meshes)
         except OSError:  # of a file that is missing, which `placed` tells of
-            return placed(described, setting, meshes)
-        kept = self._objects.pop(key, None)
-        if kept is None or surface_content(kept.objects) != kept.content:
-            objects = placed(described, setting, meshes)
-            kept = _Kept(objects, surface_content(objects))
-        self._objects[key] = kept
+            return placed(described, context, meshes)
+        retained = self._objects.pop(key, None)
+        if retained is None or surface_content(retained.objects) != retained.content:
+            objects = placed(described, context, meshes)
+            retained = _Cached(objects, surface_content(objects))
+        self._objects[key] = retained
         while len(self._objects) > 1 and self._is_full:
             self._objects.popitem(last=False)
-        return kept.objects
+        return retained.objects
 
     def builder(self, key: str, make: Callable[[], SceneBuilder]) -> SceneBuilder:
         """The draw of this key, made if it is not there."""
-        found = self._builders.pop(key, None)
-        self._builders[key] = make() if found is None else found
+        result = self._builders.pop(key, None)
+        self._builders[key] = make() if result is None else result
         if len(self._builders) > MAX_SCENES:
             self._builders.popitem(last=False)
         return self._builders[key]
 
     @property
     def _is_full(self) -> bool:
-        triangles = sum(kept.triangles for kept in self._objects.values())
+        triangles = sum(retained.triangles for retained in self._objects.values())
         return len(self._objects) > MAX_SCENES or triangles > MAX_TRIANGLES
 
 
-def _key(described: SceneDescription, setting: Setting, meshes: Meshes) -> bytes:
+def _key(described: SceneDescription, context: LoadContext, meshes: Meshes) -> bytes:
     """Of all that objects are made from."""
     given = [sorted(own.model_fields_set) for own in described.materials.values()]
     sections = described.objects, described.materials, described.material_swaps
-    found = blake2b(repr((*sections, given, setting.wavelength_nm)).encode())
+    result = blake2b(repr((*sections, given, context.wavelength_nm)).encode())
     for name, mesh in meshes.items():
-        found.update(name.encode() + mesh_content(mesh))
-    for path in _files(described, setting.folder, meshes):
+        result.update(name.encode() + mesh_content(mesh))
+    for path in _files(described, context.folder, meshes):
         if not path.is_file():  # there are pipes and devices without an end
             raise FileNotFoundError(path)
         with path.open("rb") as file:
-            found.update(file_digest(file, "blake2b").digest())
-    return found.digest()
+            result.update(file_digest(file, "blake2b").digest())
+    return result.digest()
 
 
 def _files(described: SceneDescription, folder: Path, meshes: Meshes) -> Iterator[Path]:

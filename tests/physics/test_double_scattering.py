@@ -10,9 +10,9 @@ from spisim.atmosphere import Isotropic, explicit
 from spisim.scene import Material, Scene, Volume
 from spisim.scene.bsdf import Mirror
 from spisim.transport.engine.apertures import JointDetectors
+from spisim.transport.engine.double_scattering import double_scattering_light
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import Strategy
-from spisim.transport.engine.halo import halo_light
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(20)
@@ -46,10 +46,10 @@ def mirrored() -> Scene:
     return worlds.scene(*worlds.room(), mirror, volumes=FOG)
 
 
-@pytest.mark.parametrize("place", [grazing, pytest.param(mixed, marks=pytest.mark.slow)])
-def test_light_scattered_twice_is_that_of_walks_from_the_projector(place) -> None:
+@pytest.mark.parametrize("position", [grazing, pytest.param(mixed, marks=pytest.mark.slow)])
+def test_light_scattered_twice_is_that_of_walks_from_the_projector(position) -> None:
     both, alone = (
-        images(build_world(place()), paths, strategy=strategy, max_vertices=2)
+        images(build_world(position()), paths, strategy=strategy, max_vertices=2)
         for strategy, paths in ((Strategy.BOTH, 64), (Strategy.PROJECTOR, 2**12))
     )
     agree(alone, both)
@@ -57,10 +57,10 @@ def test_light_scattered_twice_is_that_of_walks_from_the_projector(place) -> Non
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("place", [grazing, mixed, mirrored])
-def test_all_light_is_that_of_walks_alone(place) -> None:
+@pytest.mark.parametrize("position", [grazing, mixed, mirrored])
+def test_all_light_is_that_of_walks_alone(position) -> None:
     """Where surfaces let light through, walks find all of it; here none does."""
-    world = build_world(place())
+    world = build_world(position())
     walked = replace(world, geometry=replace(world.geometry, see_through=True))
     agree(images(walked, 1024), images(world, 256))
 
@@ -95,10 +95,10 @@ def test_no_lane_is_ever_bright() -> None:
     wall = worlds.plane(4.0, reflectance=0.5)
     hazy = replace(worlds.scene(wall), atmosphere=explicit(0.05, 1.0, Isotropic()))
     end = worlds.detector([0.05, 0.0, 0.0])
-    found = []
+    result = []
     near, far = Projector.of(VIEW, 256), JointDetectors.of(end, 1)
-    halo_light(build_world(hazy), near, far, 1, found.append)
-    behind = found[0]
+    double_scattering_light(build_world(hazy), near, far, 1, result.append)
+    behind = result[0]
     value = behind.value.numpy()[behind.active.numpy()] * 256
     assert len(value) > 0.9 * near.lanes
     assert 0.2 < value.max() / (0.5 * 0.05 / 4.0) < 1

@@ -8,10 +8,10 @@ import trimesh
 
 from reconstruction.base.errors import InputError
 from spisim.scene import Scene, make_scene
-from spisim.scene import stock as stock_module
+from spisim.scene import cache as cache_module
+from spisim.scene.cache import SceneCache
 from spisim.scene.content import surface_content
 from spisim.scene.families import FAMILIES
-from spisim.scene.stock import Stock
 
 TEXT = """
 name: two
@@ -30,21 +30,21 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def made(stock: Stock, folder: Path, **words: object) -> Scene:
+def made(cache: SceneCache, folder: Path, **words: object) -> Scene:
     text = TEXT
     for word, value in {"HEIGHT": 1, "VISIBILITY": 50, "REFLECTANCE": 0.3, **words}.items():
         text = text.replace(word, str(value))
-    return make_scene(text, folder, "test", stock=stock)
+    return make_scene(text, folder, "test", cache=cache)
 
 
-def drawn(stock: Stock, seed: int, fog: str = "") -> Scene:
-    return make_scene(f"family: targets\nseed: {seed}\n{fog}", Path(), "test", stock=stock)
+def drawn(cache: SceneCache, seed: int, fog: str = "") -> Scene:
+    return make_scene(f"family: targets\nseed: {seed}\n{fog}", Path(), "test", cache=cache)
 
 
 def test_other_weather_and_poses_share_their_objects(folder: Path) -> None:
-    stock = Stock()
-    first = made(stock, folder)
-    second = made(stock, folder, HEIGHT=1.2, VISIBILITY=20)
+    cache = SceneCache()
+    first = made(cache, folder)
+    second = made(cache, folder, HEIGHT=1.2, VISIBILITY=20)
     assert second.objects is first.objects
     assert second.atmosphere.extinction_per_m != first.atmosphere.extinction_per_m
     assert not np.array_equal(second.drone_pose, first.drone_pose)
@@ -58,37 +58,37 @@ def test_scenes_without_a_stock_share_nothing(folder: Path) -> None:
 
 
 def test_another_material_makes_other_objects(folder: Path) -> None:
-    stock = Stock()
-    made(stock, folder)
-    assert made(stock, folder, REFLECTANCE=0.4).objects[0].material.reflectance == 0.4
+    cache = SceneCache()
+    made(cache, folder)
+    assert made(cache, folder, REFLECTANCE=0.4).objects[0].material.reflectance == 0.4
 
 
 def test_a_file_that_was_written_anew_is_read_anew(folder: Path) -> None:
-    stock = Stock()
-    made(stock, folder)
+    cache = SceneCache()
+    made(cache, folder)
     file = folder / "wall.ply"
     before = file.stat()
     trimesh.creation.box((0.2, 8, 8)).export(file)
     assert file.stat().st_size == before.st_size
-    assert made(stock, folder).objects[0].mesh.extents[0] == pytest.approx(0.2)
+    assert made(cache, folder).objects[0].mesh.extents[0] == pytest.approx(0.2)
 
 
 def test_objects_that_somebody_changed_are_made_anew(folder: Path) -> None:
-    stock = Stock()
-    first = made(stock, folder)
+    cache = SceneCache()
+    first = made(cache, folder)
     first.objects[0].mesh.apply_translation((5, 0, 0))
-    assert made(stock, folder).objects[0].mesh.bounds[1, 0] == pytest.approx(4.05)
+    assert made(cache, folder).objects[0].mesh.bounds[1, 0] == pytest.approx(4.05)
 
 
 @pytest.mark.parametrize("content", [None, b"no mesh"])
 def test_a_file_that_went_away_or_broke_is_told(folder: Path, content: bytes | None) -> None:
-    stock = Stock()
-    made(stock, folder)
+    cache = SceneCache()
+    made(cache, folder)
     (folder / "wall.ply").unlink()
     if content is not None:
         (folder / "wall.ply").write_bytes(content)
     with pytest.raises(InputError, match=r"objects\[0\] \(wall\)"):
-        made(stock, folder)
+        made(cache, folder)
 
 
 def test_draws_of_a_family_are_shared_by_seed(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -99,28 +99,28 @@ def test_draws_of_a_family_are_shared_by_seed(monkeypatch: pytest.MonkeyPatch) -
         built.append(parameters)
         return build(parameters, rng)
 
-    monkeypatch.setattr(stock_module, "MAX_SCENES", 2)
+    monkeypatch.setattr(cache_module, "MAX_SCENES", 2)
     object.__setattr__(family, "build", counted)
     try:
-        stock = Stock()
-        first = drawn(stock, 3)
+        cache = SceneCache()
+        first = drawn(cache, 3)
         once = len(built)
-        again = drawn(stock, 3, "fog: {kind: moderate-radiation, visibility_m: 30}")
+        again = drawn(cache, 3, "fog: {kind: moderate-radiation, visibility_m: 30}")
         assert len(built) == once
         assert again.objects is first.objects
-        drawn(stock, 4)
-        drawn(stock, 5)
+        drawn(cache, 4)
+        drawn(cache, 5)
         others = len(built)
-        drawn(stock, 3)  # no longer kept
+        drawn(cache, 3)  # no longer kept
         assert len(built) > others
     finally:
         object.__setattr__(family, "build", build)
 
 
 def test_what_is_kept_is_bounded(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stock_module, "MAX_TRIANGLES", 6000)  # one scene has 5132
-    stock = Stock()
-    first = made(stock, folder)
-    assert made(stock, folder).objects is first.objects
-    made(stock, folder, REFLECTANCE=0.5)
-    assert made(stock, folder).objects is not first.objects
+    monkeypatch.setattr(cache_module, "MAX_TRIANGLES", 6000)  # one scene has 5132
+    cache = SceneCache()
+    first = made(cache, folder)
+    assert made(cache, folder).objects is first.objects
+    made(cache, folder, REFLECTANCE=0.5)
+    assert made(cache, folder).objects is not first.objects
