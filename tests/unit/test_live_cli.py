@@ -171,7 +171,7 @@ def test_wrong_streams_end_with_status_2_and_one_line(path, tmp_path, capsys):
         (["live", str(tmp_path)], "is a folder; the name of a capture file is needed"),
         (["live", "tpc://localhost:1"], "did you mean 'tcp'"),
         (["live", source, "--to", str(tmp_path / "mine.jsonl")], "exists and is not an earlier"),
-        (["live", source, "--to", str(tmp_path / "film.mp4")], "nothing is known to write"),
+        (["live", source, "--to", str(tmp_path / "film.mp4")], "no writer"),
         (["live", source, "--to", source, "--overwrite"], "is read by this command; give its"),
         (["live", source, "--to", "-", "--to", "-"], "--to - is told twice"),
         (["live", source, "--image", "zero-fill"], "did you mean 'zero-filled'"),

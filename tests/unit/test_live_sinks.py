@@ -245,7 +245,7 @@ def test_while_nobody_listens_results_are_gone_and_who_comes_gets_new_ones(recor
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("film.mp4", r"nothing is known to write with the ending '\.mp4'; allowed: \.jsonl"),
+        ("film.mp4", r"no writer for the ending '\.mp4'; allowed: \.jsonl"),
         ("tpc://localhost:1", "unknown kind of address 'tpc': did you mean 'tcp'"),
         ("tcp://localhost", "tells no host and port, 0 to 65535, as in tcp://"),
         ("tcp://localhost:99999", "tells no host and port"),
