@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
+
+from spisim.transport.jit_types import Bool, Float, Matrix, Point, Vector
 
 
 class Bounds(Protocol):
     """A convex region."""
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
         """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
 
-    def contains(self, point: Any) -> Any:
+    def contains(self, point: Point) -> Bool:
         """Whether a point is inside."""
 
 
@@ -23,10 +25,10 @@ class Bounds(Protocol):
 class Ball:
     """Around the whole scene."""
 
-    centre: Any
-    radius_m: Any
+    centre: Point
+    radius_m: Float
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
         """See `Bounds`."""
         offset = origin - self.centre
         middle = -dr.dot(offset, direction)
@@ -34,7 +36,7 @@ class Ball:
         half = dr.select(squared > 0, dr.sqrt(dr.maximum(squared, 0)), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
-    def contains(self, point: Any) -> Any:
+    def contains(self, point: Point) -> Bool:
         """See `Bounds`."""
         return dr.squared_norm(point - self.centre) <= self.radius_m**2
 
@@ -43,9 +45,9 @@ class Ball:
 class Ellipsoid:
     """The ball in the unit cube under an affine map."""
 
-    to_local: Any
+    to_local: Matrix
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
         """See `Bounds`."""
         offset = mi.Vector3f(self.to_local @ mi.Point3f(origin)) - 0.5
         step = self.to_local @ mi.Vector3f(direction)
@@ -56,7 +58,7 @@ class Ellipsoid:
         half = dr.select(beside < 0.25, dr.sqrt(dr.maximum(0.25 - beside, 0) / squared), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
-    def contains(self, point: Any) -> Any:
+    def contains(self, point: Point) -> Bool:
         """See `Bounds`."""
         return dr.squared_norm(mi.Vector3f(self.to_local @ mi.Point3f(point)) - 0.5) <= 0.25
 
@@ -65,9 +67,9 @@ class Ellipsoid:
 class Box:
     """The unit cube under an affine map."""
 
-    to_local: Any
+    to_local: Matrix
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
         """See `Bounds`."""
         start, step = self.to_local @ mi.Point3f(origin), self.to_local @ mi.Vector3f(direction)
         step = dr.select(dr.abs(step) < 1e-20, 1e-20, step)
@@ -75,7 +77,7 @@ class Box:
         near = dr.maximum(dr.max(dr.minimum(first, second)), 0)
         return near, dr.minimum(dr.min(dr.maximum(first, second)), far)
 
-    def contains(self, point: Any) -> Any:
+    def contains(self, point: Point) -> Bool:
         """See `Bounds`."""
         local = self.to_local @ mi.Point3f(point)
         return dr.all((local >= 0) & (local <= 1))

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
+from spisim.transport.jit_types import Interaction, UInt, Vector
 
 _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
 
@@ -40,7 +41,7 @@ def _transmittance(ior: float, roughness: float, distribution: str) -> Floats:
     kind = kinds.Beckmann if distribution == "beckmann" else kinds.GGX
     facets: Any = mi.MicrofacetDistribution(kind, roughness, True)
     normal, _ = facets.sample(wi, mi.Point2f(np.array([first, second], dtype=np.float32)))
-    index: Any = mi.Float(ior)
+    index: UInt = mi.Float(ior)
     reflected, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
     inside = mi.refract(wi, normal, inner, ratio)
     through = np.asarray(((1 - reflected) * facets.smith_g1(inside, normal)).numpy(), np.float64)
@@ -56,7 +57,7 @@ def _body_term(
     bsdf: Any = mi.load_dict(plastic(ior, roughness, distribution, white))
     context = mi.BSDFContext()
     context.component = 1
-    si: Any = mi.SurfaceInteraction3f()
+    si: Interaction = mi.SurfaceInteraction3f()
     si.wi = _directions(cos_in)
     value = bsdf.eval(context, si, _directions(cos_out)).x.numpy()
     return np.pi * np.asarray(value, np.float64) / cos_out
@@ -78,6 +79,6 @@ def plastic(
     return described
 
 
-def _directions(cosines: Floats) -> Any:
+def _directions(cosines: Floats) -> Vector:
     sines = np.sqrt(1 - cosines**2)
     return mi.Vector3f(np.array([sines, np.zeros_like(sines), cosines], dtype=np.float32))

@@ -10,12 +10,13 @@ often as it wraps a place.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import trimesh
 
+from spisim.transport.jit_types import Bool, Float, Plugin, Point, Sampler, UInt, Vector
 from spisim.transport.media import Grid
 from spisim.transport.meshes import mesh_shape
 
@@ -31,22 +32,22 @@ SLANTED = (0.36235775, 0.47384721, 0.80258311)
 class _Crossing(NamedTuple):
     """Where a ray meets the mesh next."""
 
-    met: Any
-    counts: Any  # it is another triangle than the last one
-    distance: Any
-    sign: Any  # 1 outwards, -1 inwards
-    triangle: Any
-    beyond: Any  # the distance from which to look for the next
+    met: Bool
+    counts: Bool  # it is another triangle than the last one
+    distance: Float
+    sign: Float  # 1 outwards, -1 inwards
+    triangle: UInt
+    beyond: Float  # the distance from which to look for the next
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosed:
     """A medium within a closed mesh: homogeneous, or with the density of a grid around the mesh."""
 
-    surface: Any  # mi.Scene of the mesh alone
-    extinction_per_m: Any
-    albedo: Any
-    phase: Any
+    surface: Plugin  # mi.Scene of the mesh alone
+    extinction_per_m: Float
+    albedo: Float
+    phase: Plugin
     grid: Grid | None = None
 
     @property
@@ -56,8 +57,14 @@ class Enclosed:
 
     @dr.syntax
     def flight(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
-    ) -> Any:
+        self,
+        origin: Point,
+        direction: Vector,
+        far: Float,
+        sampler: Sampler,
+        active: Bool,
+        left_m: Float,
+    ) -> Float:
         """Distance to the first collision, infinite where there is none before `far`.
 
         Drawn from crossing to crossing: flights have no memory. Without a bias.
@@ -79,15 +86,15 @@ class Enclosed:
         return result
 
     def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
         if self.grid is None:
             _, inside_m = self._sums(origin, direction, far, active)
             return dr.exp(-self.extinction_per_m * inside_m)
         return self._tracked(origin, direction, far, sampler, active)
 
-    def extinction_at(self, point: Any) -> Any:
+    def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
         direction = mi.Vector3f(*SLANTED)
         wraps, _ = self._sums(mi.Point3f(point), direction, mi.Float(0), mi.Bool(True))
@@ -95,7 +102,9 @@ class Enclosed:
         return self.extinction_per_m * dr.maximum(wraps, 0) * density
 
     @dr.syntax
-    def _tracked(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
+    def _tracked(
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Ratio tracking, from crossing to crossing."""
         assert self.grid is not None
         wraps, inside_m = self._sums(origin, direction, far, active)
@@ -115,14 +124,14 @@ class Enclosed:
 
     def _collision(
         self,
-        origin: Any,
-        direction: Any,
-        near: Any,
-        end: Any,
-        times: Any,
-        sampler: Any,
-        active: Any,
-    ) -> Any:
+        origin: Point,
+        direction: Vector,
+        near: Float,
+        end: Float,
+        times: Float,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """Of the stretch from one crossing to the next."""
         if self.grid is not None:
             return self.grid.collision(origin, direction, near, end, times, sampler, active)
@@ -130,7 +139,9 @@ class Enclosed:
         return near - dr.log(1 - sampler.next_1d(active)) / rate
 
     @dr.syntax
-    def _sums(self, origin: Any, direction: Any, far: Any, active: Any) -> tuple[Any, Any]:
+    def _sums(
+        self, origin: Point, direction: Vector, far: Float, active: Bool
+    ) -> tuple[Float, Float]:
         """Winding number at the origin, and how far the ray is inside up to `far`."""
         wraps, inside_m, gone = mi.Float(0), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
@@ -144,7 +155,9 @@ class Enclosed:
             going &= crossing.met
         return wraps, dr.maximum(inside_m, 0)
 
-    def _next(self, origin: Any, direction: Any, gone: Any, last: Any, active: Any) -> _Crossing:
+    def _next(
+        self, origin: Point, direction: Vector, gone: Float, last: UInt, active: Bool
+    ) -> _Crossing:
         ray = mi.Ray3f(origin + gone * direction, direction)
         si = self.surface.ray_intersect(ray, mi.RayFlags.Minimal, False, active)
         met = active & si.is_valid()
@@ -160,7 +173,7 @@ class Enclosed:
         )
 
 
-def surface_scene(mesh: trimesh.Trimesh) -> Any:
+def surface_scene(mesh: trimesh.Trimesh) -> Plugin:
     """A closed mesh in a Mitsuba scene of its own."""
     null = mi.load_dict({"type": "null"})
     return mi.load_dict({"type": "scene", "bounds": mesh_shape([mesh], null, {})})

@@ -11,17 +11,25 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from spisim.transport.jit_types import Bool, Float, Interaction, Matrix, Plugin, Point, Ray, Vector
+
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """Surfaces, and whether any of them lets light straight through."""
 
-    scene: Any  # mi.Scene
+    scene: Plugin  # mi.Scene
     see_through: bool
 
     def transmission(
-        self, si: Any, point: Any, direction: Any, gap: Any, in_fog: Any, active: Any
-    ) -> Any:
+        self,
+        si: Interaction,
+        point: Point,
+        direction: Vector,
+        gap: Float,
+        in_fog: Bool,
+        active: Bool,
+    ) -> Float:
         """Fraction of light that gets from a path vertex to a point `gap` away, fog apart.
 
         The vertex is the surface interaction `si`, or `point` where it lies in fog.
@@ -30,11 +38,11 @@ class Geometry:
         ray.o = dr.select(in_fog, point, ray.o)
         return self.along(ray, gap, active)
 
-    def between(self, point: Any, direction: Any, gap: Any, active: Any) -> Any:
+    def between(self, point: Point, direction: Vector, gap: Float, active: Bool) -> Float:
         """The same from a point in fog."""
         return self.along(mi.Ray3f(point, direction), gap, active)
 
-    def along(self, ray: Any, gap: Any, active: Any) -> Any:
+    def along(self, ray: Ray, gap: Float, active: Bool) -> Float:
         """The same for a ray."""
         ray.maxt = gap * (1 - 10 * mi.math.ShadowEpsilon)
         if self.see_through:
@@ -42,7 +50,9 @@ class Geometry:
         return dr.select(active & ~self.scene.ray_test(ray, active), 1, 0)
 
     @dr.syntax
-    def up_to(self, there: Callable[[Any], Any], ray: Any, active: Any) -> tuple[Any, Any, Any]:
+    def up_to(
+        self, there: Callable[[Any], Any], ray: Ray, active: Bool
+    ) -> tuple[Ray, Float, Float]:
         """Follow a ray through panes until `there` is true of the surface that it meets next.
 
         The ray from there on, how far it went, and the fraction of light that got through.
@@ -60,7 +70,7 @@ class Geometry:
         return ray, gone_m, through
 
     @dr.syntax
-    def _through_panes(self, ray: Any, active: Any) -> Any:
+    def _through_panes(self, ray: Ray, active: Bool) -> Float:
         through = mi.Float(1)
         going = mi.Bool(active)
         ray = mi.Ray3f(ray)
@@ -76,14 +86,14 @@ class Geometry:
         return through
 
 
-def transform(matrix: NDArray[np.floating[Any]]) -> Any:
+def transform(matrix: NDArray[np.floating[Any]]) -> Matrix:
     """A pose (4, 4) as an opaque Mitsuba transform."""
     result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
     dr.make_opaque(result)
     return result
 
 
-def direction_to(start: Any, stop: Any) -> tuple[Any, Any]:
+def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
     """Unit vector and distance from one point to another."""
     offset = mi.Vector3f(stop - start)
     gap = dr.norm(offset)

@@ -10,6 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.transport.engine.sampling import TransportWarning
+from spisim.transport.jit_types import Interaction, Ray
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
@@ -42,12 +43,12 @@ def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> An
     directions, axes = (
         mi.Vector3f(each.T.astype(np.float32)) for each in (beams.directions, detectors.axes)
     )
-    ray: Any = mi.Ray3f(origins, directions)
+    ray: Ray = mi.Ray3f(origins, directions)
     length_m = mi.Float(0)
     going, result = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
     aperture_m, cosine = np.sqrt(detectors.area_m2 / np.pi), np.cos(detectors.half_angle_rad)
     for mirrors in range(MAX_MIRRORS + 1):
-        si: Any = world.geometry.scene.ray_intersect(ray, going)
+        si: Interaction = world.geometry.scene.ray_intersect(ray, going)
         if mirrors > 0:
             along_m = dr.dot(positions - ray.o, ray.d)
             aside_m = dr.norm(positions - ray(along_m))

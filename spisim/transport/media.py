@@ -15,7 +15,7 @@ falls with the distance).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -23,6 +23,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spisim.transport.bounds import Bounds, Box
+from spisim.transport.jit_types import (
+    Bool,
+    Float,
+    Plugin,
+    Point,
+    Point2,
+    Ray,
+    Sampler,
+    Texture,
+    UInt,
+    Vector,
+)
 
 #: Flights collide so many times as often as light does where they leave an end, at most,
 BIAS = 5.0
@@ -39,8 +51,8 @@ class Bias:
     s is the distance from the end that a path has left; infinite where it has turned since.
     """
 
-    strength: Any  # c
-    max_range_m: Any  # b
+    strength: Float  # c
+    max_range_m: Float  # b
 
     @classmethod
     def of(cls, extinction_per_m: float) -> Bias:
@@ -49,17 +61,17 @@ class Bias:
         strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * max_range_m * np.pi / 2))
         return cls(dr.opaque(mi.Float, strength), dr.opaque(mi.Float, max_range_m))
 
-    def length_m(self, near: Any, far: Any) -> Any:
+    def length_m(self, near: Float, far: Float) -> Float:
         """Its integral from one distance to another."""
         angle = dr.atan(far / self.max_range_m) - dr.atan(near / self.max_range_m)
         return self.strength * self.max_range_m * angle
 
-    def way_m(self, near: Any, length_m: Any) -> Any:
+    def way_m(self, near: Float, length_m: Float) -> Float:
         """From `near` on until its integral is `length_m`; infinite where it never is."""
         angle = dr.atan(near / self.max_range_m) + length_m / (self.strength * self.max_range_m)
         return dr.select(angle < 0.5 * dr.pi, self.max_range_m * dr.tan(angle) - near, dr.inf)
 
-    def factor(self, distance: Any) -> Any:
+    def factor(self, distance: Float) -> Float:
         """Of all extinction over the true one."""
         return 1 + self.strength / (1 + dr.square(distance / self.max_range_m))
 
@@ -69,15 +81,21 @@ class Homogeneous:
     """Constant extinction within bounds."""
 
     bounds: Bounds
-    extinction_per_m: Any
-    albedo: Any
-    phase: Any
+    extinction_per_m: Float
+    albedo: Float
+    phase: Plugin
     bias: Bias
     in_closed_form = True
 
     def flight(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
-    ) -> Any:
+        self,
+        origin: Point,
+        direction: Vector,
+        far: Float,
+        sampler: Sampler,
+        active: Bool,
+        left_m: Float,
+    ) -> Float:
         """Distance to the first collision, infinite where there is none before `far`."""
         near, far = self.bounds.interval(origin, direction, far)
         free, biased = (
@@ -86,20 +104,20 @@ class Homogeneous:
         distance = near + dr.minimum(free, self.bias.way_m(left_m + near, biased))
         return dr.select(distance < far, distance, dr.inf)
 
-    def bias_depth(self, origin: Any, direction: Any, far: Any, left_m: Any) -> Any:
+    def bias_depth(self, origin: Point, direction: Vector, far: Float, left_m: Float) -> Float:
         """Optical depth of what a flight meets besides the medium."""
         near, far = self.bounds.interval(origin, direction, far)
         length_m = self.bias.length_m(left_m + near, left_m + dr.maximum(far, near))
         return self.extinction_per_m * length_m
 
     def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Fraction of light that gets `far` without a collision."""
         near, far = self.bounds.interval(origin, direction, far)
         return dr.exp(-self.extinction_per_m * dr.maximum(far - near, 0))
 
-    def extinction_at(self, point: Any) -> Any:
+    def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
         near, far = self.bounds.interval(point, mi.Vector3f(0, 0, 1), mi.Float(dr.inf))
         return dr.select((near == 0) & (far > 0), self.extinction_per_m, 0)
@@ -113,23 +131,29 @@ class Grid:
     """
 
     box: Box
-    density: Any  # mi.Texture3f
-    extinction_per_m: Any
-    albedo: Any
-    phase: Any
+    density: Float  # mi.Texture3f
+    extinction_per_m: Float
+    albedo: Float
+    phase: Plugin
     bounds: Bounds
     in_closed_form = False
 
     def flight(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
-    ) -> Any:
+        self,
+        origin: Point,
+        direction: Vector,
+        far: Float,
+        sampler: Sampler,
+        active: Bool,
+        left_m: Float,
+    ) -> Float:
         """Distance to the first real collision; without a bias."""
         near, end = self.bounds.interval(origin, direction, far)
         return self.collision(origin, direction, near, end, 1, sampler, active)
 
     def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Unbiased estimate of the transmittance."""
         near, end = self.bounds.interval(origin, direction, far)
         return self.tracked(origin, direction, near, end, 1, sampler, active)
@@ -137,14 +161,14 @@ class Grid:
     @dr.syntax
     def collision(
         self,
-        origin: Any,
-        direction: Any,
-        near: Any,
-        end: Any,
-        times: Any,
-        sampler: Any,
-        active: Any,
-    ) -> Any:
+        origin: Point,
+        direction: Vector,
+        near: Float,
+        end: Float,
+        times: Float,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """Distance to the first one from `near` to `end`, else infinite: null-collision tracking.
 
         With the medium so many `times`.
@@ -164,14 +188,14 @@ class Grid:
     @dr.syntax
     def tracked(
         self,
-        origin: Any,
-        direction: Any,
-        near: Any,
-        end: Any,
-        times: Any,
-        sampler: Any,
-        active: Any,
-    ) -> Any:
+        origin: Point,
+        direction: Vector,
+        near: Float,
+        end: Float,
+        times: Float,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """Transmittance from `near` to `end`, by ratio tracking."""
         distance = mi.Float(near)
         through = mi.Float(1)
@@ -184,12 +208,12 @@ class Grid:
             going &= through > 0
         return through
 
-    def extinction_at(self, point: Any) -> Any:
+    def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
         inside = self.bounds.contains(point)
         return dr.select(inside, self.extinction_per_m * self.density_at(point), 0)
 
-    def density_at(self, point: Any) -> Any:
+    def density_at(self, point: Point) -> Float:
         """Between 0 and 1."""
         local = self.box.to_local @ mi.Point3f(point)
         return self.density.eval(local)[0]
@@ -199,11 +223,11 @@ class Medium(Protocol):
     """One of the media of a scene."""
 
     @property
-    def albedo(self) -> Any:
+    def albedo(self) -> Float:
         """Single-scattering albedo."""
 
     @property
-    def phase(self) -> Any:
+    def phase(self) -> Float:
         """Mitsuba's phase function."""
 
     @property
@@ -211,24 +235,30 @@ class Medium(Protocol):
         """Whether the transmittance is known."""
 
     def flight(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
-    ) -> Any:
+        self,
+        origin: Point,
+        direction: Vector,
+        far: Float,
+        sampler: Sampler,
+        active: Bool,
+        left_m: Float,
+    ) -> Float:
         """Distance to the first collision, infinite where there is none before `far`."""
 
     def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
 
-    def extinction_at(self, point: Any) -> Any:
+    def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
 
 
 class Collision(NamedTuple):
     """Where light meets a medium, and which."""
 
-    distance: Any  # infinite where it meets none
-    medium: Any  # index
+    distance: Float  # infinite where it meets none
+    medium: UInt  # index
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,7 +268,7 @@ class Media:
     parts: tuple[Medium, ...]
 
     def flight(
-        self, ray: Any, far: Any, sampler: Any, active: Any, left_m: Any = dr.inf
+        self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float = dr.inf
     ) -> Collision:
         """First collision along the ray before `far`, by `flight_density`."""
         nearest, which = mi.Float(dr.inf), mi.UInt32(0)
@@ -249,8 +279,14 @@ class Media:
         return Collision(nearest, which)
 
     def flight_density(
-        self, origin: Any, direction: Any, distance: Any, medium: Any, in_fog: Any, left_m: Any
-    ) -> Any:
+        self,
+        origin: Point,
+        direction: Vector,
+        distance: Float,
+        medium: UInt,
+        in_fog: Bool,
+        left_m: Float,
+    ) -> Float:
         """Density of a flight that ends at a distance, over that of light.
 
         In fog by a collision with a medium. It began `left_m` after leaving the path's end.
@@ -264,15 +300,15 @@ class Media:
         return factor * dr.exp(-depth)
 
     def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
+        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
+    ) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
         through = mi.Float(1)
         for part in self.parts:
             through *= part.transmittance(origin, direction, far, sampler, active)
         return through
 
-    def closed_form_transmittance(self, origin: Any, direction: Any, far: Any) -> Any:
+    def closed_form_transmittance(self, origin: Point, direction: Vector, far: Float) -> Float:
         """The factors of the transmittance that have a closed form."""
         through = mi.Float(1)
         for part in self.parts:
@@ -280,14 +316,16 @@ class Media:
                 through *= part.transmittance(origin, direction, far, None, mi.Bool(True))
         return through
 
-    def albedo(self, medium: Any) -> Any:
+    def albedo(self, medium: UInt) -> Float:
         """Albedo of the medium with this index."""
         value = mi.Float(1)
         for number, part in enumerate(self.parts):
             value = dr.select(medium == number, part.albedo, value)
         return value
 
-    def phase(self, medium: Any, point: Any, incoming: Any, outgoing: Any, active: Any) -> Any:
+    def phase(
+        self, medium: UInt, point: Point, incoming: Vector, outgoing: Vector, active: Bool
+    ) -> Float:
         """Phase function, 1/sr: value and, since it is symmetric, density either way."""
         value = mi.Float(0)
         interaction = _interaction(point, incoming)
@@ -300,8 +338,14 @@ class Media:
         return value
 
     def scatter(
-        self, medium: Any, point: Any, incoming: Any, choice: Any, square: Any, active: Any
-    ) -> tuple[Any, Any, Any]:
+        self,
+        medium: UInt,
+        point: Point,
+        incoming: Vector,
+        choice: Float,
+        square: Point2,
+        active: Bool,
+    ) -> tuple[Vector, Float, Float]:
         """New direction, its weight and its density (1/sr)."""
         direction, weight, density = mi.Vector3f(incoming), mi.Float(0), mi.Float(1)
         interaction = _interaction(point, incoming)
@@ -315,7 +359,7 @@ class Media:
             density = dr.select(chosen, pdf, density)
         return direction, weight, density
 
-    def bend(self, incoming: Any, sampler: Any) -> Any:
+    def bend(self, incoming: Vector, sampler: Sampler) -> Vector:
         """A direction as any one of the media scatters; see `bending`."""
         count = len(self.parts)
         medium = dr.minimum(mi.UInt32(sampler.next_1d() * count), count - 1)
@@ -323,7 +367,9 @@ class Media:
         point = mi.Point3f(0)  # phase functions are the same everywhere
         return self.scatter(medium, point, incoming, choice, square, mi.Bool(True))[0]
 
-    def bending(self, point: Any, incoming: Any, outgoing: Any, active: Any) -> tuple[Any, Any]:
+    def bending(
+        self, point: Point, incoming: Vector, outgoing: Vector, active: Bool
+    ) -> tuple[Float, Float]:
         """What all media scatter from one direction into another, 1/(m sr); density of `bend`."""
         scattered, density = mi.Float(0), mi.Float(0)
         context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
@@ -333,14 +379,14 @@ class Media:
             density += phase.x / len(self.parts)
         return scattered, density
 
-    def extinction_at(self, point: Any) -> Any:
+    def extinction_at(self, point: Point) -> Float:
         """Extinction of all media together, 1/m."""
-        total: Any = mi.Float(0)
+        total: Float = mi.Float(0)
         for part in self.parts:
             total += part.extinction_at(point)
         return total
 
-    def pick(self, point: Any, choice: Any) -> Any:
+    def pick(self, point: Point, choice: Float) -> UInt:
         """Index of a medium, chosen in proportion to its extinction at a point."""
         mark = choice * self.extinction_at(point)
         medium, below = mi.UInt32(0), mi.Float(0)
@@ -350,17 +396,17 @@ class Media:
         return medium
 
 
-def _interaction(point: Any, incoming: Any) -> Any:
-    interaction: Any = dr.zeros(mi.MediumInteraction3f)
+def _interaction(point: Point, incoming: Vector) -> Plugin:
+    interaction: Plugin = dr.zeros(mi.MediumInteraction3f)
     interaction.p = point
     interaction.wi = -incoming
     interaction.sh_frame = mi.Frame3f(interaction.wi)
     return interaction
 
 
-def density_texture(density: NDArray[np.float32]) -> Any:
+def density_texture(density: NDArray[np.float32]) -> Texture:
     """A grid (nz, ny, nx) of cell-centred values over the unit cube, linear between, clamped."""
-    texture: Any = mi.Texture3f
+    texture: Plugin = mi.Texture3f
     return texture(
         mi.TensorXf(np.ascontiguousarray(density, dtype=np.float32)[..., None]),
         wrap_mode=dr.WrapMode.Clamp,

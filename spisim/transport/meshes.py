@@ -22,13 +22,14 @@ from numpy.typing import NDArray
 from spisim.scene import SceneObject, texture_coordinates
 from spisim.scene.content import material_content, surface_content
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
+from spisim.transport.jit_types import Bool, Interaction, Plugin, UInt
 
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
     """The meshes of some objects in a Mitsuba scene of their own, and which triangle is whose."""
 
-    scene: Any  # mi.Scene
+    scene: Plugin  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
     _shapes: NDArray[np.int64]  # of each of Dr.Jit's numbers of a shape, -1 for those of others
     _first: NDArray[np.int64]  # number of each shape's first triangle
@@ -77,16 +78,16 @@ class Meshes:
         return slice(int(self._starts[position]), int(self._starts[position + 1]))
 
     @cached_property
-    def _first_of(self) -> Any:
+    def _first_of(self) -> UInt:
         """Number of the first triangle of each of Dr.Jit's numbers of a shape."""
         return mi.UInt32(np.where(self._shapes >= 0, self._first[self._shapes], 0))
 
-    def triangle(self, si: Any, active: Any) -> Any:
+    def triangle(self, si: Interaction, active: Bool) -> UInt:
         """Number of the triangle that each ray meets, in a kernel."""
         shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
-    def object_ids(self, si: Any) -> NDArray[np.int64]:
+    def object_ids(self, si: Interaction) -> NDArray[np.int64]:
         """Number of the object that each ray meets, -1 for none."""
         shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
@@ -96,12 +97,12 @@ class Meshes:
         return np.asarray(result.numpy(), dtype=np.int64)
 
     @cached_property
-    def _number_of(self) -> Any:
+    def _number_of(self) -> UInt:
         """Of each of Dr.Jit's numbers of a shape, -1 for those of others."""
         return mi.Int32(self._shapes.astype(np.int32))
 
     @cached_property
-    def _owners(self) -> Any:
+    def _owners(self) -> UInt:
         """Number of the object of each triangle."""
         return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
 
@@ -129,7 +130,7 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
     return list(groups.values())
 
 
-def shape(things: Sequence[SceneObject], **parts: Any) -> Any:
+def shape(things: Sequence[SceneObject], **parts: Any) -> Plugin:
     """All triangles of objects of one material as a Mitsuba mesh; `parts` are more of its plugins.
 
     Such as the medium within it, or its light.
@@ -148,7 +149,7 @@ def mesh_shape(
     *,
     name: str = "mesh",
     with_uv: bool = False,
-) -> Any:
+) -> Plugin:
     """All triangles of some meshes as one of Mitsuba's."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
@@ -176,7 +177,7 @@ def mesh_shape(
     return mesh
 
 
-def _registry_ids(pointers: Any) -> Any:
+def _registry_ids(pointers: Any) -> UInt:
     """Dr.Jit's number of each shape that an array of pointers points to, (lanes,); 0 for none."""
     numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
     return numbers.numpy()

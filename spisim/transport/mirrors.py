@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 import drjit as dr
@@ -24,6 +24,18 @@ from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
+from spisim.transport.jit_types import (
+    Bool,
+    Distribution,
+    Float,
+    Interaction,
+    Point,
+    Point2,
+    Ray,
+    Sampler,
+    UInt,
+    Vector,
+)
 from spisim.transport.media import Media
 
 #: Largest planes (area x reflectance) that vertices are joined to an end by.
@@ -39,18 +51,18 @@ SAME_NORMAL, SAME_POSITION_M = 2e-3, 1e-3
 class Plane(NamedTuple):
     """n · x = offset."""
 
-    normal: Any
-    offset_m: Any
+    normal: Vector
+    offset_m: Float
 
-    def image(self, point: Any) -> Any:
+    def image(self, point: Point) -> Point:
         """The mirror image of a point."""
         return point - 2 * (dr.dot(self.normal, point) - self.offset_m) * self.normal
 
-    def turned(self, direction: Any) -> Any:
+    def turned(self, direction: Vector) -> Vector:
         """The mirror image of a direction."""
         return direction - 2 * dr.dot(self.normal, direction) * self.normal
 
-    def holds(self, si: Any) -> Any:
+    def holds(self, si: Interaction) -> Bool:
         """Whether a place on a surface belongs to the plane: it may cross others there."""
         near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_POSITION_M
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
@@ -60,22 +72,22 @@ class Fold(NamedTuple):
     """Planes in the order in which a vertex meets them on the way to an end."""
 
     planes: tuple[Plane, ...]
-    met: Any  # how many of them, by lane
-    probability: Any  # to have drawn these
+    met: UInt  # how many of them, by lane
+    probability: Float  # to have drawn these
 
-    def image(self, end: Any) -> Any:
+    def image(self, end: Point) -> Point:
         """An end's place, as the vertex sees it."""
         for number, plane in reversed(list(enumerate(self.planes))):
             end = dr.select(number < self.met, plane.image(end), end)
         return end
 
-    def image_of_vertex(self, vertex: Any) -> Any:
+    def image_of_vertex(self, vertex: Point) -> Point:
         """The vertex's place, as the end sees it."""
         for number, plane in enumerate(self.planes):
             vertex = dr.select(number < self.met, plane.image(vertex), vertex)
         return vertex
 
-    def ray_of_vertex(self, ray: Any) -> Any:
+    def ray_of_vertex(self, ray: Ray) -> Ray:
         """A ray through the vertex, as the end sees it."""
         direction = mi.Vector3f(ray.d)
         for number, plane in enumerate(self.planes):
@@ -86,13 +98,13 @@ class Fold(NamedTuple):
 class _Planes(NamedTuple):
     """Planes to draw from."""
 
-    normals: Any
-    offsets_m: Any
-    middles: Any
-    along: Any  # unit vectors in the planes
-    halves_m: Any  # along these and across, of rectangles that hold all mirrors of the planes
-    strengths: Any  # mi.DiscreteDistribution
-    count: Any
+    normals: Vector
+    offsets_m: Float
+    middles: Point
+    along: Vector  # unit vectors in the planes
+    halves_m: Point2  # along these and across, of rectangles that hold all mirrors of the planes
+    strengths: Distribution  # mi.DiscreteDistribution
+    count: UInt
 
     @classmethod
     def of(cls, planes: Floats, strength: Floats) -> _Planes:
@@ -103,17 +115,17 @@ class _Planes(NamedTuple):
         strengths, count = mi.DiscreteDistribution(weights), dr.opaque(mi.UInt32, len(strength))
         return cls(normals, offsets_m, middles, along, halves_m, strengths, count)
 
-    def plane(self, number: Any) -> Plane:
+    def plane(self, number: UInt) -> Plane:
         """One for each lane."""
         normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, number))
         return Plane(normal, dr.gather(mi.Float, self.offsets_m, number))
 
-    def draw(self, uniform: Any) -> tuple[Plane, Any]:
+    def draw(self, uniform: Float) -> tuple[Plane, Float]:
         """One for each lane, and its probability."""
         number, probability = self.strengths.sample_pmf(uniform)
         return self.plane(number), probability
 
-    def show(self, number: Any, vertex: Any, image: Any) -> Any:
+    def show(self, number: UInt, vertex: Point, image: Point) -> Bool:
         """Whether the way from a vertex to an image behind a plane leads about through its mirrors,
         as it does if the plane shows it: most of those of a curved mirror do not."""
         plane = self.plane(number)
@@ -134,7 +146,7 @@ class Mirrors:
 
     largest: _Planes
     all: _Planes
-    again: Any  # how often a second one follows
+    again: Float  # how often a second one follows
     maximum: int  # in a row
 
     @classmethod
@@ -151,11 +163,11 @@ class Mirrors:
             maximum=min(len(planes), MAX_FOLDS),
         )
 
-    def one(self, number: Any) -> Fold:
+    def one(self, number: UInt) -> Fold:
         """One of the largest planes."""
         return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
 
-    def choose_two(self, sampler: Any) -> tuple[Fold, Any]:
+    def choose_two(self, sampler: Sampler) -> tuple[Fold, Bool]:
         """Two of the largest planes, and whether they are looked at, as the probability says."""
         looked = sampler.next_1d() < self.again
         planes, chances = zip(
@@ -163,7 +175,7 @@ class Mirrors:
         )
         return Fold(planes, mi.UInt32(MAX_FOLDS), self.again * dr.prod(chances)), looked
 
-    def choose_any(self, uniform: Any, sampler: Any) -> Fold:
+    def choose_any(self, uniform: Float, sampler: Sampler) -> Fold:
         """The first by a number, of all, and whatever follows of the largest, for each lane."""
         plane, probability = self.all.draw(uniform)
         planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
@@ -182,11 +194,11 @@ def reflected(
     geometry: Geometry,
     media: Media,
     fold: Fold,
-    ray: Any,
-    length_m: Any,
-    sampler: Any,
-    active: Any,
-) -> Any:
+    ray: Ray,
+    length_m: Float,
+    sampler: Sampler,
+    active: Bool,
+) -> Float:
     """Fraction of light that follows a ray from mirror to mirror, and from there to an end.
 
     `length_m` is that of the whole path, unfolded.

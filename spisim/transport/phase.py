@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import mitsuba as mi
 
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Phase, Tabulated
+from spisim.transport.jit_types import Plugin
 
 
-def phase_plugin(phase: Phase) -> Any:
+def phase_plugin(phase: Phase) -> Plugin:
     """A phase function as Mitsuba has it; needs an active variant."""
     match phase:
         case Isotropic():
@@ -33,7 +32,7 @@ def phase_plugin(phase: Phase) -> Any:
     raise TypeError(f"not a phase function: {phase!r}")
 
 
-def _table(phase: Tabulated) -> Any:
+def _table(phase: Tabulated) -> Plugin:
     """The plugin takes numbers as text, of which a table has megabytes: they are put in after."""
     plugin = mi.load_dict({"type": "tabphase", "values": "1, 1"})
     parameters = mi.traverse(plugin)

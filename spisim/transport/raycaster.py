@@ -15,6 +15,7 @@ from reconstruction.base.arrays import Floats
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
+from spisim.transport.jit_types import Interaction, Ray
 from spisim.transport.meshes import Meshes
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
@@ -75,7 +76,7 @@ class RayCaster:
             parts.append(self._shade(ray, steps, reflectance))
         return np.concatenate(parts)
 
-    def _shade(self, ray: Any, steps: int, reflectance: Floats) -> NDArray[np.float32]:
+    def _shade(self, ray: Ray, steps: int, reflectance: Floats) -> NDArray[np.float32]:
         count = dr.width(ray.d)
         seen, weight, left = np.zeros(count), np.zeros(count), np.ones(count)
         lanes = np.arange(count)  # of the rays that are on their way
@@ -97,7 +98,7 @@ class RayCaster:
             ray = dr.gather(mi.Ray3f, si.spawn_ray(ray.d), mi.UInt32(going))
         return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
 
-    def _sky(self, si: Any) -> Floats:
+    def _sky(self, si: Interaction) -> Floats:
         """Share of an even sky above each surface, seen from the side that is looked at."""
         facing = dr.abs(si.wi.z)
         normal = dr.select(si.wi.z < 0, -si.n, si.n)
@@ -114,7 +115,7 @@ class RayCaster:
         return np.asarray(shade.numpy(), dtype=np.float64)
 
 
-def _rays(origins: Floats, directions: Floats) -> Any:
+def _rays(origins: Floats, directions: Floats) -> Ray:
     return mi.Ray3f(
         mi.Point3f(np.ascontiguousarray(origins.T, dtype=np.float32)),
         mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32)),

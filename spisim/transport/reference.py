@@ -23,6 +23,7 @@ from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.apertures import Detectors
+from spisim.transport.jit_types import Float, Point, Sampler, Vector
 from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
@@ -77,7 +78,7 @@ class Renderer:
         kind = "path" if clear else "volpath"
         self._integrator = mi.load_dict({"type": kind, "max_depth": max_depth})
 
-    def radiance(self, origin: Any, direction: Any, sampler: Any) -> Any:
+    def radiance(self, origin: Point, direction: Vector, sampler: Sampler) -> Float:
         """Radiance arriving at `origin` against `direction`, one sample per lane."""
         ray = mi.RayDifferential3f(mi.Ray3f(origin, direction))
         spectrum, _, _ = self._integrator.sample(self.scene, sampler, ray, self._around)

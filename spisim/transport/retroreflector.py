@@ -9,6 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.scene.bsdf import ENTRANCE_FALL
+from spisim.transport.jit_types import Bool, Color, Context, Float, Interaction, Point2, Vector
 
 PLUGIN = "spisim-retroreflector"
 
@@ -40,8 +41,13 @@ def _register(variant: str) -> None:
             self.m_components = [self.m_flags]
 
         def sample(
-            self, context: Any, si: Any, choice: Any, square: Any, active: Any = True
-        ) -> Any:
+            self,
+            context: Context,
+            si: Interaction,
+            choice: Float,
+            square: Point2,
+            active: Bool = True,
+        ) -> tuple[Any, Color]:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, self.alpha, False)
             facet, _ = facets.sample(mi.Vector3f(0, 0, 1), square)
             around = mi.Vector3f(facet.x, facet.y, facet.z) * (2 * facet.z) - mi.Vector3f(0, 0, 1)
@@ -52,13 +58,15 @@ def _register(variant: str) -> None:
             drawn.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
             return drawn, self._weight(si, drawn.wo, active)
 
-        def eval(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def eval(self, context: Context, si: Interaction, wo: Vector, active: Bool = True) -> Color:
             return self._weight(si, wo, active) * self._density(si.wi, wo)
 
-        def pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def pdf(self, context: Context, si: Interaction, wo: Vector, active: Bool = True) -> Float:
             return dr.select(active & _above(si.wi, wo), self._density(si.wi, wo), 0)
 
-        def eval_pdf(self, context: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        def eval_pdf(
+            self, context: Context, si: Interaction, wo: Vector, active: Bool = True
+        ) -> tuple[Color, Float]:
             return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
 
         def traverse(self, callback: Any) -> None:
@@ -67,13 +75,13 @@ def _register(variant: str) -> None:
         def to_string(self) -> str:
             return f"Retroreflector[alpha={self.alpha}, reflectance={self.reflectance}]"
 
-        def _density(self, wi: Any, wo: Any) -> Any:
+        def _density(self, wi: Vector, wo: Vector) -> Float:
             """p; from the chord between the two, which single precision knows well."""
             sine2 = dr.squared_norm(wo - wi) / 4  # of δ / 2
             spread = (1 - sine2) * self.alpha + sine2 / self.alpha
             return dr.rcp(4 * dr.pi * spread * spread)
 
-        def _weight(self, si: Any, wo: Any, active: Any) -> Any:
+        def _weight(self, si: Interaction, wo: Vector, active: Bool) -> Color:
             """f cos o / p."""
             fade = dr.power(si.wi.z * wo.z, ENTRANCE_FALL / 2 - 1) * wo.z
             lit = active & _above(si.wi, wo)
@@ -82,5 +90,5 @@ def _register(variant: str) -> None:
     mi.register_bsdf(PLUGIN, Retroreflector)
 
 
-def _above(wi: Any, wo: Any) -> Any:
+def _above(wi: Vector, wo: Vector) -> Bool:
     return (wi.z > 0) & (wo.z > 0)

@@ -13,6 +13,7 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.jit_types import Interaction, Vector
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
@@ -137,7 +138,7 @@ def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> 
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
-def _trace(geometry: Any, origin: Floats, directions: Floats) -> Any:
+def _trace(geometry: Any, origin: Floats, directions: Floats) -> Interaction:
     ray = mi.Ray3f(
         mi.Point3f(origin.astype(np.float32)),
         mi.Vector3f(directions.T.astype(np.float32)),
@@ -145,13 +146,13 @@ def _trace(geometry: Any, origin: Floats, directions: Floats) -> Any:
     return geometry.ray_intersect(ray)
 
 
-def _reflectance(scene: Scene, si: Any, identity: NDArray[np.int64]) -> NDArray[np.float32]:
+def _reflectance(scene: Scene, si: Interaction, identity: NDArray[np.int64]) -> NDArray[np.float32]:
     """Of each pixel's material, its picture included."""
     plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
     values = plain[identity]
     textured = [n for n, thing in enumerate(scene.objects) if thing.material.texture is not None]
     if textured:
-        local: Any = si.bsdf().eval_diffuse_reflectance(si).x
+        local: Vector = si.bsdf().eval_diffuse_reflectance(si).x
         pictured = np.isin(identity, textured)
         values[pictured] = local.numpy().reshape(identity.shape)[pictured]
     return values.astype(np.float32)

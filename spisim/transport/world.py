@@ -18,6 +18,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.enclosed import Enclosed, surface_scene
 from spisim.transport.geometry import Geometry, transform
+from spisim.transport.jit_types import Float, Interaction, Plugin, Ray
 from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
@@ -53,7 +54,7 @@ class World:
         """Fog, and surfaces none of which lets light straight through."""
         return bool(self.media.parts) and not self.geometry.see_through
 
-    def first_surface(self, ray: Any) -> tuple[Any, Any]:
+    def first_surface(self, ray: Ray) -> tuple[Interaction, Float]:
         """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
@@ -64,7 +65,9 @@ class World:
             mi.Vector3f(values.T.astype(np.float32))
             for values in (beams.origins_m, beams.directions)
         )
-        si: Any = self.geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), directions))
+        si: Interaction = self.geometry.scene.ray_intersect(
+            mi.Ray3f(mi.Point3f(origins), directions)
+        )
         met: Any = si.is_valid()
         return np.where(met.numpy(), si.t.numpy(), np.nan)
 
@@ -119,7 +122,7 @@ def _homogeneous(bounds: Bounds, medium: Atmosphere) -> Homogeneous:
     return Homogeneous(bounds, *_optics(medium), Bias.of(medium.extinction_per_m))
 
 
-def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
+def _optics(medium: Atmosphere) -> tuple[Float, Float, Plugin]:
     """Extinction, albedo and phase function as the tracer takes them."""
     return (
         dr.opaque(mi.Float, medium.extinction_per_m),

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.transport.jit_types import Bool, Float, UInt
 
 #: Contributions are summed as integers, in units of 2^-48 /m² of detector area. Integer addition
 #: is associative, which floating-point addition is not.
@@ -27,7 +26,7 @@ class Accumulator:
     def __init__(self, cells: int) -> None:
         self._sums = dr.zeros(mi.Int64, cells)
 
-    def add(self, value: Any, cell: Any, active: Any) -> None:
+    def add(self, value: Float, cell: UInt, active: Bool) -> None:
         """Add one contribution per active lane; see `Check` for what cannot be added."""
         quanta = mi.Int64(dr.round(mi.Float64(value) * (1.0 / QUANTUM_PER_M2)))
         dr.scatter_reduce(dr.ReduceOp.Add, self._sums, quanta, cell, active)
@@ -44,7 +43,7 @@ class Check:
         self._cells = cells
         self._coarse = dr.zeros(mi.Int64, cells + 1)  # and a count of what is not finite
 
-    def passed(self, value: Any, length_m: Any, cell: Any, active: Any) -> Any:
+    def passed(self, value: Float, length_m: Float, cell: UInt, active: Bool) -> Bool:
         """Lanes whose contribution is finite, and so its path length, on which phasors depend."""
         finite = dr.isfinite(value) & dr.isfinite(length_m)
         size = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)

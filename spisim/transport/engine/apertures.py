@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch, stratified
+from spisim.transport.jit_types import Float, Frame, Point, Point2, Ray, Sampler, UInt
 from spisim.transport.views import DetectorView
 
 
@@ -22,14 +23,14 @@ class Detectors:
     `samples` per detector and launch.
     """
 
-    positions: Any  # Point3f, one per detector, world
-    frames: Any  # Frame3f whose n is the optical axis
-    radius_m: Any
-    sine2: Any  # sin² of the field's half angle
-    vignetting: Any  # m
+    positions: Point  # Point3f, one per detector, world
+    frames: Frame  # Frame3f whose n is the optical axis
+    radius_m: Float
+    sine2: Float  # sin² of the field's half angle
+    vignetting: Float  # m
     count: int
     samples: int
-    rate: Any  # see `Projector`
+    rate: Float  # see `Projector`
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Self:
@@ -53,14 +54,14 @@ class Detectors:
         return self.count * self.samples
 
     @property
-    def paths(self) -> Any:
+    def paths(self) -> Float:
         """Paths of a launch."""
         return self.count * self.rate
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return lane % self.count
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         position = stratified(lane // self.count, self.samples, sampler)
         ray, cosine = self._ray(lane % self.count, position, sampler)
         return Launch(
@@ -73,12 +74,12 @@ class Detectors:
             cell=self._launch_cell(lane),
         )
 
-    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+    def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """A ray in the field of the lane's detector, and its weight."""
         ray, cosine = self._ray(lane % self.count, sampler.next_2d(), sampler)
         return ray, self._launched(cosine)
 
-    def _ray(self, number: Any, position: Any, sampler: Any) -> tuple[Any, Any]:
+    def _ray(self, number: UInt, position: Point2, sampler: Sampler) -> tuple[Ray, Float]:
         """From the aperture in the direction of a point of the unit square; cosine to the axis."""
         frame = self._frame(number)
         disc = mi.warp.square_to_uniform_disk_concentric(position) * dr.sqrt(self.sine2)
@@ -86,14 +87,14 @@ class Detectors:
         origin = self._aperture_point(number, frame, sampler)
         return mi.Ray3f(origin, frame.to_world(mi.Vector3f(disc.x, disc.y, cosine))), cosine
 
-    def _launched(self, cosine: Any) -> Any:
+    def _launched(self, cosine: Float) -> Float:
         """Weight of a path that is launched."""
         return dr.pi * self.sine2 / self.rate * self._response(cosine)
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return self.connect_to(self.choose(lane, sampler), vertex, sampler)
 
     @property
@@ -101,14 +102,14 @@ class Detectors:
         """Among how many detectors `choose` draws one."""
         return 1
 
-    def choose(self, lane: Any, sampler: Any) -> Any:
+    def choose(self, lane: UInt, sampler: Sampler) -> UInt:
         """Number of the detector that the lane's path is connected to."""
         return lane % self.count
 
-    def _launch_cell(self, lane: Any) -> Any:
+    def _launch_cell(self, lane: UInt) -> UInt | None:
         return self.cell(lane)
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         """The detector that was chosen, as seen from a vertex."""
         frame = self._frame(number)
         point = self._aperture_point(number, frame, sampler)
@@ -126,7 +127,7 @@ class Detectors:
             cell=None,
         )
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may lie in the field of a detector.
 
         Exact for a beam that stays in the field once it has entered, as laser and detector
@@ -146,16 +147,16 @@ class Detectors:
         near = dr.select((a > 0) & (along > 0), dr.clip(entry, 0, reach), 0)
         return near, reach
 
-    def _density(self, cosine: Any) -> Any:
+    def _density(self, cosine: Float) -> Float:
         return cosine * (self.choices * dr.inv_pi) * self.rate / self.sine2
 
-    def _response(self, cosine: Any) -> Any:
+    def _response(self, cosine: Float) -> Float:
         return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)
 
-    def _frame(self, number: Any) -> Any:
+    def _frame(self, number: UInt) -> Frame:
         return dr.gather(mi.Frame3f, self.frames, number)
 
-    def _aperture_point(self, number: Any, frame: Any, sampler: Any) -> Any:
+    def _aperture_point(self, number: UInt, frame: Frame, sampler: Sampler) -> Point:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.radius_m
         centre = dr.gather(mi.Point3f, self.positions, number)
         return centre + frame.to_world(mi.Vector3f(disc.x, disc.y, 0))
@@ -172,10 +173,10 @@ class JointDetectors(Detectors):
     def choices(self) -> int:
         return self.count
 
-    def choose(self, lane: Any, sampler: Any) -> Any:
+    def choose(self, lane: UInt, sampler: Sampler) -> UInt:
         if self.count == 1:
             return mi.UInt32(0)
         return dr.minimum(mi.UInt32(sampler.next_1d() * self.count), self.count - 1)
 
-    def _launch_cell(self, lane: Any) -> Any:
+    def _launch_cell(self, lane: UInt) -> UInt | None:
         return None

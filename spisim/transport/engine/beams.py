@@ -13,7 +13,7 @@ which is no vertex: no path from a detector is connected to what lies behind it.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -21,6 +21,17 @@ import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch
 from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.jit_types import (
+    Bool,
+    Context,
+    Float,
+    Frame,
+    Interaction,
+    Point,
+    Ray,
+    Sampler,
+    UInt,
+)
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
@@ -28,16 +39,16 @@ from spisim.transport.world import World
 class _Beam(NamedTuple):
     """One pencil of a laser: its ray, the surface it hits, and how far it stays in the scene."""
 
-    ray: Any
-    si: Any
-    reach: Any
+    ray: Ray
+    si: Interaction
+    reach: Float
 
 
 class _State(NamedTuple):
     beam: _Beam
-    rate: Any  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
-    in_fog: Any
-    distance: Any
+    rate: Float  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
+    in_fog: Bool
+    distance: Float
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +60,13 @@ class Beams:
     """
 
     world: World
-    frames: Any  # Frame3f whose n is the beam's axis
-    origins: Any
-    divergence_rad: Any  # standard deviation of the angle, per axis
-    waist_m: Any  # standard deviation of the place of exit, per axis
+    frames: Frame  # Frame3f whose n is the beam's axis
+    origins: Point
+    divergence_rad: Float  # standard deviation of the angle, per axis
+    waist_m: Float  # standard deviation of the place of exit, per axis
     count: int
     samples: int
-    rate: Any  # see `Projector`
+    rate: Float  # see `Projector`
 
     @classmethod
     def of(cls, world: World, view: BeamView, samples: int) -> Beams:
@@ -82,10 +93,10 @@ class Beams:
     def lanes(self) -> int:
         return self.count * self.samples
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return lane % self.count
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         beam = self._beam(lane, sampler)
         ray, si, reach = beam
         collision = self.world.media.flight(ray, reach, sampler, mi.Bool(True))
@@ -123,7 +134,7 @@ class Beams:
             crossings=dr.select(straight, mi.UInt32(1), mi.UInt32(0)),
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         state = launch.state
         ray, si, reach = state.beam
         angular = EquiAngular.about(first_vertex, ray, reach)
@@ -133,7 +144,7 @@ class Beams:
         )
         return state.rate / chosen
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         ray, si, reach = self._beam(lane, sampler)
         fog_fraction = self._fog_fraction(si)
         in_fog = sampler.next_1d() < fog_fraction
@@ -163,11 +174,11 @@ class Beams:
             cell=self.cell(lane),
         )
 
-    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+    def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """One pencil of the lane's laser, as a ray, and its weight."""
         return self._pencil(lane, sampler), dr.rcp(self.rate)
 
-    def _pencil(self, lane: Any, sampler: Any) -> Any:
+    def _pencil(self, lane: UInt, sampler: Sampler) -> Ray:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
@@ -178,12 +189,12 @@ class Beams:
             frame.to_world(dr.normalize(mi.Vector3f(tilt.x, tilt.y, 1))),
         )
 
-    def _beam(self, lane: Any, sampler: Any) -> _Beam:
+    def _beam(self, lane: UInt, sampler: Sampler) -> _Beam:
         ray = self._pencil(lane, sampler)
         si, reach = self.world.first_surface(ray)
         return _Beam(ray, si, reach)
 
-    def _arrival(self, ray: Any, point: Any, distance: Any, in_fog: Any) -> Any:
+    def _arrival(self, ray: Ray, point: Point, distance: Float, in_fog: Bool) -> Float:
         """Density of x₁ in free flight, as far as it has a closed form.
 
         Per metre in fog, a probability on the surface.
@@ -191,12 +202,12 @@ class Beams:
         through = self.world.media.closed_form_transmittance(ray.o, ray.d, distance)
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
-    def _fog_fraction(self, si: Any) -> Any:
+    def _fog_fraction(self, si: Interaction) -> Float:
         """How often a detector-side path is connected to the fog rather than the surface."""
         if not self.world.media.parts:
             return mi.Float(0)
         return dr.select(si.is_valid(), 0.5, 1)
 
 
-def _context() -> Any:
+def _context() -> Context:
     return mi.BSDFContext(mi.TransportMode.Importance)

@@ -20,6 +20,7 @@ from spisim.transport.engine.line_of_sight import Mirrored, Straight
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Context, Float, Interaction, Point, Ray, Sampler, UInt
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
@@ -37,10 +38,10 @@ LineOfSight = Straight | Mirrored
 class Pencil(NamedTuple):
     """A ray, the surface it meets, how far it goes, and which of the other ends looks at it."""
 
-    ray: Any
-    si: Any
-    reach: Any
-    number: Any  # of the other end
+    ray: Ray
+    si: Interaction
+    reach: Float
+    number: UInt  # of the other end
 
 
 def direct_light(
@@ -111,7 +112,7 @@ def _along_rays(
     si, reach = world.first_surface(ray)
     pencil = Pencil(ray, si, reach, view.end.choose(lane, sampler))
 
-    def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
+    def add(value: Float, length_m: Float, scatterings: int, lit: Bool) -> None:
         order = mi.UInt32(scatterings)
         deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
 
@@ -120,7 +121,9 @@ def _along_rays(
         _off_fog(world, pencil, view, far_point, sampler, add)
 
 
-def _off_surface(world: World, pencil: Pencil, view: LineOfSight, sampler: Any, add: Any) -> Any:
+def _off_surface(
+    world: World, pencil: Pencil, view: LineOfSight, sampler: Sampler, add: Add
+) -> Point:
     """Light that the surface scatters; returns the place of the other end that it goes to."""
     ray, si, reach, number = pencil
     end = view.connect_to(number, si.p, sampler)
@@ -136,7 +139,7 @@ def _off_surface(world: World, pencil: Pencil, view: LineOfSight, sampler: Any, 
 
 
 def _off_fog(
-    world: World, pencil: Pencil, view: LineOfSight, far_point: Any, sampler: Any, add: Any
+    world: World, pencil: Pencil, view: LineOfSight, far_point: Point, sampler: Sampler, add: Add
 ) -> None:
     """Light that the fog scatters, at one point per lane where the other's field covers the ray.
 
@@ -164,7 +167,7 @@ def _off_fog(
     add(value, distance + gap, 1, lit)
 
 
-def surface_context(other: Sink) -> Any:
+def surface_context(other: Sink) -> Context:
     """Light that goes to detectors leaves the surface; else it is followed against its way."""
     outward = isinstance(other, Detectors)
     return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
@@ -172,7 +175,7 @@ def surface_context(other: Sink) -> Any:
 
 def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> Lanes:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
-    number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
+    number: UInt = dr.arange(mi.UInt32, replicas * this.lanes)
     beside = dr.opaque(mi.UInt32, replicas)
     lane, replica = number // beside, number % beside
     cell = this.cell(lane)

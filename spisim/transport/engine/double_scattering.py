@@ -17,8 +17,6 @@ is left to the walks.
 
 from __future__ import annotations
 
-from typing import Any
-
 import drjit as dr
 import mitsuba as mi
 
@@ -29,6 +27,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Float, Interaction, Point, Sampler
 from spisim.transport.world import World
 
 #: Extinction below which a ray's fog counts as being the same all along, 1/m.
@@ -54,7 +53,7 @@ def double_scattering_light(
         deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
 
 
-def estimated_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> Any:
+def estimated_along_rays(first: Point, second: Point, end: Point, surface_first: Bool) -> Bool:
     """Whether `double_scattering_light` adds light of two vertices, ordered from the projector.
 
     One of them is on a surface that scatters, the other in fog.
@@ -64,8 +63,8 @@ def estimated_along_rays(first: Any, second: Any, end: Any, surface_first: Any) 
 
 
 def _behind_surface(
-    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
-) -> tuple[Any, Any, Any]:
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
+) -> tuple[Float, Float, Bool]:
     """Value, path length and lanes of what the surface sends on by way of the fog."""
     ray, si, reach, number = pencil
     media = world.media
@@ -107,8 +106,8 @@ def _behind_surface(
 
 
 def _before_surface(
-    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
-) -> tuple[Any, Any, Any]:
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
+) -> tuple[Float, Float, Bool]:
     """The same of what the fog sends on by way of a surface."""
     ray, _, reach, number = pencil
     media = world.media
@@ -119,7 +118,7 @@ def _before_surface(
     bent, scale, _ = media.scatter(medium, point, ray.d, choice, square, mi.Bool(True))
     value = media.albedo(medium) * media.extinction_at(point) * scale / density
     onward = mi.Ray3f(point, bent)
-    si: Any = world.geometry.scene.ray_intersect(onward, carries_light(value))
+    si: Interaction = world.geometry.scene.ray_intersect(onward, carries_light(value))
     end = other.connect_to(number, si.p, points)
     towards, gap = direction_to(si.p, end.point)
     reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
@@ -132,7 +131,7 @@ def _before_surface(
     return value, distance + si.t + gap, lit & carries_light(value)
 
 
-def _anywhere(extinction_per_m: Any, reach: Any, points: Any) -> tuple[Any, Any]:
+def _anywhere(extinction_per_m: Float, reach: Float, points: Sampler) -> tuple[Float, Float]:
     """A distance along a ray, and its density: uniform, or as light is lost where the ray begins.
 
     The one is right where light goes on to a surface all the same, the other in thick fog.

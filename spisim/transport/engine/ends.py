@@ -22,41 +22,42 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.transport.geometry import transform
+from spisim.transport.jit_types import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
 class Launch(NamedTuple):
     """Paths that leave an end: where, whereto, and W / density."""
 
-    origin: Any
-    direction: Any
-    beta: Any
-    length_m: Any  # optical path from the emitter to `origin`
-    scatterings: Any  # in fog, before `origin`
+    origin: Point
+    direction: Vector
+    beta: Float
+    length_m: Float  # optical path from the emitter to `origin`
+    scatterings: UInt  # in fog, before `origin`
     state: Any  # what `density` needs to know
-    cell: Any  # accumulator cell, None where the other end tells it
-    crossings: Any = 0  # surfaces passed straight through before `origin`
-    replica: Any = 0  # which of the estimates side by side the path is part of
+    cell: UInt  # accumulator cell, None where the other end tells it
+    crossings: UInt = 0  # surfaces passed straight through before `origin`
+    replica: UInt = 0  # which of the estimates side by side the path is part of
 
 
 class Connection(NamedTuple):
     """An end seen from a path vertex."""
 
-    point: Any  # where the path ends
-    importance: Any  # W / distance² towards the vertex; 0 where the end does not look
-    density: Any  # number density / distance² with which the end itself launches paths that way
-    length_m: Any  # optical path from `point` on to the emitter
-    scatterings: Any  # in fog, from `point` on to the emitter
-    cell: Any  # accumulator cell, None where the other end tells it
+    point: Point  # where the path ends
+    importance: Float  # W / distance² towards the vertex; 0 where the end does not look
+    density: Float  # number density / distance² with which the end itself launches paths that way
+    length_m: Float  # optical path from `point` on to the emitter
+    scatterings: UInt  # in fog, from `point` on to the emitter
+    cell: UInt  # accumulator cell, None where the other end tells it
 
 
 class RandomRay(NamedTuple):
     """A ray out of the whole field of an end."""
 
-    ray: Any
-    weight: Any  # W / density
-    launched: Any  # number density of paths that are launched, over this one
-    cell: Any  # accumulator cell, None where the other end tells it
+    ray: Ray
+    weight: Float  # W / density
+    launched: Float  # number density of paths that are launched, over this one
+    cell: UInt  # accumulator cell, None where the other end tells it
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,16 +70,16 @@ class Projector:
     one from one of so `many` neighbours, at random.
     """
 
-    to_world: Any
-    to_optical: Any
+    to_world: Matrix
+    to_optical: Matrix
     shape: tuple[int, int]
-    half_width: Any
-    half_height: Any
-    lens_radius_m: Any
-    focus_m: Any
+    half_width: Float
+    half_height: Float
+    lens_radius_m: Float
+    focus_m: Float
     samples: int
     many: int
-    rate: Any  # paths per pixel for kernels, which then do for any number
+    rate: Float  # paths per pixel for kernels, which then do for any number
 
     @classmethod
     def of(cls, view: ProjectorView, samples: float) -> Projector:
@@ -114,30 +115,30 @@ class Projector:
         return self.pixels * self.samples // self.many
 
     @property
-    def paths(self) -> Any:
+    def paths(self) -> Float:
         """Paths of a launch that may reach one and the same detector."""
         return self.pixels * self.rate
 
     @property
-    def middle(self) -> Any:
+    def middle(self) -> Point:
         """Of the lens."""
         return self.to_world @ mi.Point3f(0)
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return lane % self.pixels
 
-    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+    def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """A ray through the lane's pixel, and its weight."""
         return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.rate)
 
-    def _through(self, cell: Any, jitter: Any, sampler: Any) -> Any:
+    def _through(self, cell: UInt, jitter: Point2, sampler: Sampler) -> Ray:
         """A ray through a place in a pixel."""
         height, width = self.shape
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
         return self._ray(x, y, sampler)
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         jitter = stratified(lane // self.pixels, self.samples, sampler)
         many = dr.opaque(mi.UInt32, self.many)
         among = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(many)), many - 1)
@@ -153,10 +154,10 @@ class Projector:
             cell=cell,
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         lens = self._lens_point(sampler)
         towards = mi.Vector3f((self.to_optical @ mi.Point3f(vertex)) - lens)
         focal = (lens + towards * (self.focus_m / towards.z)) / self.focus_m
@@ -177,16 +178,16 @@ class Projector:
             cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
         )
 
-    def random_ray(self, sampler: Any) -> RandomRay:
+    def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.ray_at(sampler.next_2d(), sampler)
         return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
 
-    def random_ray_density(self, direction: Any, lens: Any) -> Any:
+    def random_ray_density(self, direction: Vector, lens: Point) -> Float:
         """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
         return self.importance_towards(direction, lens) / self.pixels
 
-    def ray_at(self, position: Any, sampler: Any) -> tuple[Any, Any]:
+    def ray_at(self, position: Point2, sampler: Sampler) -> tuple[Ray, UInt]:
         """The ray through a place of the field, a point of the unit square, and its pixel."""
         height, width = self.shape
         x, y = 2 * position.x - 1, 2 * position.y - 1
@@ -194,7 +195,7 @@ class Projector:
         ray = self._ray(x * self.half_width, y * self.half_height, sampler)
         return ray, dr.minimum(pixel, self.pixels - 1)
 
-    def overlap(self, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, ray: Ray, reach: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may be lit: within the four sides of the field.
 
         |x| ≤ z tan α + r (1 + z / f) of a lens of radius r that is focused at f, and y likewise.
@@ -216,17 +217,17 @@ class Projector:
                 far = dr.select(opening < 0, dr.minimum(far, crossing), far)
         return near, far
 
-    def _ray(self, x: Any, y: Any, sampler: Any) -> Any:
+    def _ray(self, x: Float, y: Float, sampler: Sampler) -> Ray:
         """From a point of the lens towards (x, y) on the image plane at unit distance."""
         lens = self._lens_point(sampler)
         local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
         return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
 
-    def importance_of(self, direction: Any) -> Any:
+    def importance_of(self, direction: Vector) -> Float:
         """W of a ray that was drawn: in the field, though rounding may put it on the edge."""
         return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
-    def importance_towards(self, direction: Any, lens: Any) -> Any:
+    def importance_towards(self, direction: Vector, lens: Point) -> Float:
         """W of the ray that leaves the lens at a place (world); 0 outside the field."""
         local = self.to_optical @ mi.Vector3f(direction)
         origin = self.to_optical @ mi.Point3f(lens)
@@ -238,17 +239,17 @@ class Projector:
         )
         return dr.select(inside, self.importance_at(local.z), 0)
 
-    def _lens_point(self, sampler: Any) -> Any:
+    def _lens_point(self, sampler: Sampler) -> Point:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.lens_radius_m
         return mi.Point3f(disc.x, disc.y, 0)
 
-    def importance_at(self, cosine: Any) -> Any:
+    def importance_at(self, cosine: Float) -> Float:
         """W by the cosine to the axis, inside the field."""
         pixel_area = 4 * self.half_width * self.half_height / self.pixels
         return dr.rcp(pixel_area * cosine**3)
 
 
-def stratified(index: Any, count: int, sampler: Any) -> Any:
+def stratified(index: UInt, count: int, sampler: Sampler) -> Point2:
     """Jittered point of the unit square in stratum `index` of a grid of `count` strata."""
     across = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
     rows, columns = (dr.opaque(mi.UInt32, side) for side in (across, count // across))

@@ -7,7 +7,6 @@ that random rays of the detectors meet, too; only next to these places a walk ge
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -16,6 +15,7 @@ from spisim.transport.engine.apertures import JointDetectors
 from spisim.transport.engine.ends import Connection
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Float, Point, Sampler
 from spisim.transport.world import World
 
 
@@ -26,7 +26,7 @@ class Footprint:
     world: World
     end: JointDetectors | Lamp
 
-    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
+    def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
         """A place, joined to a `vertex`; its density per area, over cosine / distance² of the way
         between the two."""
         number = dr.minimum(sampler.next_1d() * self.end.paths, self.end.paths - 1)
@@ -52,6 +52,6 @@ class Footprint:
         cosines = dr.abs(si.wi.z) / dr.maximum(dr.abs(local.z), 1e-7)
         return end, launched * cosines * dr.square(gap / si.t)
 
-    def density(self, end: Connection) -> Any:
+    def density(self, end: Connection) -> Float:
         """Number density / distance² with which it picks the vertex that the end is seen from."""
         return end.density / self.end.paths

@@ -23,6 +23,7 @@ from spisim.transport.engine.lamps import Lamps, Lit, Met
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Turn, Vertex
 from spisim.transport.engine.walk import MAX_CROSSINGS, MAX_VERTICES, ROULETTE_VERTEX, lanes
+from spisim.transport.jit_types import Bool, Float, Point, Ray, Sampler, UInt
 from spisim.transport.world import World
 
 #: Paths are kept until they carry less than this share of their start.
@@ -33,13 +34,13 @@ ENDING = 0.25
 class _Path:
     """One path per lane, on its way to vertex number `vertex`."""
 
-    ray: Any
-    beta: Any
-    vertex: Any
-    crossings: Any  # surfaces passed straight through
-    active: Any
-    before: Any  # last vertex, or the sensor
-    density: Any  # of leaving it, 1/sr; infinite where no join finds what lies there
+    ray: Ray
+    beta: Float
+    vertex: UInt
+    crossings: UInt  # surfaces passed straight through
+    active: Bool
+    before: Point  # last vertex, or the sensor
+    density: Float  # of leaving it, 1/sr; infinite where no join finds what lies there
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +78,7 @@ class Gather:
             self._roulette(turn, path, scale, limit, sampler)
 
     def _fly(
-        self, path: _Path, result: Contribution, limit: Any, sampler: Any
+        self, path: _Path, result: Contribution, limit: UInt, sampler: Sampler
     ) -> tuple[Vertex, Any]:
         """Follow the ray to a surface or a collision, and tell how far it could have gone.
 
@@ -114,7 +115,7 @@ class Gather:
         )
         return here, reach
 
-    def _meet(self, met: Met, path: _Path, result: Contribution, active: Any) -> None:
+    def _meet(self, met: Met, path: _Path, result: Contribution, active: Bool) -> None:
         """Deposit light that the path has run into."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
@@ -127,9 +128,9 @@ class Gather:
         lit: Lit,
         path: _Path,
         result: Contribution,
-        sampler: Any,
-        active: Any,
-        fraction: Any = 1,
+        sampler: Sampler,
+        active: Bool,
+        fraction: Float = 1,
     ) -> None:
         """Deposit what a vertex sends on of a lamp's light."""
         lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
@@ -143,11 +144,11 @@ class Gather:
     def _join_points(
         self,
         here: Vertex,
-        reach: Any,
+        reach: Float,
         path: _Path,
         result: Contribution,
-        sampler: Any,
-        active: Any,
+        sampler: Sampler,
+        active: Bool,
     ) -> None:
         """The same of lamps without a size."""
         points, media = self.lamps.points, self.world.media
@@ -163,7 +164,13 @@ class Gather:
         self._join(here, lit, path, result, sampler, active, fraction)
 
     def _join_along(
-        self, ray: Any, reach: Any, path: _Path, result: Contribution, sampler: Any, active: Any
+        self,
+        ray: Ray,
+        reach: Float,
+        path: _Path,
+        result: Contribution,
+        sampler: Sampler,
+        active: Bool,
     ) -> None:
         """Deposit what fog on the way scatters of them, wherever the path's own flight ends."""
         points, media = self.lamps.points, self.world.media
@@ -184,12 +191,12 @@ class Gather:
         value *= media.transmittance(point, lit.towards, lit.gap_m, sampler, active)
         self.deposit(result._replace(value=value, active=active & carries_light(value)))
 
-    def _flown(self, ray: Any, distance: Any, point: Any) -> Any:
+    def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
         """Density with which a flight ends there by a collision, as far as it has a closed form."""
         media = self.world.media
         return media.extinction_at(point) * media.closed_form_transmittance(ray.o, ray.d, distance)
 
-    def _see(self, lane: Any, result: Contribution, sampler: Any) -> None:
+    def _see(self, lane: UInt, result: Contribution, sampler: Sampler) -> None:
         """Deposit the light that shines straight onto a detector from lamps that none runs into."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
@@ -214,7 +221,9 @@ class Gather:
         path.crossings += dr.select(turn.straight, 1, 0)
         path.ray = turn.ray
 
-    def _roulette(self, turn: Turn, path: _Path, scale: Any, limit: Any, sampler: Any) -> None:
+    def _roulette(
+        self, turn: Turn, path: _Path, scale: Float, limit: UInt, sampler: Sampler
+    ) -> None:
         """End paths that carry little, without bias, and those that are too long."""
         survival = dr.select(
             (path.vertex <= ROULETTE_VERTEX) | turn.straight,

@@ -16,29 +16,42 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import (
+    Bool,
+    Distribution,
+    Float,
+    Interaction,
+    Matrix,
+    Plugin,
+    Point,
+    Sampler,
+    Texture,
+    UInt,
+    Vector,
+)
 from spisim.transport.meshes import Meshes
 
 
 class Lit(NamedTuple):
     """A lamp as seen from a vertex, at a point drawn from all that shines."""
 
-    towards: Any  # unit
-    gap_m: Any
-    irradiance: Any  # on a surface that faces it, W/m², over the density of the draw
-    density: Any  # of the draw, 1/sr; infinite where nothing else finds this light
+    towards: Vector  # unit
+    gap_m: Float
+    irradiance: Float  # on a surface that faces it, W/m², over the density of the draw
+    density: Float  # of the draw, 1/sr; infinite where nothing else finds this light
 
 
 class Met(NamedTuple):
     """Light that a path runs into."""
 
-    radiance: Any  # W/(m² sr)
-    density: Any  # with which a join finds it, 1/sr
+    radiance: Float  # W/(m² sr)
+    density: Float  # with which a join finds it, 1/sr
 
 
 class Joined(Protocol):
     """Lamps that vertices are joined to."""
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         """One point of them, drawn at random."""
 
 
@@ -46,11 +59,11 @@ class Joined(Protocol):
 class Parallel:
     """Light from one direction."""
 
-    irradiance: Any  # W/m²
-    direction: Any  # in which it goes, unit
-    distance_m: Any  # further than anything in the scene
+    irradiance: Float  # W/m²
+    direction: Vector  # in which it goes, unit
+    distance_m: Float  # further than anything in the scene
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         """See `Joined`."""
         return Lit(-self.direction, self.distance_m, self.irradiance, mi.Float(dr.inf))
 
@@ -59,12 +72,12 @@ class Parallel:
 class Points:
     """Lamps without a size, drawn in proportion to their power."""
 
-    positions: Any
-    axes: Any
-    intensities: Any  # W/sr on the axis
-    beams: Any  # rad from the axis: whole up to there,
-    cutoffs: Any  # in proportion to the angle up to there
-    choice: Any  # DiscreteDistribution
+    positions: Point
+    axes: Vector
+    intensities: Float  # W/sr on the axis
+    beams: Float  # rad from the axis: whole up to there,
+    cutoffs: Float  # in proportion to the angle up to there
+    choice: Distribution  # DiscreteDistribution
 
     @classmethod
     def of(
@@ -79,17 +92,17 @@ class Points:
         choice = mi.DiscreteDistribution(weights)
         return cls(indices, headings, strengths, beams, cutoffs, choice)
 
-    def choose(self, sampler: Any) -> tuple[Any, Any]:
+    def choose(self, sampler: Sampler) -> tuple[UInt, Point]:
         """Number and position of a lamp."""
         number = self.choice.sample(sampler.next_1d())
         return number, dr.gather(mi.Point3f, self.positions, number)
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         """See `Joined`."""
         number, position = self.choose(sampler)
         return self.chosen_from(number, position, vertex)
 
-    def chosen_from(self, number: Any, position: Any, vertex: Any) -> Lit:
+    def chosen_from(self, number: UInt, position: Point, vertex: UInt) -> Lit:
         """The lamp that was chosen."""
         towards, gap_m = direction_to(vertex, position)
         axis, intensity = (
@@ -112,11 +125,11 @@ class Areas:
     """Triangles that shine on the side that they face, drawn in proportion to their power."""
 
     meshes: Meshes
-    radiances: Any  # of every triangle of the meshes, W/(m² sr)
-    corners: Any  # of those that shine
+    radiances: Float  # of every triangle of the meshes, W/(m² sr)
+    corners: Point  # of those that shine
     edges: tuple[Any, Any]
-    choice: Any  # DiscreteDistribution
-    total: Any  # Σ radiance · area
+    choice: Distribution  # DiscreteDistribution
+    total: Float  # Σ radiance · area
 
     @classmethod
     def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Areas:
@@ -134,7 +147,7 @@ class Areas:
         return cls(meshes, table, points, (sides[0], sides[1]),
                    mi.DiscreteDistribution(weights), total)  # fmt: skip
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         """See `Joined`."""
         number = self.choice.sample(sampler.next_1d())
         position = mi.warp.square_to_uniform_triangle(sampler.next_2d())
@@ -148,7 +161,7 @@ class Areas:
         density = fraction / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
         return Lit(towards, gap_m, irradiance, density)
 
-    def met(self, before: Any, si: Any, active: Any) -> Met:
+    def met(self, before: Point, si: Interaction, active: Bool) -> Met:
         """What shines where a path from a point meets a surface."""
         number = self.meshes.triangle(si, active)
         facing = si.wi.z > 0
@@ -162,9 +175,9 @@ class Areas:
 class Uniform:
     """The same from all around: found where paths leave, which no draw does better."""
 
-    radiance: Any
+    radiance: Float
 
-    def met(self, direction: Any) -> Met:
+    def met(self, direction: Vector) -> Met:
         """What a path that leaves in a direction finds."""
         return Met(self.radiance, mi.Float(0))
 
@@ -177,18 +190,18 @@ class Surround:
     """
 
     shape: tuple[int, int]
-    picture: Any  # mi.Texture2f of a column more at either side
-    choice: Any  # DiscreteDistribution
-    to_world: Any
-    to_local: Any
-    distance_m: Any
+    picture: Texture  # mi.Texture2f of a column more at either side
+    choice: Distribution  # DiscreteDistribution
+    to_world: Matrix
+    to_local: Matrix
+    distance_m: Float
 
     @classmethod
     def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Surround:
         """Radiance (h, w); `to_world` (3, 3)."""
         height, width = radiance.shape
         padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)
-        texture: Any = mi.Texture2f
+        texture: Plugin = mi.Texture2f
         picture = texture(
             mi.TensorXf(padded[..., None]),
             wrap_mode=dr.WrapMode.Clamp,
@@ -203,7 +216,7 @@ class Surround:
         far = dr.opaque(mi.Float, distance_m)
         return cls((height, width), picture, choice, turn, back, far)
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         """See `Joined`."""
         height, width = self.shape
         cell, position = self.choice.sample(sampler.next_1d()), sampler.next_2d()
@@ -216,7 +229,7 @@ class Surround:
         irradiance = dr.select(met.density > 0, met.radiance / met.density, 0)
         return Lit(towards, self.distance_m, irradiance, met.density)
 
-    def met(self, direction: Any) -> Met:
+    def met(self, direction: Vector) -> Met:
         """What a path that leaves in a direction finds."""
         height, width = self.shape
         local = self.to_local @ direction

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -11,6 +10,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
+from spisim.transport.jit_types import Distribution, Float, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
@@ -23,10 +23,10 @@ class Lamp:
     """
 
     projector: Projector
-    fractions: Any  # of the power, by virtual pixel
-    pixels: Any  # drawn in proportion to it
+    fractions: Float  # of the power, by virtual pixel
+    pixels: Distribution  # drawn in proportion to it
     samples: int
-    rate: Any  # see `Projector`
+    rate: Float  # see `Projector`
     cells: int | None
 
     @classmethod
@@ -44,19 +44,19 @@ class Lamp:
         return self.samples * (self.cells or 1)
 
     @property
-    def paths(self) -> Any:
+    def paths(self) -> Float:
         """Paths of a launch that may reach one and the same detector."""
         return self.rate
 
     @property
-    def middle(self) -> Any:
+    def middle(self) -> Point:
         """Of the lens."""
         return self.projector.middle
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return None if self.cells is None else lane % self.cells
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         index = lane // (self.cells or 1)
         pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
         ray, _ = self.projector.pencil(pixel, sampler)
@@ -73,33 +73,33 @@ class Lamp:
             cell=self.cell(lane),
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
         importance = end.importance * dr.gather(mi.Float, self.fractions, end.cell)
         return end._replace(importance=importance, density=importance * self.rate, cell=None)
 
-    def random_ray(self, sampler: Any) -> RandomRay:
+    def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
         weight = dr.gather(mi.Float, self.fractions, pixel) * self.projector.pixels
         return RandomRay(ray, weight, weight * self.rate, None)
 
-    def random_ray_density(self, direction: Any, lens: Any) -> Any:
+    def random_ray_density(self, direction: Vector, lens: Point) -> Float:
         """See `Projector`."""
         return self.projector.random_ray_density(direction, lens)
 
-    def choose(self, lane: Any, sampler: Any) -> Any:
+    def choose(self, lane: UInt, sampler: Sampler) -> UInt:
         """There is one lamp for all lanes."""
         return mi.UInt32(0)
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         """See `connect`."""
         return self.connect(number, vertex, sampler)
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that lies in the field."""
         return self.projector.overlap(ray, reach)
 
@@ -111,11 +111,11 @@ class Sun:
     It is nowhere close, so that paths of the other side alone have a finite variance.
     """
 
-    irradiance: Any  # W/m² on a surface that faces it
-    direction: Any  # from the sun, unit
-    distance_m: Any  # further than anything in the scene
+    irradiance: Float  # W/m² on a surface that faces it
+    direction: Vector  # from the sun, unit
+    distance_m: Float  # further than anything in the scene
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return Connection(
             point=vertex - self.direction * self.distance_m,
             importance=mi.Float(self.irradiance),

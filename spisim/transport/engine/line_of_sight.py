@@ -7,11 +7,11 @@ light that gets there differs.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 
 from spisim.transport.engine.ends import Connection
+from spisim.transport.jit_types import Bool, Float, Interaction, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.mirrors import Fold, reflected
 from spisim.transport.world import World
 
@@ -21,21 +21,28 @@ class Straight:
     """An end where it is."""
 
     world: World
-    end: Any
+    end: End
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         """See `Detectors`."""
         end: Connection = self.end.connect_to(number, vertex, sampler)
         return end
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
         """See `Detectors`."""
         near, far = self.end.overlap(number, ray, reach)
         return near, far
 
     def transmission(
-        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
-    ) -> Any:
+        self,
+        si: Interaction,
+        point: Point,
+        towards: Vector,
+        gap_m: Float,
+        in_fog: Bool,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """Fraction of light that gets from a vertex, `si` or a `point` in fog, to the end."""
         clear = self.world.geometry.transmission(si, point, towards, gap_m, in_fog, active)
         return clear * self.world.media.transmittance(point, towards, gap_m, sampler, active)
@@ -46,25 +53,32 @@ class Mirrored:
     """The image of an end behind the planes of a fold (the method of images)."""
 
     world: World
-    end: Any
+    end: End
     fold: Fold
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         """See `ends`."""
         return self._image(self.end.connect(lane, self.fold.image_of_vertex(vertex), sampler))
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         """See `Detectors`."""
         return self._image(self.end.connect_to(number, self.fold.image_of_vertex(vertex), sampler))
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
         """See `Detectors`."""
         near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), reach)
         return near, far
 
     def transmission(
-        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
-    ) -> Any:
+        self,
+        si: Interaction,
+        point: Point,
+        towards: Vector,
+        gap_m: Float,
+        in_fog: Bool,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """See `Straight`; the planes reflect part of it."""
         ray = si.spawn_ray(towards)
         ray.o = dr.select(in_fog, point, ray.o)

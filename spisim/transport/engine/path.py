@@ -24,7 +24,7 @@ and S d_start², for a collision may lie so close to the projector that it round
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -34,30 +34,31 @@ from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import carries_light
 from spisim.transport.engine.vertex import Lobe, Turn
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Float, Point, Ray, UInt
 
 
 class Ratio(NamedTuple):
     """R of one connection."""
 
-    value: Any
-    per_m2: Any  # R / d_start²
+    value: Float
+    per_m2: Float  # R / d_start²
 
 
 @dataclass
 class Densities:
     """What is known of R and S so far."""
 
-    ratio: Any  # Π cout / cin · Π pr / Π pf
-    start: Any  # 1 / (κW_this Tr(d_start))
-    start_m: Any  # d_start
-    segment_m: Any
-    through: Any  # Tr of the segment, as far as it has a closed form
-    before: Any  # last vertex
-    before_forward: Any  # density of leaving it; 0 where the bridge has no part
-    bridge: Any  # S d_start²
+    ratio: Float  # Π cout / cin · Π pr / Π pf
+    start: Float  # 1 / (κW_this Tr(d_start))
+    start_m: Float  # d_start
+    segment_m: Float
+    through: Float  # Tr of the segment, as far as it has a closed form
+    before: Point  # last vertex
+    before_forward: Float  # density of leaving it; 0 where the bridge has no part
+    bridge: Float  # S d_start²
 
     @classmethod
-    def start_at(cls, point: Any) -> Densities:
+    def start_at(cls, point: Point) -> Densities:
         """At an end."""
         return cls(
             ratio=mi.Float(1),
@@ -71,29 +72,29 @@ class Densities:
         )
 
     @property
-    def met_mirror_first(self) -> Any:
+    def met_mirror_first(self) -> Bool:
         """Whether no path of the other end would have been this one."""
         return self.ratio * self.start == 0
 
-    def go(self, distance: Any, through: Any) -> None:
+    def go(self, distance: Float, through: Float) -> None:
         """Lengthen the segment by a flight."""
         self.segment_m += distance
         self.through *= through
 
-    def arrive_first(self, first: Any, launched: Any) -> None:
+    def arrive_first(self, first: Bool, launched: Float) -> None:
         """Where it is the `first` vertex: paths leave the end towards it with density κW."""
         self.start = dr.select(first, dr.rcp(launched * self.through), self.start)
         self.start_m = dr.select(first, self.segment_m, self.start_m)
 
-    def other_end(self, lobe: Lobe, end: Connection, given: Any, first: Any) -> Ratio:
+    def other_end(self, lobe: Lobe, end: Connection, given: Float, first: Bool) -> Ratio:
         """R of a connection to the other end over a gap of `given` transmittance."""
         per_m2 = self.ratio * self.start * end.density * given * lobe.cosines
         per_m2 *= dr.select(first, 1, lobe.backward)
         return Ratio(per_m2 * self.start_m * self.start_m, per_m2)
 
     def bridge_outward(
-        self, rays: FogRays, start: Any, point: Any, lobe: Lobe, ratio: Ratio, second: Any
-    ) -> Any:
+        self, rays: FogRays, start: Float, point: Point, lobe: Lobe, ratio: Ratio, second: Bool
+    ) -> Float:
         """R S where the walk comes from the projector, along the ray `start`, to `point`."""
         position = rays.density(start, self.start_m, point)
         reach = dr.select(self.before_forward > 0, self._over_segment(position), 0)
@@ -101,21 +102,21 @@ class Densities:
         at_second = quotient(self.bridge, lobe.backward)
         return ratio.per_m2 * dr.select(second, at_second, self.bridge)
 
-    def bridge_inward(self, rays: FogRays, lens: Any, point: Any, in_fog: Any) -> Any:
+    def bridge_inward(self, rays: FogRays, lens: Point, point: Point, in_fog: Bool) -> Float:
         """S where the walk comes from the detector and `point` is connected to the `lens`."""
         direction, gap = direction_to(lens, point)
         position = rays.density(mi.Ray3f(lens, direction), gap, self.before)
         reach = quotient(self._over_segment(position), self.before_forward * gap * gap)
         return dr.select(in_fog, reach, 0)
 
-    def footprint(self, position: Any) -> Any:
+    def footprint(self, position: Float) -> Float:
         """Density of a picked `position`, by its solid angle from the end, over the walk's.
 
         Times the cosine towards the end over that of arrival.
         """
         return quotient(position * self.segment_m * self.segment_m, self.before_forward)
 
-    def leave(self, turn: Turn, in_fog: Any, first: Any) -> None:
+    def leave(self, turn: Turn, in_fog: Bool, first: Bool) -> None:
         """Turn at a vertex. The same delta is in both densities of a specular one, which cannot be
         connected to; in fog they are equal, where rounding may make 0 of both."""
         inner = dr.select(in_fog, 1, turn.backward / turn.forward)
@@ -128,7 +129,7 @@ class Densities:
         self.segment_m = dr.select(turn.straight, self.segment_m, 0)
         self.through = dr.select(turn.straight, self.through, 1)
 
-    def settle_bridge(self, turn: Turn, point: Any, second: Any, allowed: Any) -> None:
+    def settle_bridge(self, turn: Turn, point: Point, second: Bool, allowed: Bool) -> None:
         """Keep what S will need: of the second vertex pr₂, of every one its place and density.
 
         `allowed`: outwards x₁ must be in fog to lie on a ray; inwards x₂ must be no mirror.
@@ -139,7 +140,7 @@ class Densities:
         self.before_forward = dr.select(turn.straight, self.before_forward, forward)
         self.before = dr.select(turn.straight, self.before, point)
 
-    def _over_segment(self, value: Any) -> Any:
+    def _over_segment(self, value: Float) -> Float:
         """`value` times the segment's length² over its transmittance."""
         return value * self.segment_m * self.segment_m / self.through
 
@@ -148,17 +149,17 @@ class Densities:
 class Path:
     """One path per lane, on its way to vertex number `vertex`."""
 
-    ray: Any
-    beta: Any  # weight
-    length_m: Any
-    scatterings: Any
-    vertex: Any
-    crossings: Any  # surfaces passed straight through
-    active: Any
+    ray: Ray
+    beta: Float  # weight
+    length_m: Float
+    scatterings: UInt
+    vertex: UInt
+    crossings: UInt  # surfaces passed straight through
+    active: Bool
     densities: Densities
 
     @classmethod
-    def start(cls, launch: Launch, limit: Any) -> Path:
+    def start(cls, launch: Launch, limit: UInt) -> Path:
         """At an end, if it may have as many vertices as one."""
         beta = mi.Float(launch.beta)
         return cls(
@@ -173,6 +174,6 @@ class Path:
         )
 
 
-def quotient(part: Any, whole: Any) -> Any:
+def quotient(part: Float, whole: Float) -> Float:
     """part / whole, 0 where a strategy has no density."""
     return dr.select(whole > 0, part / whole, 0)

@@ -8,7 +8,6 @@ ray are drawn equi-angularly about the vertex that is connected, which cancels t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -17,6 +16,7 @@ from spisim.transport.engine.ends import Connection, Projector
 from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Float, Point, Ray, Sampler
 from spisim.transport.world import World
 
 
@@ -27,7 +27,7 @@ class FogRays:
     world: World
     projector: Projector | Lamp
 
-    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
+    def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
         """A point in fog on a random ray, and the `density` of its place."""
         media = self.world.media
         ray, weight, launched, cell = self.projector.random_ray(sampler)
@@ -58,7 +58,7 @@ class FogRays:
         )
         return end, density * position / (distance * distance * extinction)
 
-    def density(self, ray: Any, distance: Any, second: Any) -> Any:
+    def density(self, ray: Ray, distance: Float, second: Point) -> Float:
         """Number density with which `connect` picks the place `distance` along a ray, seen from
         `second`, over that of a free flight's collision there, times distance²; 0 where no such
         ray is."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -14,6 +14,7 @@ from scipy.constants import c
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
+from spisim.transport.jit_types import Bool, Float, UInt
 
 #: Parts that the light can be split into, by how often it was scattered in fog.
 ORDERS = ("unscattered", "single", "multiple")
@@ -22,18 +23,18 @@ ORDERS = ("unscattered", "single", "multiple")
 class Contribution(NamedTuple):
     """Light on its way between the two ends, found at one vertex."""
 
-    value: Any
-    cell: Any
-    length_m: Any  # whole optical path
-    scatterings: Any  # in fog, along the whole path
-    active: Any
-    replica: Any  # which of the estimates side by side it is part of
+    value: Float
+    cell: UInt
+    length_m: Float  # whole optical path
+    scatterings: UInt  # in fog, along the whole path
+    active: Bool
+    replica: UInt  # which of the estimates side by side it is part of
 
 
 Deposit = Callable[[Contribution], None]
 
 
-def carries_light(value: Any) -> Any:
+def carries_light(value: Float) -> Bool:
     """Lanes with light. Those with nan are among them, so that they are counted at the end."""
     return ~(value <= 0)
 
@@ -159,7 +160,7 @@ class HistogramTally:
         self._sum.add(light.value * (1 - upper), cell, light.active)
         self._sum.add(light.value * upper, cell + 1, light.active)
 
-    def _far(self, length_m: Any, active: Any) -> tuple[Any, Any]:
+    def _far(self, length_m: Float, active: Bool) -> tuple[UInt, Float]:
         """The bin before a path length beyond the near ones, and how far it is to the next."""
         above = dr.binary_search(
             0, self._size, lambda bin_: dr.gather(mi.Float, self._starts, bin_, active) <= length_m

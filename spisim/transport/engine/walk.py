@@ -35,6 +35,7 @@ from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
 from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit_types import Bool, Float, Sampler, UInt
 from spisim.transport.mirrors import Mirrors
 from spisim.transport.world import World
 
@@ -56,12 +57,12 @@ Sky = Callable[[Any], Any]
 class _Join(NamedTuple):
     """A vertex joined to a point."""
 
-    value: Any  # of the light that comes this way, unweighted
+    value: Float  # of the light that comes this way, unweighted
     ratio: Ratio  # R
     lobe: Lobe
-    gap_m: Any
-    known: Any  # transmittance of the gap, as far as it has a closed form
-    active: Any
+    gap_m: Float
+    known: Float  # transmittance of the gap, as far as it has a closed form
+    active: Bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,7 @@ class Walk:
             self._leave(here, turn, path)
             self._roulette(turn, path, scale, limit, sampler)
 
-    def _fly(self, path: Path, launch: Launch, sampler: Any) -> Vertex:
+    def _fly(self, path: Path, launch: Launch, sampler: Sampler) -> Vertex:
         """Follow the ray to a surface or a collision; paths that meet neither end here."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
@@ -149,7 +150,7 @@ class Walk:
         )
 
     def _join_other_end(
-        self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
+        self, here: Vertex, path: Path, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
         """P or D: deposit what a vertex sends to the other end."""
         end = self._flown(self.other.connect(lane, here.point, sampler), here)
@@ -169,7 +170,7 @@ class Walk:
             others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
         self._deposit(join, others, path.vertex, end, launch, path)
 
-    def _double_scattering(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
+    def _double_scattering(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Bool:
         """Whether `double_scattering_light` adds the light of a vertex joined to the other end."""
         begun = isinstance(self.this, Beams)  # paths from beams start at their first vertex
         if self.outward:
@@ -193,7 +194,9 @@ class Walk:
         )
         return end._replace(density=end.density * biased)
 
-    def _join_ray(self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any) -> None:
+    def _join_ray(
+        self, here: Vertex, path: Path, launch: Launch, limit: UInt, sampler: Sampler
+    ) -> None:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
         end, position = self.rays.connect(here.point, sampler, path.active)
@@ -205,7 +208,7 @@ class Walk:
         self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
 
     def _join_footprint(
-        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+        self, here: Vertex, path: Path, launch: Launch, limit: UInt, sampler: Sampler
     ) -> None:
         """Deposit what a vertex sends to a place that the other end sees."""
         assert self.footprint is not None
@@ -216,7 +219,7 @@ class Walk:
 
     @dr.syntax
     def _join_by_mirror(
-        self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
+        self, here: Vertex, path: Path, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
         """Deposit what a vertex sends to the other end's images: in each plane mirror, in any two.
 
@@ -248,8 +251,8 @@ class Walk:
         launch: Launch,
         view: Mirrored,
         end: Connection,
-        sampler: Any,
-        active: Any,
+        sampler: Sampler,
+        active: Bool,
     ) -> None:
         towards, length_m = direction_to(here.point, end.point)
         lobe = here.lobe(towards, active & (end.importance > 0))
@@ -269,7 +272,9 @@ class Walk:
             )
         )
 
-    def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
+    def _join(
+        self, here: Vertex, end: Connection, path: Path, allowed: Bool, sampler: Sampler
+    ) -> _Join:
         towards, gap = direction_to(here.point, end.point)
         lobe = here.lobe(towards, path.active & (end.importance > 0))
         value = path.beta * end.importance * lobe.value
@@ -280,7 +285,7 @@ class Walk:
         return _Join(value, ratio, lobe, gap, given, connected & carries_light(value))
 
     def _deposit(
-        self, join: _Join, others: Any, vertex: Any, end: Connection, launch: Launch, path: Path
+        self, join: _Join, others: Float, vertex: UInt, end: Connection, launch: Launch, path: Path
     ) -> None:
         self.deposit(
             Contribution(
@@ -306,7 +311,9 @@ class Walk:
         path.crossings += dr.select(turn.straight, 1, 0)
         path.ray = turn.ray
 
-    def _roulette(self, turn: Turn, path: Path, scale: Any, limit: Any, sampler: Any) -> None:
+    def _roulette(
+        self, turn: Turn, path: Path, scale: Float, limit: UInt, sampler: Sampler
+    ) -> None:
         """End paths that carry little, without bias, and those that are too long.
 
         What survives carries `ending` of its start: no weight ever grows beyond that.
@@ -321,7 +328,7 @@ class Walk:
         path.beta *= dr.rcp(survival)
 
 
-def lanes(count: int, seed: int) -> tuple[Any, Any]:
+def lanes(count: int, seed: int) -> tuple[UInt, Sampler]:
     """Lane numbers and a sampler for them."""
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(dr.opaque(mi.UInt32, seed), count)

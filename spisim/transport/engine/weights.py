@@ -13,6 +13,8 @@ from typing import Any, NamedTuple
 import drjit as dr
 import mitsuba as mi
 
+from spisim.transport.jit_types import Bool, Float, UInt
+
 
 class Weight(NamedTuple):
     """Of one strategy: in which light it has a part, and how large its share is there."""
@@ -21,19 +23,19 @@ class Weight(NamedTuple):
     fraction: Callable[[Any, Any], Any]  # (others, vertex)
 
 
-def _all(vertex: Any, crossed: Any) -> Any:
+def _all(vertex: UInt, crossed: Bool) -> Bool:
     return mi.Bool(True)
 
 
-def _second_on(vertex: Any, crossed: Any) -> Any:
+def _second_on(vertex: UInt, crossed: Bool) -> Bool:
     return vertex > 1
 
 
-def _second_on_or_behind_glass(vertex: Any, crossed: Any) -> Any:
+def _second_on_or_behind_glass(vertex: UInt, crossed: Bool) -> Bool:
     return (vertex > 1) | crossed
 
 
-def _balanced(others: Any, vertex: Any) -> Any:
+def _balanced(others: Float, vertex: UInt) -> Float:
     return dr.rcp(1 + others)
 
 

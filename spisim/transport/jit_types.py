@@ -1,0 +1,25 @@
+"""Names for the types of Dr.Jit and Mitsuba that the transport passes around.
+
+Which class stands behind a name depends on the variant that is active at run time, and the stubs
+mix the types of several variants. To a type checker all of them are therefore `Any`: these names
+state the kind of value, one per lane unless said otherwise.
+"""
+
+from typing import Any, TypeAlias
+
+Float: TypeAlias = Any
+UInt: TypeAlias = Any
+Bool: TypeAlias = Any
+Point2: TypeAlias = Any
+Point: TypeAlias = Any
+Vector: TypeAlias = Any
+Frame: TypeAlias = Any
+Matrix: TypeAlias = Any  # mi.Transform4f or mi.Matrix3f
+Ray: TypeAlias = Any
+Interaction: TypeAlias = Any  # mi.SurfaceInteraction3f
+Color: TypeAlias = Any  # of one wavelength
+Sampler: TypeAlias = Any  # of Mitsuba, or `Points`
+Distribution: TypeAlias = Any  # mi.DiscreteDistribution
+Texture: TypeAlias = Any
+Context: TypeAlias = Any  # mi.BSDFContext
+Plugin: TypeAlias = Any  # another object of Mitsuba: scene, mesh, phase function
