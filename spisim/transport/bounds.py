@@ -8,13 +8,13 @@ from typing import Protocol
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.jit_types import Bool, Float, Matrix, Point, Vector
+from spisim.transport.jit import Bool, Float, Matrix, Point, Ray
 
 
 class Bounds(Protocol):
     """A convex region."""
 
-    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
 
     def contains(self, point: Point) -> Bool:
@@ -28,16 +28,14 @@ class Ball:
     centre: Point
     radius_m: Float
 
-    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
-        """See `Bounds`."""
-        offset = origin - self.centre
-        middle = -dr.dot(offset, direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        offset = ray.o - self.centre
+        middle = -dr.dot(offset, ray.d)
         squared = middle * middle + self.radius_m**2 - dr.squared_norm(offset)
         half = dr.select(squared > 0, dr.sqrt(dr.maximum(squared, 0)), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
     def contains(self, point: Point) -> Bool:
-        """See `Bounds`."""
         return dr.squared_norm(point - self.centre) <= self.radius_m**2
 
 
@@ -47,10 +45,9 @@ class Ellipsoid:
 
     to_local: Matrix
 
-    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
-        """See `Bounds`."""
-        offset = mi.Vector3f(self.to_local @ mi.Point3f(origin)) - 0.5
-        step = self.to_local @ mi.Vector3f(direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        offset = mi.Vector3f(self.to_local @ mi.Point3f(ray.o)) - 0.5
+        step = self.to_local @ mi.Vector3f(ray.d)
         squared = dr.squared_norm(step)
         middle = -dr.dot(offset, step) / squared
         # From the point of the line next to the centre: no difference of large numbers.
@@ -59,7 +56,6 @@ class Ellipsoid:
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
     def contains(self, point: Point) -> Bool:
-        """See `Bounds`."""
         return dr.squared_norm(mi.Vector3f(self.to_local @ mi.Point3f(point)) - 0.5) <= 0.25
 
 
@@ -69,15 +65,13 @@ class Box:
 
     to_local: Matrix
 
-    def interval(self, origin: Point, direction: Vector, far: Float) -> tuple[Float, Float]:
-        """See `Bounds`."""
-        start, step = self.to_local @ mi.Point3f(origin), self.to_local @ mi.Vector3f(direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        start, step = self.to_local @ mi.Point3f(ray.o), self.to_local @ mi.Vector3f(ray.d)
         step = dr.select(dr.abs(step) < 1e-20, 1e-20, step)
         first, second = -start / step, (1 - start) / step
         near = dr.maximum(dr.max(dr.minimum(first, second)), 0)
         return near, dr.minimum(dr.min(dr.maximum(first, second)), far)
 
     def contains(self, point: Point) -> Bool:
-        """See `Bounds`."""
         local = self.to_local @ mi.Point3f(point)
         return dr.all((local >= 0) & (local <= 1))

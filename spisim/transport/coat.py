@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.transport.jit_types import Interaction, UInt, Vector
+from spisim.transport.jit import Interaction, Object, UInt, Vector
 
 _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
 
@@ -39,7 +39,7 @@ def _transmittance(ior: float, roughness: float, distribution: str) -> Floats:
     wi = _directions(cosine)
     kinds = mi.MicrofacetType
     kind = kinds.Beckmann if distribution == "beckmann" else kinds.GGX
-    facets: Any = mi.MicrofacetDistribution(kind, roughness, True)
+    facets: Object = mi.MicrofacetDistribution(kind, roughness, True)
     normal, _ = facets.sample(wi, mi.Point2f(np.array([first, second], dtype=np.float32)))
     index: UInt = mi.Float(ior)
     reflected, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
@@ -54,7 +54,7 @@ def _body_term(
 ) -> Floats:
     """What Mitsuba's plugin has for π f(i, o) of a body of reflectance 1."""
     white = {"type": "rgb", "value": [1.0] * 3}
-    bsdf: Any = mi.load_dict(plastic(ior, roughness, distribution, white))
+    bsdf: Object = mi.load_dict(plastic(ior, roughness, distribution, white))
     context = mi.BSDFContext()
     context.component = 1
     si: Interaction = mi.SurfaceInteraction3f()

@@ -158,11 +158,7 @@ def projector_power(
 
 
 def _received(
-    trace: Trace,
-    view: DetectorView,
-    floor_w: float,
-    target: float,
-    seed: np.random.SeedSequence,
+    trace: Trace, view: DetectorView, floor_w: float, target: float, seed: np.random.SeedSequence
 ) -> Received:
     """What each detector gets, of estimates side by side."""
     detectors = len(view.positions_m)

@@ -16,7 +16,7 @@ import drjit as dr
 import mitsuba as mi
 import trimesh
 
-from spisim.transport.jit_types import Bool, Float, Plugin, Point, Sampler, UInt, Vector
+from spisim.transport.jit import Bool, Float, Object, Point, Ray, Sampler, UInt
 from spisim.transport.media import Grid
 from spisim.transport.meshes import mesh_shape
 
@@ -44,10 +44,10 @@ class _Crossing(NamedTuple):
 class Enclosed:
     """A medium within a closed mesh: homogeneous, or with the density of a grid around the mesh."""
 
-    surface: Plugin  # mi.Scene of the mesh alone
+    surface: Object  # mi.Scene of the mesh alone
     extinction_per_m: Float
     albedo: Float
-    phase: Plugin
+    phase: Object
     grid: Grid | None = None
 
     @property
@@ -56,28 +56,20 @@ class Enclosed:
         return self.grid is None
 
     @dr.syntax
-    def flight(
-        self,
-        origin: Point,
-        direction: Vector,
-        far: Float,
-        sampler: Sampler,
-        active: Bool,
-        left_m: Float,
-    ) -> Float:
+    def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first collision, infinite where there is none before `far`.
 
         Drawn from crossing to crossing: flights have no memory. Without a bias.
         """
-        wraps, inside_m = self._sums(origin, direction, far, active)
+        wraps, inside_m = self._sums(ray, far, active)
         result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
-            distance = self._collision(origin, direction, since, end, wraps, sampler, inside)
+            distance = self._collision(ray, since, end, wraps, sampler, inside)
             result = dr.select(inside & (distance < end), distance, result)
             wraps -= dr.select(crossing.counts, crossing.sign, 0)
             since = dr.select(going, end, since)
@@ -85,37 +77,33 @@ class Enclosed:
             going &= crossing.met & (crossing.distance < far) & (result == dr.inf)
         return result
 
-    def transmittance(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
         if self.grid is None:
-            _, inside_m = self._sums(origin, direction, far, active)
+            _, inside_m = self._sums(ray, far, active)
             return dr.exp(-self.extinction_per_m * inside_m)
-        return self._tracked(origin, direction, far, sampler, active)
+        return self._tracked(ray, far, sampler, active)
 
     def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
-        direction = mi.Vector3f(*SLANTED)
-        wraps, _ = self._sums(mi.Point3f(point), direction, mi.Float(0), mi.Bool(True))
+        slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))
+        wraps, _ = self._sums(slanted, mi.Float(0), mi.Bool(True))
         density = mi.Float(1) if self.grid is None else self.grid.density_at(point)
         return self.extinction_per_m * dr.maximum(wraps, 0) * density
 
     @dr.syntax
-    def _tracked(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def _tracked(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Ratio tracking, from crossing to crossing."""
         assert self.grid is not None
-        wraps, inside_m = self._sums(origin, direction, far, active)
+        wraps, inside_m = self._sums(ray, far, active)
         through, gone, since = mi.Float(1), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
-            through *= self.grid.tracked(origin, direction, since, end, wraps, sampler, inside)
+            through *= self.grid.tracked(ray, since, end, wraps, sampler, inside)
             wraps -= dr.select(crossing.counts, crossing.sign, 0)
             since = dr.select(going, end, since)
             gone, last = crossing.beyond, crossing.triangle
@@ -123,31 +111,22 @@ class Enclosed:
         return through
 
     def _collision(
-        self,
-        origin: Point,
-        direction: Vector,
-        near: Float,
-        end: Float,
-        times: Float,
-        sampler: Sampler,
-        active: Bool,
+        self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
         """Of the stretch from one crossing to the next."""
         if self.grid is not None:
-            return self.grid.collision(origin, direction, near, end, times, sampler, active)
+            return self.grid.collision(ray, near, end, times, sampler, active)
         rate = self.extinction_per_m * times
         return near - dr.log(1 - sampler.next_1d(active)) / rate
 
     @dr.syntax
-    def _sums(
-        self, origin: Point, direction: Vector, far: Float, active: Bool
-    ) -> tuple[Float, Float]:
+    def _sums(self, ray: Ray, far: Float, active: Bool) -> tuple[Float, Float]:
         """Winding number at the origin, and how far the ray is inside up to `far`."""
         wraps, inside_m, gone = mi.Float(0), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = mi.Bool(active)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             wraps += dr.select(crossing.counts, crossing.sign, 0)
             reached = crossing.sign * dr.minimum(crossing.distance, far)
             inside_m += dr.select(crossing.counts, reached, 0)
@@ -155,25 +134,23 @@ class Enclosed:
             going &= crossing.met
         return wraps, dr.maximum(inside_m, 0)
 
-    def _next(
-        self, origin: Point, direction: Vector, gone: Float, last: UInt, active: Bool
-    ) -> _Crossing:
-        ray = mi.Ray3f(origin + gone * direction, direction)
-        si = self.surface.ray_intersect(ray, mi.RayFlags.Minimal, False, active)
+    def _next(self, ray: Ray, gone: Float, last: UInt, active: Bool) -> _Crossing:
+        rest = mi.Ray3f(ray.o + gone * ray.d, ray.d)
+        si = self.surface.ray_intersect(rest, mi.RayFlags.Minimal, False, active)
         met = active & si.is_valid()
         distance = dr.select(met, gone + si.t, dr.inf)
-        size = 1 + dr.max(dr.abs(origin)) + distance
+        size = 1 + dr.max(dr.abs(ray.o)) + distance
         return _Crossing(
             met,
             met & (si.prim_index != last),
             distance,
-            dr.select(dr.dot(si.n, direction) > 0, mi.Float(1), mi.Float(-1)),
+            dr.select(dr.dot(si.n, ray.d) > 0, mi.Float(1), mi.Float(-1)),
             dr.select(met, si.prim_index, last),
             dr.select(met, distance + NUDGE * size, gone),
         )
 
 
-def surface_scene(mesh: trimesh.Trimesh) -> Plugin:
+def surface_scene(mesh: trimesh.Trimesh) -> Object:
     """A closed mesh in a Mitsuba scene of its own."""
     null = mi.load_dict({"type": "null"})
     return mi.load_dict({"type": "scene", "bounds": mesh_shape([mesh], null, {})})

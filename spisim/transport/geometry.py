@@ -4,21 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from spisim.transport.jit_types import Bool, Float, Interaction, Matrix, Plugin, Point, Ray, Vector
+from spisim.transport.jit import Bool, Float, Interaction, Matrix, Object, Point, Ray, Vector
 
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """Surfaces, and whether any of them lets light straight through."""
 
-    scene: Plugin  # mi.Scene
+    scene: Object  # mi.Scene
     see_through: bool
 
     def transmission(
@@ -51,7 +51,7 @@ class Geometry:
 
     @dr.syntax
     def up_to(
-        self, there: Callable[[Any], Any], ray: Ray, active: Bool
+        self, there: Callable[[Interaction], Bool], ray: Ray, active: Bool
     ) -> tuple[Ray, Float, Float]:
         """Follow a ray through panes until `there` is true of the surface that it meets next.
 
@@ -98,3 +98,26 @@ def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
     offset = mi.Vector3f(stop - start)
     gap = dr.norm(offset)
     return offset * dr.rcp(gap), gap
+
+
+class EquiAngular(NamedTuple):
+    """Distances along a ray, uniform in the angle under which a point sees them."""
+
+    foot: Float  # distance of the point's foot on the ray
+    height: Float  # of the point above the ray
+    low: Float
+    high: Float
+
+    @classmethod
+    def about(cls, point: Point, ray: Ray, far: Float, near: Float = 0.0) -> EquiAngular:
+        offset = point - ray.o
+        foot = dr.dot(offset, ray.d)
+        height = dr.maximum(dr.norm(offset - foot * ray.d), 1e-6)
+        return cls(foot, height, dr.atan2(near - foot, height), dr.atan2(far - foot, height))
+
+    def sample(self, u: Float) -> Float:
+        return self.foot + self.height * dr.tan(dr.lerp(self.low, self.high, u))
+
+    def density(self, distance: Float) -> Float:
+        span = (self.high - self.low) * (self.height**2 + dr.square(distance - self.foot))
+        return self.height / span

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from spisim.transport.engine.sampling import TransportWarning
-from spisim.transport.jit_types import Interaction, Ray
+from spisim.transport.jit import Interaction, Ray
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
@@ -35,7 +35,7 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
         )
 
 
-def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> Any:
+def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> NDArray[np.bool_]:
     """Whether mirrors throw each beam, as wide as it is by then, onto its aperture (beams,)."""
     origins, positions = (
         mi.Point3f(each.T.astype(np.float32)) for each in (beams.origins_m, detectors.positions_m)
@@ -45,7 +45,7 @@ def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> An
     )
     ray: Ray = mi.Ray3f(origins, directions)
     length_m = mi.Float(0)
-    going, result = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
+    going, hits = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
     aperture_m, cosine = np.sqrt(detectors.area_m2 / np.pi), np.cos(detectors.half_angle_rad)
     for mirrors in range(MAX_MIRRORS + 1):
         si: Interaction = world.geometry.scene.ray_intersect(ray, going)
@@ -56,10 +56,10 @@ def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> An
             meets = (
                 (along_m > 0) & (along_m < si.t) & (aside_m < aperture_m + BEAM_SIGMAS * sigma_m)
             )
-            result |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
+            hits |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
         going &= si.is_valid()
         sample, _ = si.bsdf().sample(mi.BSDFContext(), si, mi.Float(0), mi.Point2f(0.5), going)
         going &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         length_m += dr.select(going, si.t, 0)
         ray = dr.select(going, si.spawn_ray(si.to_world(sample.wo)), ray)
-    return result.numpy()
+    return np.asarray(hits.numpy())

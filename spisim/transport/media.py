@@ -23,18 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spisim.transport.bounds import Bounds, Box
-from spisim.transport.jit_types import (
-    Bool,
-    Float,
-    Plugin,
-    Point,
-    Point2,
-    Ray,
-    Sampler,
-    Texture,
-    UInt,
-    Vector,
-)
+from spisim.transport.jit import Bool, Float, Object, Point, Point2, Ray, Sampler, UInt, Vector
 
 #: Flights collide so many times as often as light does where they leave an end, at most,
 BIAS = 5.0
@@ -83,43 +72,34 @@ class Homogeneous:
     bounds: Bounds
     extinction_per_m: Float
     albedo: Float
-    phase: Plugin
+    phase: Object
     bias: Bias
     in_closed_form = True
 
-    def flight(
-        self,
-        origin: Point,
-        direction: Vector,
-        far: Float,
-        sampler: Sampler,
-        active: Bool,
-        left_m: Float,
-    ) -> Float:
+    def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first collision, infinite where there is none before `far`."""
-        near, far = self.bounds.interval(origin, direction, far)
+        near, far = self.bounds.interval(ray, far)
         free, biased = (
             -dr.log(1 - sampler.next_1d(active)) / self.extinction_per_m for _ in range(2)
         )
         distance = near + dr.minimum(free, self.bias.way_m(left_m + near, biased))
         return dr.select(distance < far, distance, dr.inf)
 
-    def bias_depth(self, origin: Point, direction: Vector, far: Float, left_m: Float) -> Float:
+    def bias_depth(self, ray: Ray, far: Float, left_m: Float) -> Float:
         """Optical depth of what a flight meets besides the medium."""
-        near, far = self.bounds.interval(origin, direction, far)
+        near, far = self.bounds.interval(ray, far)
         length_m = self.bias.length_m(left_m + near, left_m + dr.maximum(far, near))
         return self.extinction_per_m * length_m
 
-    def transmittance(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `far` without a collision."""
-        near, far = self.bounds.interval(origin, direction, far)
+        near, far = self.bounds.interval(ray, far)
         return dr.exp(-self.extinction_per_m * dr.maximum(far - near, 0))
 
     def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
-        near, far = self.bounds.interval(point, mi.Vector3f(0, 0, 1), mi.Float(dr.inf))
+        upwards = mi.Ray3f(point, mi.Vector3f(0, 0, 1))
+        near, far = self.bounds.interval(upwards, mi.Float(dr.inf))
         return dr.select((near == 0) & (far > 0), self.extinction_per_m, 0)
 
 
@@ -134,40 +114,23 @@ class Grid:
     density: Float  # mi.Texture3f
     extinction_per_m: Float
     albedo: Float
-    phase: Plugin
+    phase: Object
     bounds: Bounds
     in_closed_form = False
 
-    def flight(
-        self,
-        origin: Point,
-        direction: Vector,
-        far: Float,
-        sampler: Sampler,
-        active: Bool,
-        left_m: Float,
-    ) -> Float:
+    def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first real collision; without a bias."""
-        near, end = self.bounds.interval(origin, direction, far)
-        return self.collision(origin, direction, near, end, 1, sampler, active)
+        near, end = self.bounds.interval(ray, far)
+        return self.collision(ray, near, end, 1, sampler, active)
 
-    def transmittance(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Unbiased estimate of the transmittance."""
-        near, end = self.bounds.interval(origin, direction, far)
-        return self.tracked(origin, direction, near, end, 1, sampler, active)
+        near, end = self.bounds.interval(ray, far)
+        return self.tracked(ray, near, end, 1, sampler, active)
 
     @dr.syntax
     def collision(
-        self,
-        origin: Point,
-        direction: Vector,
-        near: Float,
-        end: Float,
-        times: Float,
-        sampler: Sampler,
-        active: Bool,
+        self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
         """Distance to the first one from `near` to `end`, else infinite: null-collision tracking.
 
@@ -176,10 +139,10 @@ class Grid:
         distance = mi.Float(near)
         collision = mi.Float(dr.inf)
         going = active & (near < end)
-        while dr.hint(going, exclude=[self, origin, direction, end, times]):
+        while dr.hint(going, exclude=[self, ray, end, times]):
             distance -= dr.log(1 - sampler.next_1d(going)) / (self.extinction_per_m * times)
             going &= distance < end
-            position = origin + distance * direction
+            position = ray.o + distance * ray.d
             real = going & (sampler.next_1d(going) < self.density_at(position))
             collision = dr.select(real, distance, collision)
             going &= ~real
@@ -187,23 +150,16 @@ class Grid:
 
     @dr.syntax
     def tracked(
-        self,
-        origin: Point,
-        direction: Vector,
-        near: Float,
-        end: Float,
-        times: Float,
-        sampler: Sampler,
-        active: Bool,
+        self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
         """Transmittance from `near` to `end`, by ratio tracking."""
         distance = mi.Float(near)
         through = mi.Float(1)
         going = active & (near < end)
-        while dr.hint(going, exclude=[self, origin, direction, end, times]):
+        while dr.hint(going, exclude=[self, ray, end, times]):
             distance -= dr.log(1 - sampler.next_1d(going)) / (self.extinction_per_m * times)
             going &= distance < end
-            free = 1 - self.density_at(origin + distance * direction)
+            free = 1 - self.density_at(ray.o + distance * ray.d)
             through = dr.select(going, through * free, through)
             going &= through > 0
         return through
@@ -234,20 +190,10 @@ class Medium(Protocol):
     def in_closed_form(self) -> bool:
         """Whether the transmittance is known."""
 
-    def flight(
-        self,
-        origin: Point,
-        direction: Vector,
-        far: Float,
-        sampler: Sampler,
-        active: Bool,
-        left_m: Float,
-    ) -> Float:
+    def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first collision, infinite where there is none before `far`."""
 
-    def transmittance(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
 
     def extinction_at(self, point: Point) -> Float:
@@ -273,19 +219,13 @@ class Media:
         """First collision along the ray before `far`, by `flight_density`."""
         nearest, which = mi.Float(dr.inf), mi.UInt32(0)
         for number, part in enumerate(self.parts):
-            distance = part.flight(ray.o, ray.d, far, sampler, active, left_m)
+            distance = part.flight(ray, far, sampler, active, left_m)
             which = dr.select(distance < nearest, number, which)
             nearest = dr.minimum(distance, nearest)
         return Collision(nearest, which)
 
     def flight_density(
-        self,
-        origin: Point,
-        direction: Vector,
-        distance: Float,
-        medium: UInt,
-        in_fog: Bool,
-        left_m: Float,
+        self, ray: Ray, distance: Float, medium: UInt, in_fog: Bool, left_m: Float
     ) -> Float:
         """Density of a flight that ends at a distance, over that of light.
 
@@ -294,26 +234,24 @@ class Media:
         depth, factor = mi.Float(0), mi.Float(1)
         for number, part in enumerate(self.parts):
             if isinstance(part, Homogeneous):
-                depth += part.bias_depth(origin, direction, distance, left_m)
+                depth += part.bias_depth(ray, distance, left_m)
                 here = in_fog & (medium == number)
                 factor = dr.select(here, part.bias.factor(left_m + distance), factor)
         return factor * dr.exp(-depth)
 
-    def transmittance(
-        self, origin: Point, direction: Vector, far: Float, sampler: Sampler, active: Bool
-    ) -> Float:
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
         through = mi.Float(1)
         for part in self.parts:
-            through *= part.transmittance(origin, direction, far, sampler, active)
+            through *= part.transmittance(ray, far, sampler, active)
         return through
 
-    def closed_form_transmittance(self, origin: Point, direction: Vector, far: Float) -> Float:
+    def closed_form_transmittance(self, ray: Ray, far: Float) -> Float:
         """The factors of the transmittance that have a closed form."""
         through = mi.Float(1)
         for part in self.parts:
             if part.in_closed_form:
-                through *= part.transmittance(origin, direction, far, None, mi.Bool(True))
+                through *= part.transmittance(ray, far, None, mi.Bool(True))
         return through
 
     def albedo(self, medium: UInt) -> Float:
@@ -396,17 +334,17 @@ class Media:
         return medium
 
 
-def _interaction(point: Point, incoming: Vector) -> Plugin:
-    interaction: Plugin = dr.zeros(mi.MediumInteraction3f)
+def _interaction(point: Point, incoming: Vector) -> Object:
+    interaction: Object = dr.zeros(mi.MediumInteraction3f)
     interaction.p = point
     interaction.wi = -incoming
     interaction.sh_frame = mi.Frame3f(interaction.wi)
     return interaction
 
 
-def density_texture(density: NDArray[np.float32]) -> Texture:
+def density_texture(density: NDArray[np.float32]) -> Object:
     """A grid (nz, ny, nx) of cell-centred values over the unit cube, linear between, clamped."""
-    texture: Plugin = mi.Texture3f
+    texture: Object = mi.Texture3f
     return texture(
         mi.TensorXf(np.ascontiguousarray(density, dtype=np.float32)[..., None]),
         wrap_mode=dr.WrapMode.Clamp,

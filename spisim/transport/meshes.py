@@ -22,14 +22,14 @@ from numpy.typing import NDArray
 from spisim.scene import SceneObject, texture_coordinates
 from spisim.scene.content import material_content, surface_content
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
-from spisim.transport.jit_types import Bool, Interaction, Plugin, UInt
+from spisim.transport.jit import Bool, Interaction, Object, UInt
 
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
     """The meshes of some objects in a Mitsuba scene of their own, and which triangle is whose."""
 
-    scene: Plugin  # mi.Scene
+    scene: Object  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
     _shapes: NDArray[np.int64]  # of each of Dr.Jit's numbers of a shape, -1 for those of others
     _first: NDArray[np.int64]  # number of each shape's first triangle
@@ -40,29 +40,29 @@ class Meshes:
     def of(cls, objects: Sequence[SceneObject]) -> Meshes:
         """Those of objects; the last ones made of them, as long as nothing about them changed."""
         key = str(mi.variant()).encode() + surface_content(objects)
-        content, retained = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
-        if retained is None or content != key:
+        content, cached = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
+        if cached is None or content != key:
             _CACHED.clear()
-            retained = cls._made(objects)
+            cached = cls._made(objects)
             if objects:
-                _CACHED[objects[0]] = key, retained
-        return retained
+                _CACHED[objects[0]] = key, cached
+        return cached
 
     @classmethod
     def _made(cls, objects: Sequence[SceneObject]) -> Meshes:
         groups = _by_material(objects)
         in_order = [number for group in groups for number in group]
         starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
-        positions = [0, *accumulate(map(len, groups))]
+        firsts = [0, *accumulate(map(len, groups))]
         scene = mi.load_dict({"type": "scene", **shapes(objects)})
         numbers = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in scene.shapes()]
-        given = np.full(max(numbers, default=0) + 1, -1)
-        given[numbers] = np.arange(len(numbers))
+        shape_of = np.full(max(numbers, default=0) + 1, -1)
+        shape_of[numbers] = np.arange(len(numbers))
         return cls(
             scene,
             any(is_null_transmitting(thing.material) for thing in objects),
-            given,
-            np.array([starts[position] for position in positions[:-1]], dtype=np.int64),
+            shape_of,
+            np.array([starts[first] for first in firsts[:-1]], dtype=np.int64),
             np.array(starts),
             np.array(in_order, dtype=np.int64),
         )
@@ -74,8 +74,8 @@ class Meshes:
 
     def triangles_of(self, number: int) -> slice:
         """The numbers that the triangles of an object have here, in their order."""
-        (position,) = np.flatnonzero(self._objects == number)
-        return slice(int(self._starts[position]), int(self._starts[position + 1]))
+        (index,) = np.flatnonzero(self._objects == number)
+        return slice(int(self._starts[index]), int(self._starts[index + 1]))
 
     @cached_property
     def _first_of(self) -> UInt:
@@ -84,17 +84,16 @@ class Meshes:
 
     def triangle(self, si: Interaction, active: Bool) -> UInt:
         """Number of the triangle that each ray meets, in a kernel."""
-        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+        shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
     def object_ids(self, si: Interaction) -> NDArray[np.int64]:
         """Number of the object that each ray meets, -1 for none."""
-        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+        shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
         ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
         owner = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
-        result: Any = dr.select(ours, owner, -1)
-        return np.asarray(result.numpy(), dtype=np.int64)
+        return np.asarray(dr.select(ours, owner, -1).numpy(), dtype=np.int64)
 
     @cached_property
     def _number_of(self) -> UInt:
@@ -130,7 +129,7 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
     return list(groups.values())
 
 
-def shape(things: Sequence[SceneObject], **parts: Any) -> Plugin:
+def shape(things: Sequence[SceneObject], **parts: Any) -> Object:
     """All triangles of objects of one material as a Mitsuba mesh; `parts` are more of its plugins.
 
     Such as the medium within it, or its light.
@@ -144,12 +143,12 @@ def shape(things: Sequence[SceneObject], **parts: Any) -> Plugin:
 
 def mesh_shape(
     meshes: Sequence[trimesh.Trimesh],
-    bsdf: Any,
+    bsdf: Object,
     parts: Mapping[str, Any],
     *,
     name: str = "mesh",
     with_uv: bool = False,
-) -> Plugin:
+) -> Object:
     """All triangles of some meshes as one of Mitsuba's."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
@@ -177,7 +176,7 @@ def mesh_shape(
     return mesh
 
 
-def _registry_ids(pointers: Any) -> UInt:
+def _registry_ids(pointers: UInt) -> UInt:
     """Dr.Jit's number of each shape that an array of pointers points to, (lanes,); 0 for none."""
-    numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
+    numbers: UInt = dr.reinterpret_array(mi.UInt32, pointers)
     return numbers.numpy()

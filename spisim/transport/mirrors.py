@@ -24,11 +24,11 @@ from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
-from spisim.transport.jit_types import (
+from spisim.transport.jit import (
     Bool,
-    Distribution,
     Float,
     Interaction,
+    Object,
     Point,
     Point2,
     Ray,
@@ -103,7 +103,7 @@ class _Planes(NamedTuple):
     middles: Point
     along: Vector  # unit vectors in the planes
     halves_m: Point2  # along these and across, of rectangles that hold all mirrors of the planes
-    strengths: Distribution  # mi.DiscreteDistribution
+    strengths: Object  # mi.DiscreteDistribution
     count: UInt
 
     @classmethod
@@ -125,7 +125,7 @@ class _Planes(NamedTuple):
         number, probability = self.strengths.sample_pmf(uniform)
         return self.plane(number), probability
 
-    def show(self, number: UInt, vertex: Point, image: Point) -> Bool:
+    def shows(self, number: UInt, vertex: Point, image: Point) -> Bool:
         """Whether the way from a vertex to an image behind a plane leads about through its mirrors,
         as it does if the plane shows it: most of those of a curved mirror do not."""
         plane = self.plane(number)
@@ -217,13 +217,13 @@ def reflected(
             mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
         )
         met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-        retained = weight.x * sample.pdf * through
-        retained *= media.transmittance(ray.o, ray.d, gap_m, sampler, met)
-        left = dr.select(here, dr.select(met, left * retained, 0), left)
+        reflectance = weight.x * sample.pdf * through
+        reflectance *= media.transmittance(ray, gap_m, sampler, met)
+        left = dr.select(here, dr.select(met, left * reflectance, 0), left)
         rest_m -= dr.select(met, gap_m, 0)
         ray = dr.select(met, si.spawn_ray(si.to_world(sample.wo)), ray)
     left *= geometry.along(ray, rest_m, left > 0)
-    return left * media.transmittance(ray.o, ray.d, rest_m, sampler, left > 0)
+    return left * media.transmittance(ray, rest_m, sampler, left > 0)
 
 
 def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors | None]:
@@ -232,8 +232,8 @@ def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors 
         [each for each in objects if isinstance(each.material.bsdf, kinds) and _is_whole(each)]
         for kinds in (Plastic, Mirror | Conductor | Dielectric | ThinPane)
     )
-    result = Mirrors.of(mirrors)
-    return result, Mirrors.of(coats + mirrors) if coats else result
+    without_coats = Mirrors.of(mirrors)
+    return without_coats, Mirrors.of(coats + mirrors) if coats else without_coats
 
 
 def _is_whole(thing: SceneObject) -> bool:
@@ -259,10 +259,10 @@ def _again(mirrors: Sequence[SceneObject]) -> float:
 def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     """See `_planes`; those found last for the first of the objects, as long as none changed."""
     content = surface_content(mirrors)
-    given = _CACHED.get(mirrors[0])
-    if given is None or given[0] != content:
-        given = _CACHED[mirrors[0]] = content, _planes(mirrors)
-    return given[1]
+    cached = _CACHED.get(mirrors[0])
+    if cached is None or cached[0] != content:
+        cached = _CACHED[mirrors[0]] = content, _planes(mirrors)
+    return cached[1]
 
 
 #: The planes found last, by the first of the objects and with the content of all.
@@ -275,22 +275,22 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
-    result: list[Floats] = []
+    planes: list[Floats] = []
     total: list[float] = []
     free = strength > 0
     for largest in np.argsort(-strength, kind="stable"):
-        if not free[largest] or len(result) == MAX_FACETS:
+        if not free[largest] or len(planes) == MAX_FACETS:
             continue
         normal = normals[largest]
         offset = float(normal @ triangles[largest, 0])
         same = np.flatnonzero(free & (np.abs(normals @ normal) > 1 - SAME_NORMAL**2 / 2))
         flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_POSITION_M
         same = same[flush | (same == largest)]
-        result.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
+        planes.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
         total.append(float(strength[same].sum()))
         free[same] = False
     strongest = np.argsort(-np.array(total), kind="stable")
-    return np.array(result)[strongest], np.array(total)[strongest]
+    return np.array(planes)[strongest], np.array(total)[strongest]
 
 
 def _rectangle(triangles: Floats, normal: Floats) -> Floats:

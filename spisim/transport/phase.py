@@ -5,10 +5,10 @@ from __future__ import annotations
 import mitsuba as mi
 
 from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Phase, Tabulated
-from spisim.transport.jit_types import Plugin
+from spisim.transport.jit import Object
 
 
-def phase_plugin(phase: Phase) -> Plugin:
+def phase_plugin(phase: Phase) -> Object:
     """A phase function as Mitsuba has it; needs an active variant."""
     match phase:
         case Isotropic():
@@ -32,7 +32,7 @@ def phase_plugin(phase: Phase) -> Plugin:
     raise TypeError(f"not a phase function: {phase!r}")
 
 
-def _table(phase: Tabulated) -> Plugin:
+def _table(phase: Tabulated) -> Object:
     """The plugin takes numbers as text, of which a table has megabytes: they are put in after."""
     plugin = mi.load_dict({"type": "tabphase", "values": "1, 1"})
     parameters = mi.traverse(plugin)

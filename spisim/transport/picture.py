@@ -1,11 +1,15 @@
 """What a camera at the instrument's wavelength would see."""
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 
+from reconstruction.base.files import mark, write_atomically
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -14,7 +18,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light, transport_image
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone
@@ -42,7 +46,7 @@ def fine_view(
     fine = replace(placed.projector, shape=(refine * height, refine * width))
     stream = np.random.SeedSequence(seed)
     world = build_world(scene)
-    image = transport_image(world, fine, placed.bucket, Paths(spp), seed=stream).mean["image"]
+    image = transport_image(world, fine, placed.bucket, PathBudget(spp), seed=stream).mean["image"]
     return image.reshape(fine.shape).astype(np.float32)
 
 
@@ -101,7 +105,7 @@ def camera_view(
         radiance = total_w * lit.values["image"] + sunny.values["image"]
         return Sums({"radiance": radiance}, lit.dropped + sunny.dropped)
 
-    radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
+    radiance = repeat(launch, PathBudget(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
 
 
@@ -118,3 +122,23 @@ def camera_at(
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
     tan_half = projector.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
     return ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
+
+
+def write_exr(
+    path: str | Path,
+    kind: str,
+    channels: Mapping[str, NDArray[np.floating]],
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write (H, W) channels as float32, with text attributes in the header.
+
+    The header tells the `kind` of the file, too. It appears whole or not at all. Raises OSError
+    where it cannot be written.
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    maker = {"Software": mark(kind)}  # a name in front of all others
+    pixels = {name: np.ascontiguousarray(image, np.float32) for name, image in channels.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
+        OpenEXR.File(header | maker | dict(attributes or {}), pixels).write(str(draft))
+        write_atomically(path, draft.read_bytes())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -12,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.scene import Scene
+from spisim.scene import Scene, SceneObject
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.jit_types import Interaction, Ray
+from spisim.transport.jit import Float, Interaction, Ray
 from spisim.transport.meshes import Meshes
 
 #: Whole surfaces, or panes, that a line of sight goes through at most.
@@ -83,7 +82,7 @@ class RayCaster:
         for _ in range(steps):
             si = self.meshes.scene.ray_intersect(ray)
             ids = self.meshes.object_ids(si)
-            passed: Any = np.zeros(1)
+            passed = np.zeros(1)
             if steps > 1:
                 passed = si.bsdf().eval_null_transmission(si, si.is_valid()).x.numpy()
             through = np.where(ids >= 0, left[lanes] * passed, 0.0)
@@ -111,7 +110,7 @@ class RayCaster:
             ray = si.spawn_ray(frame.to_world(towards))
             ray.maxt = SKY_MAX_RANGE_M
             free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
-        shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
+        shade: Float = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)
 
 
@@ -127,5 +126,5 @@ def _chunks(count: int) -> Iterator[tuple[int, int]]:
         yield start, min(start + RAYS_AT_A_TIME, count)
 
 
-def _is_pane(thing: Any) -> bool:
+def _is_pane(thing: SceneObject) -> bool:
     return is_null_transmitting(thing.material)

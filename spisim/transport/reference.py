@@ -23,7 +23,7 @@ from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.apertures import Detectors
-from spisim.transport.jit_types import Float, Point, Sampler, Vector
+from spisim.transport.jit import Float, Point, Sampler, Vector
 from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball

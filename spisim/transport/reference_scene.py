@@ -12,6 +12,7 @@ from scipy.ndimage import map_coordinates
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene, Volume
 from spisim.scene.lamps import AreaLamp, DirectionalLamp, EnvironmentLamp, Lamp, PointLamp
+from spisim.transport.jit import Object
 from spisim.transport.meshes import mesh_shape, shape, shapes
 from spisim.transport.phase import phase_plugin
 
@@ -71,7 +72,7 @@ def volume_dict(volume: Volume) -> dict[str, Any]:
     return medium_dict(volume.medium, extinction)
 
 
-def _bounded(volume: Volume, medium: Any) -> Any:
+def _bounded(volume: Volume, medium: Object) -> Any:
     """Mitsuba's cube and sphere span [-1, 1]³; its grids, as ours, [0, 1]³."""
     if volume.shape == "box" or volume.shape == "ball":
         pose = volume.to_world @ np.diag([0.5, 0.5, 0.5, 1.0])

@@ -9,7 +9,7 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.scene.bsdf import ENTRANCE_FALL
-from spisim.transport.jit_types import Bool, Color, Context, Float, Interaction, Point2, Vector
+from spisim.transport.jit import Bool, Color, Float, Interaction, Object, Point2, Vector
 
 PLUGIN = "spisim-retroreflector"
 
@@ -33,7 +33,7 @@ def _register(variant: str) -> None:
         both ways.
         """
 
-        def __init__(self, properties: Any) -> None:
+        def __init__(self, properties: Object) -> None:
             super().__init__(properties)
             self.alpha = float(properties["alpha"])
             self.reflectance = properties.get_texture("reflectance")
@@ -42,34 +42,34 @@ def _register(variant: str) -> None:
 
         def sample(
             self,
-            context: Context,
+            context: Object,
             si: Interaction,
             choice: Float,
             square: Point2,
             active: Bool = True,
-        ) -> tuple[Any, Color]:
+        ) -> tuple[Object, Color]:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, self.alpha, False)
             facet, _ = facets.sample(mi.Vector3f(0, 0, 1), square)
             around = mi.Vector3f(facet.x, facet.y, facet.z) * (2 * facet.z) - mi.Vector3f(0, 0, 1)
-            drawn: Any = dr.zeros(mi.BSDFSample3f)
+            drawn: Object = dr.zeros(mi.BSDFSample3f)
             drawn.wo = mi.Frame3f(si.wi).to_world(around)
             drawn.pdf = self._density(si.wi, drawn.wo)
             drawn.eta = 1
             drawn.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
             return drawn, self._weight(si, drawn.wo, active)
 
-        def eval(self, context: Context, si: Interaction, wo: Vector, active: Bool = True) -> Color:
+        def eval(self, context: Object, si: Interaction, wo: Vector, active: Bool = True) -> Color:
             return self._weight(si, wo, active) * self._density(si.wi, wo)
 
-        def pdf(self, context: Context, si: Interaction, wo: Vector, active: Bool = True) -> Float:
+        def pdf(self, context: Object, si: Interaction, wo: Vector, active: Bool = True) -> Float:
             return dr.select(active & _above(si.wi, wo), self._density(si.wi, wo), 0)
 
         def eval_pdf(
-            self, context: Context, si: Interaction, wo: Vector, active: Bool = True
+            self, context: Object, si: Interaction, wo: Vector, active: Bool = True
         ) -> tuple[Color, Float]:
             return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
 
-        def traverse(self, callback: Any) -> None:
+        def traverse(self, callback: Object) -> None:
             callback.put("reflectance", self.reflectance, mi.ParamFlags.Differentiable)
 
         def to_string(self) -> str:

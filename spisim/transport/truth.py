@@ -13,13 +13,11 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.jit_types import Interaction, Vector
+from spisim.transport.jit import Interaction, Object, Vector
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
 
-#: Fields that a pixel without an image does not have.
-MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Fields that a pixel without an image does not have.
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Rays per side of a virtual pixel, from which its coverage is counted.
@@ -97,11 +95,7 @@ def _spots(
 
 
 def _band(
-    scene: Scene,
-    meshes: Meshes,
-    placed: InstrumentView,
-    rows: NDArray[np.int64],
-    subpixels: int,
+    scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64], subpixels: int
 ) -> dict[str, NDArray[Any]]:
     """The fields of `GroundTruth` that are pictures, of these rows."""
     shape = len(rows), placed.projector.shape[1]
@@ -138,7 +132,7 @@ def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> 
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
-def _trace(geometry: Any, origin: Floats, directions: Floats) -> Interaction:
+def _trace(geometry: Object, origin: Floats, directions: Floats) -> Interaction:
     ray = mi.Ray3f(
         mi.Point3f(origin.astype(np.float32)),
         mi.Vector3f(directions.T.astype(np.float32)),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -18,7 +17,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.enclosed import Enclosed, surface_scene
 from spisim.transport.geometry import Geometry, transform
-from spisim.transport.jit_types import Float, Interaction, Plugin, Ray
+from spisim.transport.jit import Float, Interaction, Object, Ray
 from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
@@ -68,8 +67,7 @@ class World:
         si: Interaction = self.geometry.scene.ray_intersect(
             mi.Ray3f(mi.Point3f(origins), directions)
         )
-        met: Any = si.is_valid()
-        return np.where(met.numpy(), si.t.numpy(), np.nan)
+        return np.where(si.is_valid().numpy(), si.t.numpy(), np.nan)
 
 
 @with_backend
@@ -122,7 +120,7 @@ def _homogeneous(bounds: Bounds, medium: Atmosphere) -> Homogeneous:
     return Homogeneous(bounds, *_optics(medium), Bias.of(medium.extinction_per_m))
 
 
-def _optics(medium: Atmosphere) -> tuple[Float, Float, Plugin]:
+def _optics(medium: Atmosphere) -> tuple[Float, Float, Object]:
     """Extinction, albedo and phase function as the tracer takes them."""
     return (
         dr.opaque(mi.Float, medium.extinction_per_m),

@@ -18,7 +18,7 @@ from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
 
 #: Standard deviations of a beam beyond which nothing of it is left.
-REACH = 6.0
+MAX_SIGMAS = 6.0
 #: Of a beam, over the radius of a drop: a narrower one is met all or not.
 MIN_WIDTH = 0.02
 #: Points of an aperture whose field is narrow.
@@ -41,7 +41,7 @@ class _Beam(NamedTuple):
     width_m: Callable[[Floats], Floats]  # standard deviation per axis, by distance from the start
 
 
-class _Met(NamedTuple):
+class _Hits(NamedTuple):
     """Drops in a beam."""
 
     drop: NDArray[np.intp]
@@ -64,7 +64,7 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     for frame, times in enumerate(times_s):
         max_range_m = drops[0].spot_range_m(frame).tolist()
         beams = [_out_and_back(drops[0], *spot) for spot in enumerate(max_range_m)]
-        fields = [_in_reach(one, beams, frame) for one in drops]
+        fields = [_nearby(one, beams, frame) for one in drops]
         for time_s in times:
             for number, beam in enumerate(beams):
                 changes = [
@@ -77,11 +77,11 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     return SpotChange(passed / exposures, echoes / exposures)
 
 
-def _in_reach(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
+def _nearby(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
     """The drops that may come into a beam in a frame."""
     field, middle, moved = drops.in_frame(frame)
     near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
-    return field.retained(np.any(near, axis=0))
+    return field.subset(np.any(near, axis=0))
 
 
 def _at(
@@ -94,7 +94,7 @@ def _at(
 ) -> tuple[Floats, Floats]:
     """Logarithm (bins,) of what passes of a laser's light, and (bins,) the echo, at one time."""
     positions, diameters = drops.at(field, time_s)
-    out, back = (_met(beam, positions, diameters) for beam in beams)
+    out, back = (_hits(beam, positions, diameters) for beam in beams)
     light = echo(
         positions[out.drop],
         diameters[out.drop],
@@ -138,11 +138,12 @@ def _near(beam: _Beam, positions: Floats, diameters: Floats, moved_m: float) -> 
     along = offset @ beam.direction
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     widest = beam.width_m(np.array([0.0, beam.length_m])).max()
-    reach = diameters.max(initial=0.0) * 0.5e-3 * (1 + REACH * MIN_WIDTH) + REACH * widest
-    return np.asarray(aside2 < (reach + moved_m) ** 2)
+    radius = diameters.max(initial=0.0) * 0.5e-3
+    max_aside = radius * (1 + MAX_SIGMAS * MIN_WIDTH) + MAX_SIGMAS * widest
+    return np.asarray(aside2 < (max_aside + moved_m) ** 2)
 
 
-def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
+def _hits(beam: _Beam, positions: Floats, diameters: Floats) -> _Hits:
     """The drops in a beam."""
     radius = diameters * 0.5e-3
     offset = positions - beam.start_m
@@ -150,16 +151,16 @@ def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     inside = (along > 0) & (along < beam.length_m)
     width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), MIN_WIDTH * radius)
-    drop = np.flatnonzero(inside & (aside2 < (radius + REACH * width) ** 2))
+    drop = np.flatnonzero(inside & (aside2 < (radius + MAX_SIGMAS * width) ** 2))
     scale = 1 / width[drop] ** 2
     fraction = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)
-    return _Met(drop, along[drop], np.asarray(fraction))
+    return _Hits(drop, along[drop], np.asarray(fraction))
 
 
-def _beyond(lengths: Floats, met: _Met) -> Floats:
+def _beyond(lengths: Floats, hits: _Hits) -> Floats:
     """Logarithm (bins,) of what passes the drops, of light that comes from beyond them."""
-    first = np.searchsorted(lengths, 2 * met.along_m)
-    passed = np.log1p(-np.minimum(met.fraction, 1 - 1e-12))
+    first = np.searchsorted(lengths, 2 * hits.along_m)
+    passed = np.log1p(-np.minimum(hits.fraction, 1 - 1e-12))
     within = first < len(lengths)
     return np.cumsum(np.bincount(first[within], passed[within], minlength=len(lengths)))
 

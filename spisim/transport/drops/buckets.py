@@ -1,8 +1,12 @@
 """What falling drops change about the bucket readings."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
@@ -16,7 +20,27 @@ from spisim.transport.drops.discs import (
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
-from spisim.transport.interpolation import Interpolation
+
+
+class Interpolation(NamedTuple):
+    """Light at times (frames, M): that of some keys each, (frames, M, keys), by their shares."""
+
+    keys: NDArray[np.intp]
+    fractions: Floats
+
+    def until(self, frames: int) -> Interpolation:
+        """That of the first frames."""
+        return Interpolation(self.keys[:frames], self.fractions[:frames])
+
+    def means(self, values: Floats) -> Floats:
+        """Mean over each frame's times, (frames, ...), of what is `values` (K, ...) at the keys."""
+        flat = values.reshape(len(values), -1)
+        times = self.keys.shape[1]
+        means = np.empty((len(self.keys), flat.shape[1]))
+        for frame, (keys, fractions) in enumerate(zip(self.keys, self.fractions, strict=True)):
+            keys_used, indices = np.unique(keys, return_inverse=True)
+            means[frame] = np.bincount(indices.ravel(), fractions.ravel()) / times @ flat[keys_used]
+        return means.reshape(-1, *values.shape[1:])
 
 
 def on_buckets(
@@ -56,14 +80,14 @@ def on_buckets(
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
             nearby = pictures[:, between.keys[frame, exposure]]
-            displayed = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
+            picture = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
             left = np.ones(lit.size)
             for one, field in zip(drops, fields, strict=True):
                 passed, met, echoed = _at(one, field, time_s, one.depth_m(frame), response)
                 left *= passed
                 light_on_drops = (lit * electrons.ravel())[met.pixel] * met.fraction
                 changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
-            changes[:, frame, exposure] += displayed.reshape(len(pictures), -1) @ (lit * (left - 1))
+            changes[:, frame, exposure] += picture.reshape(len(pictures), -1) @ (lit * (left - 1))
     return changes
 
 
@@ -76,7 +100,7 @@ def _in_view(drops: FallingDrops, frame: int) -> DropField:
     widest = max(aside, projector.lens_radius_m) + field.diameters_mm.max(initial=0.0) * 1e-3
     seen = np.abs(x) < projector.tan_half_width * (z + moved) + widest + moved
     seen &= np.abs(y) < projector.tan_half_height * (z + moved) + widest + moved
-    return field.retained(seen)
+    return field.subset(seen)
 
 
 def _at(

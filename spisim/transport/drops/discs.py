@@ -58,12 +58,12 @@ def disc_points(
     position, on_lens = positions_m[drop], np.zeros((len(drop), 2))
     several = np.flatnonzero(counts[drop] > 1)
     rank = several - (np.cumsum(counts) - counts)[drop[several]]
-    reach = np.sqrt((rank + 0.5) / counts[drop[several]]) * diameters[drop[several]] / 2
+    radius = np.sqrt((rank + 0.5) / counts[drop[several]]) * diameters[drop[several]] / 2
     turn = rank * GOLDEN_ANGLE
     centre = position[several]
     sideways = np.cross(centre, [0.0, -1.0, 0.0])
     upwards = np.cross(centre, sideways)
-    for shift, way in ((reach * np.cos(turn), sideways), (reach * np.sin(turn), upwards)):
+    for shift, way in ((radius * np.cos(turn), sideways), (radius * np.sin(turn), upwards)):
         position[several] += (shift / length(way))[:, None] * way
     on_lens[several] = _unit_disc(np.mod(0.5 + rank[:, None] * ROOTS, 1))
     return Points(drop, position, (np.pi / 4 * diameters**2 / counts)[drop], on_lens, several)

@@ -60,10 +60,10 @@ def _aperture(axis: Floats, radius_m: float, count: int) -> Floats:
     if count == 1:
         return np.zeros((1, 3))
     rank = np.arange(count) + 0.5
-    turn, reach = rank * np.pi * (3 - np.sqrt(5)), radius_m * np.sqrt(rank / count)
+    turn, radius = rank * np.pi * (3 - np.sqrt(5)), radius_m * np.sqrt(rank / count)
     sideways = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     sideways /= np.linalg.norm(sideways)
     return np.asarray(
-        np.outer(reach * np.cos(turn), sideways)
-        + np.outer(reach * np.sin(turn), np.cross(axis, sideways))
+        np.outer(radius * np.cos(turn), sideways)
+        + np.outer(radius * np.sin(turn), np.cross(axis, sideways))
     )

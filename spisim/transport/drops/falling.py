@@ -17,7 +17,7 @@ from spisim.transport.views import InstrumentView
 FAR_AWAY_M = 1e6
 #: Beams to spots beyond this many times the depth up to which drops are followed, or to nothing,
 #: end there: light comes back along nearly the same cone.
-REACH = 2.0
+MAX_DEPTHS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +51,8 @@ class FallingDrops:
             for end in (first, last)
         )
         depth, (near, far) = positions[:, 2], self.depths_m
-        retained = (depth > near - moved) & (depth < far + moved)
-        return field.retained(retained), positions[retained], moved * np.sqrt(3)
+        near_enough = (depth > near - moved) & (depth < far + moved)
+        return field.subset(near_enough), positions[near_enough], moved * np.sqrt(3)
 
     def depth_m(self, frame: int) -> Floats:
         """Depth (H, W) of the surfaces in a frame."""
@@ -61,7 +61,7 @@ class FallingDrops:
     def spot_range_m(self, frame: int) -> Floats:
         """Ranges (4,) of the spots in a frame, REACH at most."""
         ranges = self.spot_ranges_by_frame_m
-        far_m = REACH * self.precipitation.far_m
+        far_m = MAX_DEPTHS * self.precipitation.far_m
         return np.asarray(np.fmin(ranges[min(frame, len(ranges) - 1)], far_m))
 
     @property

@@ -45,7 +45,7 @@ class DropField:
         boxes = np.floor((self.starts_m + travelled - low) / (high - low))
         return replace(self, starts_m=self.starts_m - boxes * (high - low))
 
-    def retained(self, which: NDArray[np.bool_]) -> DropField:
+    def subset(self, which: NDArray[np.bool_]) -> DropField:
         """Some of the drops."""
         return replace(
             self,

@@ -8,7 +8,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from spisim.transport.jit_types import Bool, Float, UInt
+from spisim.transport.jit import Bool, Float, UInt
 
 #: Contributions are summed as integers, in units of 2^-48 /m² of detector area. Integer addition
 #: is associative, which floating-point addition is not.
@@ -46,10 +46,10 @@ class Check:
     def passed(self, value: Float, length_m: Float, cell: UInt, active: Bool) -> Bool:
         """Lanes whose contribution is finite, and so its path length, on which phasors depend."""
         finite = dr.isfinite(value) & dr.isfinite(length_m)
-        size = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)
+        size: Float = dr.minimum(dr.abs(value), 2 * MAX_SUM_PER_M2) * (1.0 / COARSE_PER_M2)
         amount = dr.select(finite, mi.Int64(dr.ceil(size)), 1)
-        position = dr.select(finite, mi.UInt32(cell), self._cells)
-        dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, position, active)
+        index = dr.select(finite, mi.UInt32(cell), self._cells)
+        dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, index, active)
         return active & finite
 
     def read(self) -> int:

@@ -10,7 +10,7 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch, stratified
-from spisim.transport.jit_types import Float, Frame, Point, Point2, Ray, Sampler, UInt
+from spisim.transport.jit import Float, Frame, Point, Point2, Ray, Sampler, UInt
 from spisim.transport.views import DetectorView
 
 
@@ -30,7 +30,7 @@ class Detectors:
     vignetting: Float  # m
     count: int
     samples: int
-    rate: Float  # see `Projector`
+    samples_jit: Float  # see `Projector`
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Self:
@@ -46,7 +46,7 @@ class Detectors:
             vignetting=dr.opaque(mi.Float, view.vignetting),
             count=len(view.positions_m),
             samples=samples,
-            rate=dr.opaque(mi.Float, samples),
+            samples_jit=dr.opaque(mi.Float, samples),
         )
 
     @property
@@ -56,14 +56,14 @@ class Detectors:
     @property
     def paths(self) -> Float:
         """Paths of a launch."""
-        return self.count * self.rate
+        return self.count * self.samples_jit
 
     def cell(self, lane: UInt) -> UInt:
         return lane % self.count
 
     def launch(self, lane: UInt, sampler: Sampler) -> Launch:
-        position = stratified(lane // self.count, self.samples, sampler)
-        ray, cosine = self._ray(lane % self.count, position, sampler)
+        square = stratified(lane // self.count, self.samples, sampler)
+        ray, cosine = self._ray(lane % self.count, square, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
@@ -79,17 +79,17 @@ class Detectors:
         ray, cosine = self._ray(lane % self.count, sampler.next_2d(), sampler)
         return ray, self._launched(cosine)
 
-    def _ray(self, number: UInt, position: Point2, sampler: Sampler) -> tuple[Ray, Float]:
+    def _ray(self, number: UInt, square: Point2, sampler: Sampler) -> tuple[Ray, Float]:
         """From the aperture in the direction of a point of the unit square; cosine to the axis."""
         frame = self._frame(number)
-        disc = mi.warp.square_to_uniform_disk_concentric(position) * dr.sqrt(self.sine2)
+        disc = mi.warp.square_to_uniform_disk_concentric(square) * dr.sqrt(self.sine2)
         cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
         origin = self._aperture_point(number, frame, sampler)
         return mi.Ray3f(origin, frame.to_world(mi.Vector3f(disc.x, disc.y, cosine))), cosine
 
     def _launched(self, cosine: Float) -> Float:
         """Weight of a path that is launched."""
-        return dr.pi * self.sine2 / self.rate * self._response(cosine)
+        return dr.pi * self.sine2 / self.samples_jit * self._response(cosine)
 
     def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
@@ -127,7 +127,7 @@ class Detectors:
             cell=None,
         )
 
-    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may lie in the field of a detector.
 
         Exact for a beam that stays in the field once it has entered, as laser and detector
@@ -144,11 +144,11 @@ class Detectors:
         b = along * ahead - cosine2 * dr.dot(offset, ray.d)
         c = ahead * ahead - cosine2 * dr.squared_norm(offset)
         entry = (dr.safe_sqrt(b * b - a * c) - b) / a
-        near = dr.select((a > 0) & (along > 0), dr.clip(entry, 0, reach), 0)
-        return near, reach
+        near = dr.select((a > 0) & (along > 0), dr.clip(entry, 0, far), 0)
+        return near, far
 
     def _density(self, cosine: Float) -> Float:
-        return cosine * (self.choices * dr.inv_pi) * self.rate / self.sine2
+        return cosine * (self.choices * dr.inv_pi) * self.samples_jit / self.sine2
 
     def _response(self, cosine: Float) -> Float:
         return dr.power(dr.maximum(cosine, 1e-6), self.vignetting)

@@ -20,18 +20,8 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch
-from spisim.transport.engine.equiangular import EquiAngular
-from spisim.transport.jit_types import (
-    Bool,
-    Context,
-    Float,
-    Frame,
-    Interaction,
-    Point,
-    Ray,
-    Sampler,
-    UInt,
-)
+from spisim.transport.geometry import EquiAngular
+from spisim.transport.jit import Bool, Float, Frame, Interaction, Object, Point, Ray, Sampler, UInt
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
@@ -41,12 +31,14 @@ class _Beam(NamedTuple):
 
     ray: Ray
     si: Interaction
-    reach: Float
+    far: Float
 
 
 class _State(NamedTuple):
     beam: _Beam
-    rate: Float  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
+    density: (
+        Float  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
+    )
     in_fog: Bool
     distance: Float
 
@@ -66,7 +58,7 @@ class Beams:
     waist_m: Float  # standard deviation of the place of exit, per axis
     count: int
     samples: int
-    rate: Float  # see `Projector`
+    samples_jit: Float  # see `Projector`
 
     @classmethod
     def of(cls, world: World, view: BeamView, samples: int) -> Beams:
@@ -82,12 +74,12 @@ class Beams:
             waist_m=dr.opaque(mi.Float, view.waist_m),
             count=len(view.origins_m),
             samples=samples,
-            rate=dr.opaque(mi.Float, samples),
+            samples_jit=dr.opaque(mi.Float, samples),
         )
 
     def times(self, factor: int) -> Beams:
         """The same with so many times the paths."""
-        return replace(self, samples=factor * self.samples, rate=factor * self.rate)
+        return replace(self, samples=factor * self.samples, samples_jit=factor * self.samples_jit)
 
     @property
     def lanes(self) -> int:
@@ -98,10 +90,10 @@ class Beams:
 
     def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         beam = self._beam(lane, sampler)
-        ray, si, reach = beam
-        collision = self.world.media.flight(ray, reach, sampler, mi.Bool(True))
-        in_fog = collision.distance < reach
-        distance = dr.select(in_fog, collision.distance, reach)
+        ray, si, far = beam
+        collision = self.world.media.flight(ray, far, sampler, mi.Bool(True))
+        in_fog = collision.distance < far
+        distance = dr.select(in_fog, collision.distance, far)
         on_surface = ~in_fog & si.is_valid()
         point = ray(distance)
 
@@ -121,12 +113,12 @@ class Beams:
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
             direction=dr.select(in_fog, scattered, outgoing.d),
-            beta=weight / self.rate,
+            beta=weight / self.samples_jit,
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             state=_State(
                 beam,
-                self.rate * self._arrival(ray, point, distance, in_fog) * density,
+                self.samples_jit * self._arrival(ray, point, distance, in_fog) * density,
                 in_fog,
                 distance,
             ),
@@ -136,20 +128,20 @@ class Beams:
 
     def density(self, launch: Launch, first_vertex: Point) -> Float:
         state = launch.state
-        ray, si, reach = state.beam
-        angular = EquiAngular.about(first_vertex, ray, reach)
+        ray, si, far = state.beam
+        angular = EquiAngular.about(first_vertex, ray, far)
         fog_fraction = self._fog_fraction(si)
         chosen = dr.select(
             state.in_fog, fog_fraction * angular.density(state.distance), 1 - fog_fraction
         )
-        return state.rate / chosen
+        return state.density / chosen
 
     def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        ray, si, reach = self._beam(lane, sampler)
+        ray, si, far = self._beam(lane, sampler)
         fog_fraction = self._fog_fraction(si)
         in_fog = sampler.next_1d() < fog_fraction
-        angular = EquiAngular.about(vertex, ray, reach)
-        distance = dr.select(in_fog, angular.sample(sampler.next_1d()), reach)
+        angular = EquiAngular.about(vertex, ray, far)
+        distance = dr.select(in_fog, angular.sample(sampler.next_1d()), far)
         chosen = dr.select(in_fog, fog_fraction * angular.density(distance), 1 - fog_fraction)
         point = ray(distance)
         towards = mi.Vector3f(vertex - point)
@@ -163,12 +155,12 @@ class Beams:
         lobe = dr.select(in_fog, self.world.media.albedo(medium) * phase, reflected.x)
         density = dr.select(in_fog, phase, density)
         seen = dr.rcp(squared * chosen)
-        through = self.world.media.transmittance(ray.o, ray.d, distance, sampler, mi.Bool(True))
+        through = self.world.media.transmittance(ray, distance, sampler, mi.Bool(True))
         strength = dr.select(in_fog, self.world.media.extinction_at(point), 1)
         return Connection(
             point=point,
             importance=seen * strength * through * lobe,
-            density=self.rate * seen * density * self._arrival(ray, point, distance, in_fog),
+            density=self.samples_jit * seen * density * self._arrival(ray, point, distance, in_fog),
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             cell=self.cell(lane),
@@ -176,30 +168,29 @@ class Beams:
 
     def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """One pencil of the lane's laser, as a ray, and its weight."""
-        return self._pencil(lane, sampler), dr.rcp(self.rate)
+        return self._pencil(lane, sampler), dr.rcp(self.samples_jit)
 
     def _pencil(self, lane: UInt, sampler: Sampler) -> Ray:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
-        position = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
+        shift = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
         origin = dr.gather(mi.Point3f, self.origins, cell)
         return mi.Ray3f(
-            mi.Point3f(origin + frame.s * position.x + frame.t * position.y),
+            mi.Point3f(origin + frame.s * shift.x + frame.t * shift.y),
             frame.to_world(dr.normalize(mi.Vector3f(tilt.x, tilt.y, 1))),
         )
 
     def _beam(self, lane: UInt, sampler: Sampler) -> _Beam:
         ray = self._pencil(lane, sampler)
-        si, reach = self.world.first_surface(ray)
-        return _Beam(ray, si, reach)
+        return _Beam(ray, *self.world.first_surface(ray))
 
     def _arrival(self, ray: Ray, point: Point, distance: Float, in_fog: Bool) -> Float:
         """Density of x₁ in free flight, as far as it has a closed form.
 
         Per metre in fog, a probability on the surface.
         """
-        through = self.world.media.closed_form_transmittance(ray.o, ray.d, distance)
+        through = self.world.media.closed_form_transmittance(ray, distance)
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
     def _fog_fraction(self, si: Interaction) -> Float:
@@ -209,5 +200,5 @@ class Beams:
         return dr.select(si.is_valid(), 0.5, 1)
 
 
-def _context() -> Context:
+def _context() -> Object:
     return mi.BSDFContext(mi.TransportMode.Importance)

@@ -6,6 +6,7 @@ surface is known, and the fog is sampled where the other end looks.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -14,13 +15,12 @@ import mitsuba as mi
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.line_of_sight import Mirrored, Straight
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
-from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import Bool, Context, Float, Interaction, Point, Ray, Sampler, UInt
+from spisim.transport.geometry import EquiAngular, direction_to
+from spisim.transport.jit import Bool, Float, Interaction, Object, Point, Ray, Sampler, UInt
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
@@ -28,11 +28,13 @@ from spisim.transport.world import World
 Source = Projector | Beams | Detectors
 Sink = Detectors | Lamp
 #: Numbers, cells, replicas, and random numbers.
-Lanes = tuple[Any, Any, Any, Any]
+Lanes = tuple[UInt, UInt, UInt, Points]
 
 
 #: How the other end is seen from there.
 LineOfSight = Straight | Mirrored
+#: Deposits a value, its path length, how often fog scattered it, and in which lanes.
+Add = Callable[[Float, Float, int, Bool], None]
 
 
 class Pencil(NamedTuple):
@@ -40,7 +42,7 @@ class Pencil(NamedTuple):
 
     ray: Ray
     si: Interaction
-    reach: Float
+    far: Float
     number: UInt  # of the other end
 
 
@@ -100,8 +102,8 @@ def mirrored_light(
     ray = mi.Ray3f(start.point, towards)
     value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
     lit &= carries_light(value)
-    position = cell if start.cell is None else start.cell
-    deposit(Contribution(value, position, length_m, mi.UInt32(0), lit, replica))
+    cell = cell if start.cell is None else start.cell
+    deposit(Contribution(value, cell, length_m, mi.UInt32(0), lit, replica))
 
 
 def _along_rays(
@@ -109,8 +111,7 @@ def _along_rays(
 ) -> None:
     lane, cell, replica, sampler = lanes
     ray, weight = this.pencil(lane, sampler)
-    si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, view.end.choose(lane, sampler))
+    pencil = Pencil(ray, *world.first_surface(ray), view.end.choose(lane, sampler))
 
     def add(value: Float, length_m: Float, scatterings: int, lit: Bool) -> None:
         order = mi.UInt32(scatterings)
@@ -125,16 +126,16 @@ def _off_surface(
     world: World, pencil: Pencil, view: LineOfSight, sampler: Sampler, add: Add
 ) -> Point:
     """Light that the surface scatters; returns the place of the other end that it goes to."""
-    ray, si, reach, number = pencil
+    ray, si, far, number = pencil
     end = view.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
     context = surface_context(view.end)
     scattered = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = scattered.x * end.importance
     lit = carries_light(value) & si.is_valid()
-    value *= world.media.transmittance(ray.o, ray.d, reach, sampler, lit)
+    value *= world.media.transmittance(ray, far, sampler, lit)
     value *= view.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
-    add(value, reach + gap, 0, lit)
+    add(value, far + gap, 0, lit)
     return end.point
 
 
@@ -147,8 +148,8 @@ def _off_fog(
     far away.
     """
     media = world.media
-    ray, si, reach, number = pencil
-    near, far = view.overlap(number, ray, reach)
+    ray, si, far, number = pencil
+    near, far = view.overlap(number, ray, far)
     angular = EquiAngular.about(far_point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
@@ -162,12 +163,12 @@ def _off_fog(
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
-    value *= media.transmittance(ray.o, ray.d, distance, sampler, lit)
+    value *= media.transmittance(ray, distance, sampler, lit)
     value *= view.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
     add(value, distance + gap, 1, lit)
 
 
-def surface_context(other: Sink) -> Context:
+def surface_context(other: Sink) -> Object:
     """Light that goes to detectors leaves the surface; else it is followed against its way."""
     outward = isinstance(other, Detectors)
     return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
@@ -176,9 +177,9 @@ def surface_context(other: Sink) -> Context:
 def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> Lanes:
     """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
     number: UInt = dr.arange(mi.UInt32, replicas * this.lanes)
-    beside = dr.opaque(mi.UInt32, replicas)
-    lane, replica = number // beside, number % beside
+    count = dr.opaque(mi.UInt32, replicas)
+    lane, replica = number // count, number % count
     cell = this.cell(lane)
     cells = this.lanes // this.samples
-    points = Points.of(lane // cells, cell * beside + replica, dr.opaque(mi.UInt32, seed))
+    points = Points.of(lane // cells, cell * count + replica, dr.opaque(mi.UInt32, seed))
     return lane, cell, replica, points

@@ -27,7 +27,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import Bool, Float, Interaction, Point, Sampler
+from spisim.transport.jit import Bool, Float, Interaction, Point, Sampler
 from spisim.transport.world import World
 
 #: Extinction below which a ray's fog counts as being the same all along, 1/m.
@@ -46,8 +46,7 @@ def double_scattering_light(
     """Deposit what each lane's ray sends to the other end by way of fog and a surface."""
     lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # other numbers
     ray, weight = this.pencil(lane, points)
-    si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, other.choose(lane, points))
+    pencil = Pencil(ray, *world.first_surface(ray), other.choose(lane, points))
     for light in (_behind_surface, _before_surface):
         value, length_m, lit = light(world, pencil, other, points)
         deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
@@ -66,7 +65,7 @@ def _behind_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
 ) -> tuple[Float, Float, Bool]:
     """Value, path length and lanes of what the surface sends on by way of the fog."""
-    ray, si, reach, number = pencil
+    ray, si, far, number = pencil
     media = world.media
     aperture = points.again()  # the same place on it, from wherever
     end = other.connect_to(number, si.p, points).point
@@ -99,19 +98,19 @@ def _behind_surface(
     lit &= (density > 0) & carries_light(value)
     value *= world.geometry.transmission(si, si.p, outgoing, first_m, mi.Bool(False), lit)
     value *= world.geometry.between(point, onward, second_m, lit)
-    value *= media.transmittance(ray.o, ray.d, reach, points, lit)
-    value *= media.transmittance(si.p, outgoing, first_m, points, lit)
-    value *= media.transmittance(point, onward, second_m, points, lit)
-    return value, reach + first_m + second_m, lit & carries_light(value)
+    value *= media.transmittance(ray, far, points, lit)
+    value *= media.transmittance(mi.Ray3f(si.p, outgoing), first_m, points, lit)
+    value *= media.transmittance(mi.Ray3f(point, onward), second_m, points, lit)
+    return value, far + first_m + second_m, lit & carries_light(value)
 
 
 def _before_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
 ) -> tuple[Float, Float, Bool]:
     """The same of what the fog sends on by way of a surface."""
-    ray, _, reach, number = pencil
+    ray, _, far, number = pencil
     media = world.media
-    distance, density = _anywhere(media.extinction_at(ray.o), reach, points)
+    distance, density = _anywhere(media.extinction_at(ray.o), far, points)
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, points.next_1d())
     choice, square = points.next_1d(), points.next_2d()
@@ -125,19 +124,19 @@ def _before_surface(
     value *= reflected.x * end.importance
     lit = si.is_valid() & carries_light(value)
     value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
-    value *= media.transmittance(ray.o, ray.d, distance, points, lit)
-    value *= media.transmittance(point, bent, si.t, points, lit)
-    value *= media.transmittance(si.p, towards, gap, points, lit)
+    value *= media.transmittance(ray, distance, points, lit)
+    value *= media.transmittance(mi.Ray3f(point, bent), si.t, points, lit)
+    value *= media.transmittance(mi.Ray3f(si.p, towards), gap, points, lit)
     return value, distance + si.t + gap, lit & carries_light(value)
 
 
-def _anywhere(extinction_per_m: Float, reach: Float, points: Sampler) -> tuple[Float, Float]:
+def _anywhere(extinction_per_m: Float, far: Float, points: Sampler) -> tuple[Float, Float]:
     """A distance along a ray, and its density: uniform, or as light is lost where the ray begins.
 
     The one is right where light goes on to a surface all the same, the other in thick fog.
     """
     rate = dr.maximum(extinction_per_m, THIN_PER_M)
-    lost = 1 - dr.exp(-rate * reach)
+    lost = 1 - dr.exp(-rate * far)
     choice, along = points.next_1d(), points.next_1d()
-    distance = dr.select(choice < 0.5, along * reach, -dr.log(1 - along * lost) / rate)
-    return distance, 0.5 * (dr.rcp(reach) + rate * dr.exp(-rate * distance) / lost)
+    distance = dr.select(choice < 0.5, along * far, -dr.log(1 - along * lost) / rate)
+    return distance, 0.5 * (dr.rcp(far) + rate * dr.exp(-rate * distance) / lost)

@@ -22,7 +22,7 @@ import mitsuba as mi
 import numpy as np
 
 from spisim.transport.geometry import transform
-from spisim.transport.jit_types import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
+from spisim.transport.jit import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
@@ -78,8 +78,8 @@ class Projector:
     lens_radius_m: Float
     focus_m: Float
     samples: int
-    many: int
-    rate: Float  # paths per pixel for kernels, which then do for any number
+    pixels_per_sample: int
+    samples_jit: Float  # samples / pixels_per_sample, opaque: one kernel serves any number
 
     @classmethod
     def of(cls, view: ProjectorView, samples: float) -> Projector:
@@ -87,7 +87,6 @@ class Projector:
 
         `samples` is a whole number, or one over another that divides the number of pixels.
         """
-        many = max(1, round(1 / samples))
         return cls(
             to_world=transform(view.pose),
             to_optical=transform(np.linalg.inv(view.pose)),
@@ -97,14 +96,19 @@ class Projector:
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=max(1, int(samples)),
-            many=many,
-            rate=dr.opaque(mi.Float, samples),
+            pixels_per_sample=max(1, round(1 / samples)),
+            samples_jit=dr.opaque(mi.Float, samples),
         )
 
     def times(self, factor: int) -> Projector:
         """The same with so many times the paths: at least one of every pixel."""
-        samples = factor * self.samples // self.many
-        return replace(self, samples=samples, many=1, rate=dr.opaque(mi.Float, samples))
+        samples = factor * self.samples // self.pixels_per_sample
+        return replace(
+            self,
+            samples=samples,
+            pixels_per_sample=1,
+            samples_jit=dr.opaque(mi.Float, samples),
+        )
 
     @property
     def pixels(self) -> int:
@@ -112,12 +116,12 @@ class Projector:
 
     @property
     def lanes(self) -> int:
-        return self.pixels * self.samples // self.many
+        return self.pixels * self.samples // self.pixels_per_sample
 
     @property
     def paths(self) -> Float:
         """Paths of a launch that may reach one and the same detector."""
-        return self.pixels * self.rate
+        return self.pixels * self.samples_jit
 
     @property
     def middle(self) -> Point:
@@ -129,7 +133,7 @@ class Projector:
 
     def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """A ray through the lane's pixel, and its weight."""
-        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.rate)
+        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.samples_jit)
 
     def _through(self, cell: UInt, jitter: Point2, sampler: Sampler) -> Ray:
         """A ray through a place in a pixel."""
@@ -140,17 +144,17 @@ class Projector:
 
     def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         jitter = stratified(lane // self.pixels, self.samples, sampler)
-        many = dr.opaque(mi.UInt32, self.many)
-        among = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(many)), many - 1)
-        cell = self.cell(lane * many + among)
+        group = dr.opaque(mi.UInt32, self.pixels_per_sample)
+        member = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(group)), group - 1)
+        cell = self.cell(lane * group + member)
         ray = self._through(cell, jitter, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=dr.rcp(self.rate),
+            beta=dr.rcp(self.samples_jit),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=self.rate * self.importance_of(ray.d),
+            state=self.samples_jit * self.importance_of(ray.d),
             cell=cell,
         )
 
@@ -172,7 +176,7 @@ class Projector:
         return Connection(
             point=self.to_world @ lens,
             importance=importance,
-            density=self.rate * importance,
+            density=self.samples_jit * importance,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
@@ -187,22 +191,22 @@ class Projector:
         """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
         return self.importance_towards(direction, lens) / self.pixels
 
-    def ray_at(self, position: Point2, sampler: Sampler) -> tuple[Ray, UInt]:
+    def ray_at(self, square: Point2, sampler: Sampler) -> tuple[Ray, UInt]:
         """The ray through a place of the field, a point of the unit square, and its pixel."""
         height, width = self.shape
-        x, y = 2 * position.x - 1, 2 * position.y - 1
-        pixel = mi.UInt32(position.y * height) * width + mi.UInt32(position.x * width)
+        x, y = 2 * square.x - 1, 2 * square.y - 1
+        pixel = mi.UInt32(square.y * height) * width + mi.UInt32(square.x * width)
         ray = self._ray(x * self.half_width, y * self.half_height, sampler)
         return ray, dr.minimum(pixel, self.pixels - 1)
 
-    def overlap(self, ray: Ray, reach: Float) -> tuple[Float, Float]:
+    def overlap(self, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may be lit: within the four sides of the field.
 
         |x| ≤ z tan α + r (1 + z / f) of a lens of radius r that is focused at f, and y likewise.
         """
         start = self.to_optical @ mi.Point3f(ray.o)
         step = self.to_optical @ mi.Vector3f(ray.d)
-        near, far = mi.Float(0), mi.Float(reach)
+        near, far = mi.Float(0), mi.Float(far)
         blur = self.lens_radius_m / self.focus_m
         for half, begin, slope in (
             (self.half_width, start.x, step.x),

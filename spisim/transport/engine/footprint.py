@@ -15,7 +15,7 @@ from spisim.transport.engine.apertures import JointDetectors
 from spisim.transport.engine.ends import Connection
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import Bool, Float, Point, Sampler
+from spisim.transport.jit import Bool, Float, Point, Sampler
 from spisim.transport.world import World
 
 

@@ -11,19 +11,19 @@ What reaches a point or parallel lamp by mirrors and smooth glass alone no walk 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.apertures import Detectors
-from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.ends import Launch, Projector
 from spisim.transport.engine.lamps import Lamps, Lit, Met
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Turn, Vertex
-from spisim.transport.engine.walk import MAX_CROSSINGS, MAX_VERTICES, ROULETTE_VERTEX, lanes
-from spisim.transport.jit_types import Bool, Float, Point, Ray, Sampler, UInt
+from spisim.transport.engine.walk import MAX_VERTICES, lanes_and_sampler
+from spisim.transport.engine.walk_state import PathState
+from spisim.transport.geometry import EquiAngular
+from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
 from spisim.transport.world import World
 
 #: Paths are kept until they carry less than this share of their start.
@@ -31,14 +31,9 @@ ENDING = 0.25
 
 
 @dataclass
-class _Path:
-    """One path per lane, on its way to vertex number `vertex`."""
+class _GatherState(PathState):
+    """A path of `Gather`."""
 
-    ray: Ray
-    beta: Float
-    vertex: UInt
-    crossings: UInt  # surfaces passed straight through
-    active: Bool
     before: Point  # last vertex, or the sensor
     density: Float  # of leaving it, 1/sr; infinite where no join finds what lies there
 
@@ -56,30 +51,30 @@ class Gather:
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit all light that it finds."""
-        number, sampler = lanes(self.replicas * self.sensor.lanes, seed)
+        number, sampler = lanes_and_sampler(self.replicas * self.sensor.lanes, seed)
         replicas = dr.opaque(mi.UInt32, self.replicas)
         lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.sensor.launch(lane, sampler)
-        result = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+        template = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
         if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
-            self._see(lane, result, sampler)
+            self._see(lane, template, sampler)
         path, scale = _start(launch), dr.rcp(launch.beta)
-        while dr.hint(path.active, exclude=[self, result, scale, limit]):
-            here, reach = self._fly(path, result, limit, sampler)
+        while dr.hint(path.active, exclude=[self, template, scale, limit]):
+            here, far = self._fly(path, template, limit, sampler)
             may_join = path.active & (path.vertex <= limit)
             for light in self.lamps.joined:
                 lit = light.seen_from(here.point, sampler)
-                self._join(here, lit, path, result, sampler, may_join)
+                self._join(here, lit, path, template, sampler, may_join)
             if dr.hint(self.lamps.points is not None, mode="scalar"):
-                self._join_points(here, reach, path, result, sampler, may_join)
+                self._join_points(here, far, path, template, sampler, may_join)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
-            self._roulette(turn, path, scale, limit, sampler)
+            path.roulette(turn, scale, ENDING, limit + 1, sampler)
 
     def _fly(
-        self, path: _Path, result: Contribution, limit: UInt, sampler: Sampler
-    ) -> tuple[Vertex, Any]:
+        self, path: _GatherState, template: Contribution, limit: UInt, sampler: Sampler
+    ) -> tuple[Vertex, Float]:
         """Follow the ray to a surface or a collision, and tell how far it could have gone.
 
         Paths that meet neither end here.
@@ -90,13 +85,15 @@ class Gather:
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
         for around in self.lamps.around:
-            self._meet(around.met(ray.d), path, result, path.active & ~in_fog & ~on_surface)
+            self._meet(around.met(ray.d), path, template, path.active & ~in_fog & ~on_surface)
         if self.lamps.areas is not None:
-            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, result, on_surface)
-        reach = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
+            self._meet(
+                self.lamps.areas.met(path.before, si, on_surface), path, template, on_surface
+            )
+        far = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
         if self.lamps.points is not None and media.parts:
             self._join_along(
-                ray, reach, path, result, sampler, path.active & (path.vertex <= limit)
+                ray, far, path, template, sampler, path.active & (path.vertex <= limit)
             )
         path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
@@ -113,21 +110,21 @@ class Gather:
             in_fog,
             on_surface,
         )
-        return here, reach
+        return here, far
 
-    def _meet(self, met: Met, path: _Path, result: Contribution, active: Bool) -> None:
+    def _meet(self, met: Met, path: _GatherState, template: Contribution, active: Bool) -> None:
         """Deposit light that the path has run into."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
         value = path.beta * met.radiance * fraction
-        self.deposit(result._replace(value=value, active=active & carries_light(value)))
+        self.deposit(template._replace(value=value, active=active & carries_light(value)))
 
     def _join(
         self,
         here: Vertex,
         lit: Lit,
-        path: _Path,
-        result: Contribution,
+        path: _GatherState,
+        template: Contribution,
         sampler: Sampler,
         active: Bool,
         fraction: Float = 1,
@@ -139,14 +136,14 @@ class Gather:
         value = path.beta * lobe.value * lit.irradiance * weight
         lit_up = active & carries_light(value)
         value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
-        self.deposit(result._replace(value=value, active=lit_up & carries_light(value)))
+        self.deposit(template._replace(value=value, active=lit_up & carries_light(value)))
 
     def _join_points(
         self,
         here: Vertex,
-        reach: Float,
-        path: _Path,
-        result: Contribution,
+        far: Float,
+        path: _GatherState,
+        template: Contribution,
         sampler: Sampler,
         active: Bool,
     ) -> None:
@@ -157,18 +154,18 @@ class Gather:
         fraction = mi.Float(1)
         if media.parts:
             distance = dr.dot(here.point - path.ray.o, path.ray.d)
-            angular = EquiAngular.about(position, path.ray, reach).density(distance)
+            angular = EquiAngular.about(position, path.ray, far).density(distance)
             flown = self._flown(path.ray, distance, here.point)
             fraction = dr.select(here.in_fog, flown / (flown + angular), 1)
         lit = points.chosen_from(number, position, here.point)
-        self._join(here, lit, path, result, sampler, active, fraction)
+        self._join(here, lit, path, template, sampler, active, fraction)
 
     def _join_along(
         self,
         ray: Ray,
-        reach: Float,
-        path: _Path,
-        result: Contribution,
+        far: Float,
+        path: _GatherState,
+        template: Contribution,
         sampler: Sampler,
         active: Bool,
     ) -> None:
@@ -176,7 +173,7 @@ class Gather:
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
-        angular = EquiAngular.about(position, ray, reach)
+        angular = EquiAngular.about(position, ray, far)
         distance = angular.sample(sampler.next_1d(active))
         point, density = mi.Point3f(ray(distance)), angular.density(distance)
         medium = media.pick(point, sampler.next_1d(active))
@@ -187,16 +184,16 @@ class Gather:
         value *= media.phase(medium, point, ray.d, lit.towards, active)
         value *= self.world.geometry.between(point, lit.towards, lit.gap_m, active)
         active &= carries_light(value)
-        value *= media.transmittance(ray.o, ray.d, distance, sampler, active)
-        value *= media.transmittance(point, lit.towards, lit.gap_m, sampler, active)
-        self.deposit(result._replace(value=value, active=active & carries_light(value)))
+        value *= media.transmittance(ray, distance, sampler, active)
+        value *= media.transmittance(mi.Ray3f(point, lit.towards), lit.gap_m, sampler, active)
+        self.deposit(template._replace(value=value, active=active & carries_light(value)))
 
     def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
         """Density with which a flight ends there by a collision, as far as it has a closed form."""
         media = self.world.media
-        return media.extinction_at(point) * media.closed_form_transmittance(ray.o, ray.d, distance)
+        return media.extinction_at(point) * media.closed_form_transmittance(ray, distance)
 
-    def _see(self, lane: UInt, result: Contribution, sampler: Sampler) -> None:
+    def _see(self, lane: UInt, template: Contribution, sampler: Sampler) -> None:
         """Deposit the light that shines straight onto a detector from lamps that none runs into."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
@@ -205,39 +202,28 @@ class Gather:
             lit = light.seen_from(middle, sampler)
             position = mi.Point3f(middle + lit.towards * lit.gap_m)
             end = self.sensor.connect(lane, position, sampler)
-            value = lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.rate
+            value = (
+                lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.samples_jit
+            )
             active = carries_light(value)
             value *= self.world.geometry.between(middle, lit.towards, lit.gap_m, active)
-            value *= self.world.media.transmittance(middle, lit.towards, lit.gap_m, sampler, active)
-            self.deposit(result._replace(value=value, active=active & carries_light(value)))
+            value *= self.world.media.transmittance(
+                mi.Ray3f(middle, lit.towards), lit.gap_m, sampler, active
+            )
+            self.deposit(template._replace(value=value, active=active & carries_light(value)))
 
-    def _leave(self, here: Vertex, turn: Turn, path: _Path) -> None:
+    def _leave(self, here: Vertex, turn: Turn, path: _GatherState) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
         path.before = dr.select(turn.straight, path.before, here.point)
         density = dr.select(turn.specular, dr.inf, turn.forward)
         path.density = dr.select(turn.straight, path.density, density)
-        path.vertex += dr.select(turn.straight, 0, 1)
-        path.crossings += dr.select(turn.straight, 1, 0)
-        path.ray = turn.ray
-
-    def _roulette(
-        self, turn: Turn, path: _Path, scale: Float, limit: UInt, sampler: Sampler
-    ) -> None:
-        """End paths that carry little, without bias, and those that are too long."""
-        survival = dr.select(
-            (path.vertex <= ROULETTE_VERTEX) | turn.straight,
-            1,
-            dr.minimum(path.beta * scale / ENDING, 1),
-        )
-        path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
-        path.active &= (path.vertex <= limit + 1) & (path.crossings <= MAX_CROSSINGS)
-        path.beta *= dr.rcp(survival)
+        path.follow(turn)
 
 
-def _start(launch: Any) -> _Path:
+def _start(launch: Launch) -> _GatherState:
     beta = mi.Float(launch.beta)
-    return _Path(
+    return _GatherState(
         ray=mi.Ray3f(launch.origin, launch.direction),
         beta=beta,
         vertex=mi.UInt32(1),

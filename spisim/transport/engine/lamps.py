@@ -7,7 +7,7 @@ both ways by their densities per solid angle. Point and parallel lamps are joine
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import (
+from spisim.transport.jit import (
     Bool,
-    Distribution,
     Float,
     Interaction,
     Matrix,
-    Plugin,
+    Object,
     Point,
     Sampler,
-    Texture,
     UInt,
     Vector,
 )
@@ -64,7 +62,6 @@ class Parallel:
     distance_m: Float  # further than anything in the scene
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
-        """See `Joined`."""
         return Lit(-self.direction, self.distance_m, self.irradiance, mi.Float(dr.inf))
 
 
@@ -77,7 +74,7 @@ class Points:
     intensities: Float  # W/sr on the axis
     beams: Float  # rad from the axis: whole up to there,
     cutoffs: Float  # in proportion to the angle up to there
-    choice: Distribution  # DiscreteDistribution
+    choice: Object  # DiscreteDistribution
 
     @classmethod
     def of(
@@ -85,12 +82,12 @@ class Points:
     ) -> Points:
         """Of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
         weights = mi.Float(np.float32(powers / powers.sum()))
-        indices, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
+        points, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
         strengths = mi.Float(np.float32(intensities))
         beams, cutoffs = (mi.Float(np.float32(each)) for each in angles.T)
-        dr.make_opaque(indices, headings, strengths, beams, cutoffs, weights)
+        dr.make_opaque(points, headings, strengths, beams, cutoffs, weights)
         choice = mi.DiscreteDistribution(weights)
-        return cls(indices, headings, strengths, beams, cutoffs, choice)
+        return cls(points, headings, strengths, beams, cutoffs, choice)
 
     def choose(self, sampler: Sampler) -> tuple[UInt, Point]:
         """Number and position of a lamp."""
@@ -98,7 +95,6 @@ class Points:
         return number, dr.gather(mi.Point3f, self.positions, number)
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
-        """See `Joined`."""
         number, position = self.choose(sampler)
         return self.chosen_from(number, position, vertex)
 
@@ -127,8 +123,8 @@ class Areas:
     meshes: Meshes
     radiances: Float  # of every triangle of the meshes, W/(m² sr)
     corners: Point  # of those that shine
-    edges: tuple[Any, Any]
-    choice: Distribution  # DiscreteDistribution
+    edges: tuple[Vector, Vector]
+    choice: Object  # DiscreteDistribution
     total: Float  # Σ radiance · area
 
     @classmethod
@@ -144,16 +140,15 @@ class Areas:
         sides = tuple(mi.Vector3f(np.float32(edge.T)) for edge in edges)
         dr.make_opaque(weights, table, points, *sides)
         total = dr.opaque(mi.Float, float(strengths.sum()))
-        return cls(meshes, table, points, (sides[0], sides[1]),
-                   mi.DiscreteDistribution(weights), total)  # fmt: skip
+        choice = mi.DiscreteDistribution(weights)
+        return cls(meshes, table, points, (sides[0], sides[1]), choice, total)
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
-        """See `Joined`."""
         number = self.choice.sample(sampler.next_1d())
-        position = mi.warp.square_to_uniform_triangle(sampler.next_2d())
+        uv = mi.warp.square_to_uniform_triangle(sampler.next_2d())
         first, second = (dr.gather(mi.Vector3f, edge, number) for edge in self.edges)
         corner = dr.gather(mi.Point3f, self.corners, number)
-        towards, gap_m = direction_to(vertex, corner + first * position.x + second * position.y)
+        towards, gap_m = direction_to(vertex, corner + first * uv.x + second * uv.y)
         cosine = -dr.dot(dr.normalize(dr.cross(first, second)), towards)
         irradiance = dr.select(cosine > 0, self.total * cosine / (gap_m * gap_m), 0)
         fraction = self.choice.eval_pmf_normalized(number)
@@ -190,8 +185,8 @@ class Surround:
     """
 
     shape: tuple[int, int]
-    picture: Texture  # mi.Texture2f of a column more at either side
-    choice: Distribution  # DiscreteDistribution
+    picture: Object  # mi.Texture2f of a column more at either side
+    choice: Object  # DiscreteDistribution
     to_world: Matrix
     to_local: Matrix
     distance_m: Float
@@ -201,7 +196,7 @@ class Surround:
         """Radiance (h, w); `to_world` (3, 3)."""
         height, width = radiance.shape
         padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)
-        texture: Plugin = mi.Texture2f
+        texture: Object = mi.Texture2f
         picture = texture(
             mi.TensorXf(padded[..., None]),
             wrap_mode=dr.WrapMode.Clamp,
@@ -217,12 +212,11 @@ class Surround:
         return cls((height, width), picture, choice, turn, back, far)
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
-        """See `Joined`."""
         height, width = self.shape
-        cell, position = self.choice.sample(sampler.next_1d()), sampler.next_2d()
+        cell, square = self.choice.sample(sampler.next_1d()), sampler.next_2d()
         top, below = (dr.cos(dr.pi / height * mi.Float(cell // width + k)) for k in (0, 1))
-        cosine = dr.lerp(top, below, position.y)
-        azimuth = dr.two_pi / width * (mi.Float(cell % width) + position.x)
+        cosine = dr.lerp(top, below, square.y)
+        azimuth = dr.two_pi / width * (mi.Float(cell % width) + square.x)
         sine, (up, along) = dr.safe_sqrt(1 - cosine * cosine), dr.sincos(azimuth)
         towards = self.to_world @ mi.Vector3f(sine * along, sine * up, cosine)
         met = self.met(towards)

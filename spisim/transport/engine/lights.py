@@ -10,7 +10,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
-from spisim.transport.jit_types import Distribution, Float, Point, Ray, Sampler, UInt, Vector
+from spisim.transport.jit import Float, Object, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
@@ -24,9 +24,9 @@ class Lamp:
 
     projector: Projector
     fractions: Float  # of the power, by virtual pixel
-    pixels: Distribution  # drawn in proportion to it
+    pixels: Object  # drawn in proportion to it
     samples: int
-    rate: Float  # see `Projector`
+    samples_jit: Float  # see `Projector`
     cells: int | None
 
     @classmethod
@@ -36,8 +36,8 @@ class Lamp:
         """`power` (H, W) of each virtual pixel, in any unit."""
         fractions = mi.Float((power / power.sum()).astype(np.float32).ravel())
         dr.make_opaque(fractions)
-        pixels, rate = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
-        return cls(Projector.of(view, 1), fractions, pixels, samples, rate, cells)
+        pixels, samples_jit = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
+        return cls(Projector.of(view, 1), fractions, pixels, samples, samples_jit, cells)
 
     @property
     def lanes(self) -> int:
@@ -46,7 +46,7 @@ class Lamp:
     @property
     def paths(self) -> Float:
         """Paths of a launch that may reach one and the same detector."""
-        return self.rate
+        return self.samples_jit
 
     @property
     def middle(self) -> Point:
@@ -58,7 +58,7 @@ class Lamp:
 
     def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         index = lane // (self.cells or 1)
-        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
+        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.samples_jit)
         ray, _ = self.projector.pencil(pixel, sampler)
         importance = self.projector.importance_of(ray.d) * dr.gather(
             mi.Float, self.fractions, pixel
@@ -66,10 +66,10 @@ class Lamp:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=dr.rcp(self.rate),
+            beta=dr.rcp(self.samples_jit),
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
-            state=importance * self.rate,
+            state=importance * self.samples_jit,
             cell=self.cell(lane),
         )
 
@@ -79,16 +79,15 @@ class Lamp:
     def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
         importance = end.importance * dr.gather(mi.Float, self.fractions, end.cell)
-        return end._replace(importance=importance, density=importance * self.rate, cell=None)
+        return end._replace(importance=importance, density=importance * self.samples_jit, cell=None)
 
     def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
         weight = dr.gather(mi.Float, self.fractions, pixel) * self.projector.pixels
-        return RandomRay(ray, weight, weight * self.rate, None)
+        return RandomRay(ray, weight, weight * self.samples_jit, None)
 
     def random_ray_density(self, direction: Vector, lens: Point) -> Float:
-        """See `Projector`."""
         return self.projector.random_ray_density(direction, lens)
 
     def choose(self, lane: UInt, sampler: Sampler) -> UInt:
@@ -96,12 +95,11 @@ class Lamp:
         return mi.UInt32(0)
 
     def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        """See `connect`."""
         return self.connect(number, vertex, sampler)
 
-    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that lies in the field."""
-        return self.projector.overlap(ray, reach)
+        return self.projector.overlap(ray, far)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import drjit as dr
+import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.ends import Connection
-from spisim.transport.jit_types import Bool, Float, Interaction, Point, Ray, Sampler, UInt, Vector
+from spisim.transport.engine.lights import Lamp
+from spisim.transport.jit import Bool, Float, Interaction, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.mirrors import Fold, reflected
 from spisim.transport.world import World
 
@@ -21,16 +24,14 @@ class Straight:
     """An end where it is."""
 
     world: World
-    end: End
+    end: Detectors | Lamp
 
     def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        """See `Detectors`."""
         end: Connection = self.end.connect_to(number, vertex, sampler)
         return end
 
-    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
-        """See `Detectors`."""
-        near, far = self.end.overlap(number, ray, reach)
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
+        near, far = self.end.overlap(number, ray, far)
         return near, far
 
     def transmission(
@@ -45,7 +46,9 @@ class Straight:
     ) -> Float:
         """Fraction of light that gets from a vertex, `si` or a `point` in fog, to the end."""
         clear = self.world.geometry.transmission(si, point, towards, gap_m, in_fog, active)
-        return clear * self.world.media.transmittance(point, towards, gap_m, sampler, active)
+        return clear * self.world.media.transmittance(
+            mi.Ray3f(point, towards), gap_m, sampler, active
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,20 +56,17 @@ class Mirrored:
     """The image of an end behind the planes of a fold (the method of images)."""
 
     world: World
-    end: End
+    end: Detectors | Lamp
     fold: Fold
 
     def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        """See `ends`."""
         return self._image(self.end.connect(lane, self.fold.image_of_vertex(vertex), sampler))
 
     def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        """See `Detectors`."""
         return self._image(self.end.connect_to(number, self.fold.image_of_vertex(vertex), sampler))
 
-    def overlap(self, number: UInt, ray: Ray, reach: Float) -> tuple[Float, Float]:
-        """See `Detectors`."""
-        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), reach)
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
+        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), far)
         return near, far
 
     def transmission(

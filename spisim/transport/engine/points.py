@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.jit_types import Bool, Float, Point2, UInt
+from spisim.transport.jit import Bool, Float, Point2, UInt
 
 #: Steps of Pascal's matrix modulo 2, which makes Sobol's second dimension of the first.
 _PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))

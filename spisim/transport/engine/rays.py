@@ -13,10 +13,9 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection, Projector
-from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import Bool, Float, Point, Ray, Sampler
+from spisim.transport.geometry import EquiAngular, direction_to
+from spisim.transport.jit import Bool, Float, Point, Ray, Sampler
 from spisim.transport.world import World
 
 
@@ -41,22 +40,22 @@ class FogRays:
         inside = active & (extinction > 0)
         phase = media.phase(medium, point, ray.d, towards, inside)
         clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
-        through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
-        given = media.closed_form_transmittance(ray.o, ray.d, distance)
-        biased = media.flight_density(ray.o, ray.d, distance, medium, inside, mi.Float(0))
-        position = angular.density(distance)
+        through = media.transmittance(ray, distance, sampler, clear > 0)
+        given = media.closed_form_transmittance(ray, distance)
+        biased = media.flight_density(ray, distance, medium, inside, mi.Float(0))
+        picked = angular.density(distance)
         strength = (
-            clear * through * media.albedo(medium) * extinction * phase / (position * gap * gap)
+            clear * through * media.albedo(medium) * extinction * phase / (picked * gap * gap)
         )
         end = Connection(
             point=point,
             importance=dr.select(inside, weight * strength, 0),
-            density=launched * given * biased * extinction * phase / (position * gap * gap),
+            density=launched * given * biased * extinction * phase / (picked * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,
         )
-        return end, density * position / (distance * distance * extinction)
+        return end, density * picked / (distance * distance * extinction)
 
     def density(self, ray: Ray, distance: Float, second: Point) -> Float:
         """Number density with which `connect` picks the place `distance` along a ray, seen from

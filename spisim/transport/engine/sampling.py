@@ -37,14 +37,14 @@ class ErrorMetric:
 
 
 @dataclass(frozen=True, eq=False)
-class Paths:
+class PathBudget:
     """A fixed number of paths per cell (virtual pixel, beam) and strategy.
 
     One launch costs less than several, but gives no standard error.
     """
 
-    per_cell: int
-    launches: int = MIN_LAUNCHES  # at least
+    samples: int
+    min_launches: int = MIN_LAUNCHES
     error_metric: ErrorMetric | None = None
 
 
@@ -58,13 +58,13 @@ class TargetError:
 
     target: float
     error_metric: ErrorMetric
-    first: float = 1
-    maximum: int = 2**20
-    launches: int = MIN_LAUNCHES  # at least
+    first_samples: float = 1
+    max_samples: int = 2**20
+    min_launches: int = MIN_LAUNCHES
     growth: float = 1.0
 
 
-SamplingBudget = Paths | TargetError
+SamplingBudget = PathBudget | TargetError
 #: Paths per cell, seeds, and estimates side by side.
 Launch = Callable[[float, Sequence[int], int], Sums]
 
@@ -142,19 +142,21 @@ def repeat(
     """
     maximum = max(1, MAX_LANES // (cells * replicas))
     running, dropped = _Running(budget.error_metric), 0
-    if isinstance(budget, Paths):
-        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // maximum)) // replicas)
-        samples: float = max(1, round(budget.per_cell / launches))
+    if isinstance(budget, PathBudget):
+        launches = replicas * -(
+            -max(budget.min_launches, -(-budget.samples // maximum)) // replicas
+        )
+        samples: float = max(1, round(budget.samples / launches))
     else:
-        launches = budget.launches
-        samples = min(budget.first, maximum)
-    done, beside = 0.0, min(replicas, launches)
+        launches = budget.min_launches
+        samples = min(budget.first_samples, maximum)
+    done, estimates = 0.0, min(replicas, launches)
     for step in count():
-        values, unsummed = launch(samples, _seeds(seed, step), beside)
+        values, unsummed = launch(samples, _seeds(seed, step), estimates)
         dropped += unsummed
-        for each in _split(values, beside):
+        for each in _split(values, estimates):
             running.add(each, samples)
-        if isinstance(budget, Paths):
+        if isinstance(budget, PathBudget):
             done = running.count / launches
         else:
             done = max(done, _fraction_done(budget, running))
@@ -165,10 +167,12 @@ def repeat(
         if isinstance(budget, TargetError) and running.count >= launches:
             minimum = min(running.weight / 3, MIN_LANES / cells)
             missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), minimum)
-            beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
-            fraction = missing / beside
+            estimates = min(replicas, max(1, math.ceil(missing / min(budget.first_samples, 1))))
+            wanted = missing / estimates
             samples = (
-                budget.first if fraction <= budget.first < 1 else min(math.ceil(fraction), maximum)
+                budget.first_samples
+                if wanted <= budget.first_samples < 1
+                else min(math.ceil(wanted), maximum)
             )
     if dropped:
         warnings.warn(
@@ -189,11 +193,11 @@ def replicas_of(cells: int) -> int:
 
 def _fraction_done(budget: TargetError, running: _Running) -> float:
     """Share of the paths that it will take, as far as is known."""
-    if running.weight >= budget.maximum:
+    if running.weight >= budget.max_samples:
         return 1.0
     fraction = (budget.target / max(running.size(), budget.target)) ** 2
-    if running.count < budget.launches:
-        return float(min(fraction, running.count / budget.launches))
+    if running.count < budget.min_launches:
+        return float(min(fraction, running.count / budget.min_launches))
     return float(fraction)
 
 

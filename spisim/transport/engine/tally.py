@@ -14,7 +14,7 @@ from scipy.constants import c
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
-from spisim.transport.jit_types import Bool, Float, UInt
+from spisim.transport.jit import Bool, Float, UInt
 
 #: Parts that the light can be split into, by how often it was scattered in fog.
 ORDERS = ("unscattered", "single", "multiple")
@@ -63,11 +63,9 @@ class ImageTally:
         self._sum = Accumulator(cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         self._sum.add(light.value, light.cell, light.active)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         return {"image": self._sum.read().reshape(replicas, -1)}
 
 
@@ -81,15 +79,13 @@ class PhasorTally:
         self._sum = Accumulator(2 * len(frequencies_hz) * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         for number, wave_number in enumerate(self._wave_numbers):
             sine, cosine = dr.sincos(wave_number * light.length_m)
-            position = 2 * (light.cell * len(self._wave_numbers) + number)
-            self._sum.add(light.value * cosine, position, light.active)
-            self._sum.add(light.value * sine, position + 1, light.active)
+            index = 2 * (light.cell * len(self._wave_numbers) + number)
+            self._sum.add(light.value * cosine, index, light.active)
+            self._sum.add(light.value * sine, index + 1, light.active)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         shape = (replicas, -1, len(self._wave_numbers), 2)
         return {"phasors": self._sum.read().reshape(shape)}
 
@@ -147,11 +143,10 @@ class HistogramTally:
             self._size = size
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         near = self._bins.near
-        position = dr.minimum(light.length_m / self._bins.width_m, near - 1)
-        low = dr.minimum(mi.UInt32(position), near - 2)
-        upper = position - mi.Float(low)
+        bin_ = dr.minimum(light.length_m / self._bins.width_m, near - 1)
+        low = dr.minimum(mi.UInt32(bin_), near - 2)
+        upper = bin_ - mi.Float(low)
         if self._bins.far_m:
             beyond = light.active & (light.length_m > (near - 1) * self._bins.width_m)
             between, fraction = self._far(light.length_m, beyond)
@@ -171,7 +166,6 @@ class HistogramTally:
         return low + (self._bins.near - 1), dr.minimum((length_m - start) / (stop - start), 1)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         return {"histogram": self._sum.read().reshape(replicas, -1, self._bins.count)}
 
 
@@ -187,12 +181,10 @@ class OrderTally:
         self._parts = make(len(ORDERS) * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         order = dr.minimum(light.scatterings, len(ORDERS) - 1)
         self._parts.add(light._replace(cell=order * self._cells + light.cell))
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         sums: dict[str, Floats] = {}
         for name, values in self._parts.read(len(ORDERS) * replicas).items():
             parts = values.reshape(len(ORDERS), replicas, *values.shape[1:]).swapaxes(0, 1)
@@ -211,7 +203,6 @@ class Tallies:
         self._check = Check(replicas * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         cell = light.cell + light.replica * self._cells
         passed = self._check.passed(light.value, light.length_m, cell, light.active)
         for tally in self._tallies:

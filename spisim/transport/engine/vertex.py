@@ -8,11 +8,11 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.geometry import Geometry
-from spisim.transport.jit_types import (
+from spisim.transport.jit import (
     Bool,
-    Context,
     Float,
     Interaction,
+    Object,
     Point,
     Point2,
     Ray,
@@ -49,7 +49,7 @@ class Vertex(NamedTuple):
 
     geometry: Geometry
     media: Media
-    context: Context
+    context: Object
     si: Interaction
     medium: UInt
     point: Point
@@ -98,7 +98,9 @@ class Vertex(NamedTuple):
     def transmission(self, towards: Vector, gap: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `gap` away, past surfaces and through media."""
         clear = self.geometry.transmission(self.si, self.point, towards, gap, self.in_fog, active)
-        through = self.media.transmittance(self.point, towards, gap, sampler, active & (clear > 0))
+        through = self.media.transmittance(
+            mi.Ray3f(self.point, towards), gap, sampler, active & (clear > 0)
+        )
         return clear * through
 
     def _backward(self, local: Vector, active: Bool) -> Float:

@@ -8,19 +8,19 @@ whether the path has passed straight through a surface before. Its share there f
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
-from spisim.transport.jit_types import Bool, Float, UInt
+from spisim.transport.jit import Bool, Float, UInt
 
 
 class Weight(NamedTuple):
     """Of one strategy: in which light it has a part, and how large its share is there."""
 
-    part: Callable[[Any, Any], Any]  # (vertex, crossed)
-    fraction: Callable[[Any, Any], Any]  # (others, vertex)
+    part: Callable[[UInt, Bool], Bool]  # (vertex, crossed)
+    fraction: Callable[[Float, UInt], Float]  # (others, vertex)
 
 
 def _all(vertex: UInt, crossed: Bool) -> Bool:

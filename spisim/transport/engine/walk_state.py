@@ -34,7 +34,12 @@ from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import carries_light
 from spisim.transport.engine.vertex import Lobe, Turn
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit_types import Bool, Float, Point, Ray, UInt
+from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
+
+#: Russian roulette starts here; before, a path that carries little is still worth its cost.
+ROULETTE_VERTEX = 5
+#: Surfaces that a path passes straight through, all in all.
+MAX_CROSSINGS = 64
 
 
 class Ratio(NamedTuple):
@@ -96,25 +101,25 @@ class Densities:
         self, rays: FogRays, start: Float, point: Point, lobe: Lobe, ratio: Ratio, second: Bool
     ) -> Float:
         """R S where the walk comes from the projector, along the ray `start`, to `point`."""
-        position = rays.density(start, self.start_m, point)
-        reach = dr.select(self.before_forward > 0, self._over_segment(position), 0)
-        self.bridge = dr.select(second, reach, self.bridge)
+        density = rays.density(start, self.start_m, point)
+        bridge = dr.select(self.before_forward > 0, self._over_segment(density), 0)
+        self.bridge = dr.select(second, bridge, self.bridge)
         at_second = quotient(self.bridge, lobe.backward)
         return ratio.per_m2 * dr.select(second, at_second, self.bridge)
 
     def bridge_inward(self, rays: FogRays, lens: Point, point: Point, in_fog: Bool) -> Float:
         """S where the walk comes from the detector and `point` is connected to the `lens`."""
         direction, gap = direction_to(lens, point)
-        position = rays.density(mi.Ray3f(lens, direction), gap, self.before)
-        reach = quotient(self._over_segment(position), self.before_forward * gap * gap)
-        return dr.select(in_fog, reach, 0)
+        density = rays.density(mi.Ray3f(lens, direction), gap, self.before)
+        bridge = quotient(self._over_segment(density), self.before_forward * gap * gap)
+        return dr.select(in_fog, bridge, 0)
 
-    def footprint(self, position: Float) -> Float:
+    def footprint(self, density: Float) -> Float:
         """Density of a picked `position`, by its solid angle from the end, over the walk's.
 
         Times the cosine towards the end over that of arrival.
         """
-        return quotient(position * self.segment_m * self.segment_m, self.before_forward)
+        return quotient(density * self.segment_m * self.segment_m, self.before_forward)
 
     def leave(self, turn: Turn, in_fog: Bool, first: Bool) -> None:
         """Turn at a vertex. The same delta is in both densities of a specular one, which cannot be
@@ -146,20 +151,48 @@ class Densities:
 
 
 @dataclass
-class Path:
+class PathState:
     """One path per lane, on its way to vertex number `vertex`."""
 
     ray: Ray
     beta: Float  # weight
-    length_m: Float
-    scatterings: UInt
     vertex: UInt
     crossings: UInt  # surfaces passed straight through
     active: Bool
+
+    def follow(self, turn: Turn) -> None:
+        """Take the next direction."""
+        self.vertex += dr.select(turn.straight, 0, 1)
+        self.crossings += dr.select(turn.straight, 1, 0)
+        self.ray = turn.ray
+
+    def roulette(
+        self, turn: Turn, scale: Float, ending: float, max_vertices: UInt, sampler: Sampler
+    ) -> None:
+        """End paths that carry little, without bias, and those that are too long.
+
+        What survives carries `ending` of its start: no weight ever grows beyond that.
+        """
+        survival = dr.select(
+            (self.vertex <= ROULETTE_VERTEX) | turn.straight,
+            1,
+            dr.minimum(self.beta * scale / ending, 1),
+        )
+        self.active &= (sampler.next_1d(self.active) < survival) & carries_light(self.beta)
+        self.active &= (self.vertex <= max_vertices) & (self.crossings <= MAX_CROSSINGS)
+        self.beta *= dr.rcp(survival)
+
+
+@dataclass
+class WalkState(PathState):
+    """A path of `Walk`."""
+
+    length_m: Float
+    scatterings: UInt
     densities: Densities
 
     @classmethod
-    def start(cls, launch: Launch, limit: UInt) -> Path:
+    def start(cls, launch: Launch, limit: UInt) -> WalkState:
         """At an end, if it may have as many vertices as one."""
         beta = mi.Float(launch.beta)
         return cls(
