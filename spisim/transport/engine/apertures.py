@@ -16,15 +16,15 @@ from spisim.transport.views import DetectorView
 
 @dataclass(frozen=True, eq=False)
 class Detectors:
-    """Disc apertures with a conical field of view; every lane has its own one.
+    """Disc apertures with a conical field of view; each lane has its own detector.
 
-    W(ω) = g(θ) cosθ inside the field, per unit aperture area, with g = cos^m θ: m = 0 is a hard
-    edge alone, larger m a vignetting lens. Directions are launched in proportion to cosθ,
+    W(ω) = g(θ) cosθ inside the field, per unit aperture area, with g = cos^m θ. A hard-edged field
+    has m = 0; a vignetting lens has a larger m. Directions are launched in proportion to cosθ,
     `samples` per detector and launch.
     """
 
-    positions: Point  # Point3f, one per detector, world
-    frames: Frame  # Frame3f whose n is the optical axis
+    positions: Point  # one per detector, world
+    frames: Frame  # n is the optical axis
     radius_m: Float
     sine2: Float  # sin² of the field's half angle
     vignetting: Float  # m
@@ -34,7 +34,7 @@ class Detectors:
 
     @classmethod
     def of(cls, view: DetectorView, samples: int) -> Self:
-        """Take detectors' places in the world from their numbers."""
+        """Convert a view, which holds plain numbers."""
         frames = mi.Frame3f(mi.Vector3f(view.axes.T.astype(np.float32)))
         positions = mi.Point3f(view.positions_m.T.astype(np.float32))
         dr.make_opaque(frames, positions)
@@ -55,7 +55,7 @@ class Detectors:
 
     @property
     def paths(self) -> Float:
-        """Paths of a launch."""
+        """Number of paths of a launch, as an opaque number."""
         return self.count * self.samples_jit
 
     def cell(self, lane: UInt) -> UInt:
@@ -80,7 +80,7 @@ class Detectors:
         return ray, self._launched(cosine)
 
     def _ray(self, number: UInt, square: Point2, sampler: Sampler) -> tuple[Ray, Float]:
-        """From the aperture in the direction of a point of the unit square; cosine to the axis."""
+        """Ray from the aperture towards a point of the unit square, and its cosine to the axis."""
         frame = self._frame(number)
         disc = mi.warp.square_to_uniform_disk_concentric(square) * dr.sqrt(self.sine2)
         cosine = dr.safe_sqrt(1 - dr.squared_norm(disc))
@@ -88,7 +88,7 @@ class Detectors:
         return mi.Ray3f(origin, frame.to_world(mi.Vector3f(disc.x, disc.y, cosine))), cosine
 
     def _launched(self, cosine: Float) -> Float:
-        """Weight of a path that is launched."""
+        """Weight of a launched path."""
         return dr.pi * self.sine2 / self.samples_jit * self._response(cosine)
 
     def density(self, launch: Launch, first_vertex: Point) -> Float:
@@ -99,18 +99,18 @@ class Detectors:
 
     @property
     def choices(self) -> int:
-        """Among how many detectors `choose` draws one."""
+        """Number of detectors among which `choose` draws one."""
         return 1
 
     def choose(self, lane: UInt, sampler: Sampler) -> UInt:
-        """Number of the detector that the lane's path is connected to."""
+        """Index of the detector that the lane's path is connected to."""
         return lane % self.count
 
     def _launch_cell(self, lane: UInt) -> UInt | None:
         return self.cell(lane)
 
     def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
-        """The detector that was chosen, as seen from a vertex."""
+        """Detector `number`, as seen from a vertex."""
         frame = self._frame(number)
         point = self._aperture_point(number, frame, sampler)
         towards = mi.Vector3f(vertex - point)
@@ -130,9 +130,9 @@ class Detectors:
     def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may lie in the field of a detector.
 
-        Exact for a beam that stays in the field once it has entered, as laser and detector
-        pointing the same way do; otherwise the whole of the ray. The aperture counts as widened
-        by its radius, which moves the entry closer.
+        Exact for a ray that stays in the field once it has entered, as with a laser and a detector
+        that point the same way; otherwise the whole ray. The apex is moved back by the radius of
+        the aperture, which moves the entry closer.
         """
         axis = self._frame(number).n
         apex = dr.gather(mi.Point3f, self.positions, number)
@@ -165,8 +165,8 @@ class Detectors:
 class JointDetectors(Detectors):
     """Detectors whose light adds up: a path may end in any of them.
 
-    Paths start from all in turn and are connected to one at random. Densities are per aperture
-    area of all together, which is the same factor for those that start and those that end here.
+    Paths start from all detectors in turn and are connected to one at random. Densities are per
+    total aperture area, which is the same factor for both kinds of paths.
     """
 
     @property

@@ -1,13 +1,13 @@
 """Laser pencils: ends whose paths all begin on a line.
 
-No path from a detector ever meets a pencil by chance. Detector-side paths are therefore connected
-to a point chosen *along the beam*: the surface it hits, or a point in the fog drawn
-equi-angularly about the vertex that is to be connected (Kulla & Fajardo, EGSR 2012), which
-cancels the 1/distance² between the two.
+No path from a detector meets a pencil by chance. Such a path is therefore connected to a point
+chosen *along the beam*: the surface that the beam hits, or a point in the fog. The fog point is
+drawn equi-angularly about the vertex to be connected (Kulla & Fajardo, EGSR 2012), which cancels
+the 1/distance² between the two.
 
-The beam's first vertex x₁ plays the part of a point source whose lobe is the scattering at x₁;
-`walk` then numbers vertices from x₂ on. So does a pane that a pencil passes straight through,
-which is no vertex: no path from a detector is connected to what lies behind it.
+The first vertex x₁ on the beam acts as a point source whose lobe is the scattering at x₁, so `walk`
+numbers vertices from x₂ on. A pane that a pencil passes straight through acts the same way,
+although it is no vertex: no path from a detector is connected to what lies behind it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from spisim.transport.world import World
 
 
 class _Beam(NamedTuple):
-    """One pencil of a laser: its ray, the surface it hits, and how far it stays in the scene."""
+    """One pencil of a laser: its ray, the surface it hits, and the distance to it."""
 
     ray: Ray
     si: Interaction
@@ -47,22 +47,22 @@ class _State(NamedTuple):
 class Beams:
     """Lasers in a scene and its media; rows of the accumulator are beams.
 
-    A laser of finite width and divergence is a bundle of pencils, Gaussian in angle and place;
-    every path draws one of them.
+    A laser of finite width and divergence is a bundle of pencils, Gaussian in angle and position;
+    each path draws one of them.
     """
 
     world: World
-    frames: Frame  # Frame3f whose n is the beam's axis
+    frames: Frame  # n is the beam's axis
     origins: Point
     divergence_rad: Float  # standard deviation of the angle, per axis
-    waist_m: Float  # standard deviation of the place of exit, per axis
+    waist_m: Float  # standard deviation of the exit position, per axis
     count: int
     samples: int
     samples_jit: Float  # see `Projector`
 
     @classmethod
     def of(cls, world: World, view: BeamView, samples: int) -> Beams:
-        """`samples` paths per beam and launch."""
+        """Convert a view; `samples` paths per beam and launch."""
         origins = mi.Point3f(view.origins_m.T.astype(np.float32))
         frames = mi.Frame3f(mi.Vector3f(view.directions.T.astype(np.float32)))
         dr.make_opaque(origins, frames)
@@ -78,7 +78,7 @@ class Beams:
         )
 
     def times(self, factor: int) -> Beams:
-        """The same with so many times the paths."""
+        """The same beams with `factor` times the paths."""
         return replace(self, samples=factor * self.samples, samples_jit=factor * self.samples_jit)
 
     @property
@@ -186,7 +186,7 @@ class Beams:
         return _Beam(ray, *self.world.first_surface(ray))
 
     def _arrival(self, ray: Ray, point: Point, distance: Float, in_fog: Bool) -> Float:
-        """Density of x₁ in free flight, as far as it has a closed form.
+        """Closed-form factors of the density of x₁ in free flight.
 
         Per metre in fog, a probability on the surface.
         """
@@ -194,7 +194,7 @@ class Beams:
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
     def _fog_fraction(self, si: Interaction) -> Float:
-        """How often a detector-side path is connected to the fog rather than the surface."""
+        """Probability of connecting a detector's path to the fog rather than to the surface."""
         if not self.world.media.parts:
             return mi.Float(0)
         return dr.select(si.is_valid(), 0.5, 1)

@@ -1,7 +1,7 @@
-"""Light scattered once: by the surface that a ray meets, and along its way through fog.
+"""Light scattered once, by the first surface on a ray or by the fog before it.
 
-Nothing about these paths is left to chance but the place on the ray: the transmittance to the
-surface is known, and the fog is sampled where the other end looks.
+The only random choice is the point on the ray: the transmittance to the surface is evaluated, and
+the fog is sampled where the other end looks.
 """
 
 from __future__ import annotations
@@ -24,26 +24,26 @@ from spisim.transport.jit import Bool, Float, Interaction, Object, Point, Ray, S
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
-#: Ends whose rays are followed, and ends that these are connected to.
+#: Ends whose rays are followed, and ends that the rays are connected to.
 Source = Projector | Beams | Detectors
 Sink = Detectors | Lamp
-#: Numbers, cells, replicas, and random numbers.
+#: Lane indices, cells, replicas, and random numbers.
 Lanes = tuple[UInt, UInt, UInt, Points]
 
 
-#: How the other end is seen from there.
+#: How the ray's points see the other end.
 LineOfSight = Straight | Mirrored
-#: Deposits a value, its path length, how often fog scattered it, and in which lanes.
+#: Deposits a value with its path length and number of scatterings, in some lanes.
 Add = Callable[[Float, Float, int, Bool], None]
 
 
 class Pencil(NamedTuple):
-    """A ray, the surface it meets, how far it goes, and which of the other ends looks at it."""
+    """A ray, the first surface it meets, the distance to it, and the index of the other end."""
 
     ray: Ray
     si: Interaction
     far: Float
-    number: UInt  # of the other end
+    number: UInt
 
 
 def direct_light(
@@ -51,8 +51,8 @@ def direct_light(
 ) -> None:
     """Deposit what each lane's ray sends to the other end by scattering once.
 
-    The ray is followed to the first surface, be it a pane or not. The end with the narrower field
-    is the one to follow rays from: they should lie in the field of the other.
+    The ray is followed to the first surface, pane or not. Follow rays from the end with the
+    narrower field, so that they lie in the field of the other.
     """
     lanes = low_discrepancy(this, replicas, seed)
     _along_rays(world, this, Straight(world, other), lanes, deposit)
@@ -61,13 +61,14 @@ def direct_light(
 def direct_light_in_mirrors(
     world: World, this: Beams, other: Detectors, seed: int, deposit: Deposit, *, replicas: int = 1
 ) -> None:
-    """Deposit what each lane's ray scatters once, as mirrors and smooth coats show it.
+    """Deposit what each lane's ray scatters once and mirrors or smooth coats reflect.
 
-    No path from the other end finds it: a mirror does not lead one onto a laser's ray.
+    No path from the other end finds this light, because a mirror does not lead one onto a laser's
+    ray.
     """
     if world.smooth is None:
         return
-    lanes = low_discrepancy(this, replicas, seed ^ 3)  # others
+    lanes = low_discrepancy(this, replicas, seed ^ 3)  # another stream
     sampler = lanes[-1]
     fold = world.smooth.choose_any(sampler.next_1d(), sampler)
     _along_rays(world, this, Mirrored(world, other, fold), lanes, deposit)
@@ -84,14 +85,14 @@ def mirrored_light(
 ) -> None:
     """Deposit the light that plane mirrors throw from the source straight onto a detector.
 
-    The detector's response is taken in the direction of the middle of the source's lens.
+    The detector's response is evaluated towards the middle of the source's lens.
     """
     if world.mirrors is None:
         return
-    lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # others
-    random: Any = mi.sample_tea_float32  # whose stubs take Python's numbers alone
+    lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # another stream
+    random: Any = mi.sample_tea_float32  # its stubs accept Python numbers alone
     turn = (mi.Float(lane) + 0.5) / source.lanes + random(replica, dr.opaque(mi.UInt32, seed))
-    fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # all planes in turn
+    fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # stratified over all planes
     number = detectors.choose(lane, sampler)
     end = Mirrored(world, detectors, fold).connect_to(number, source.middle, sampler)
     response = end.importance * dr.squared_norm(source.middle - end.point)
@@ -125,7 +126,7 @@ def _along_rays(
 def _off_surface(
     world: World, pencil: Pencil, view: LineOfSight, sampler: Sampler, add: Add
 ) -> Point:
-    """Light that the surface scatters; returns the place of the other end that it goes to."""
+    """Deposit what the surface scatters; returns the point of the other end that it goes to."""
     ray, si, far, number = pencil
     end = view.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
@@ -142,10 +143,10 @@ def _off_surface(
 def _off_fog(
     world: World, pencil: Pencil, view: LineOfSight, far_point: Point, sampler: Sampler, add: Add
 ) -> None:
-    """Light that the fog scatters, at one point per lane where the other's field covers the ray.
+    """Deposit light scattered by fog, at one point per lane where the other's field covers the ray.
 
-    Equi-angular about the other end, which is right near the instrument, or uniform, which is right
-    far away.
+    The point is drawn equi-angularly about the other end, which suits fog near the instrument, or
+    uniformly, which suits fog far away.
     """
     media = world.media
     ray, si, far, number = pencil
@@ -169,13 +170,13 @@ def _off_fog(
 
 
 def surface_context(other: Sink) -> Object:
-    """Light that goes to detectors leaves the surface; else it is followed against its way."""
+    """Importance where light leaves for a detector, radiance where it is followed backwards."""
     outward = isinstance(other, Detectors)
     return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
 
 
 def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> Lanes:
-    """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
+    """Lanes, their cells and replicas, with a Sobol sequence for each cell and replica."""
     number: UInt = dr.arange(mi.UInt32, replicas * this.lanes)
     count = dr.opaque(mi.UInt32, replicas)
     lane, replica = number // count, number % count

@@ -1,18 +1,19 @@
-"""Light scattered once by fog and once by a surface: what blurs an image first, and most.
+"""Light scattered once by fog and once by a surface, which dominates the blur of an image.
 
-A walk finds it by chance: it seldom collides in thin fog, and one from the detector brings it to
-any pixel. Here rays of pixels and lasers are followed instead, and nothing is left to chance but
-where on its way, and by how much, the fog bends the light:
+Walks sample this light badly: they seldom collide in thin fog, and a walk from the detector brings
+it to any pixel. Here the rays of pixels and lasers are followed instead. The only random choices
+are where and by how much the fog bends the light:
 
-* **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
-  end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
-  phase function's own (joint importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). What
-  the two inverse squared distances and the phase function would scatter then cancels: what is left
-  is at most π times what it is for a small bend anywhere on the line, times what the surface does.
-* **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
+* **Behind the surface.** From the surface S that a ray meets, via the fog at X, to the other end D.
+  X lies at t along the line SD, offset so that the bend follows the phase function (joint
+  importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). This cancels the two inverse
+  squared distances and the phase function: the rest is at most π times its value for a small bend
+  anywhere on the line, times the BSDF of the surface.
+* **In front of it.** X is anywhere on the ray, the bend follows the phase function, and S is the
+  surface that the bent ray meets.
 
-The first takes X between the planes through S and D across their line. All other light of this kind
-is left to the walks.
+The first covers X between the planes through S and D across their line. All other light of this
+kind is left to the walks.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from spisim.transport.geometry import direction_to
 from spisim.transport.jit import Bool, Float, Interaction, Point, Sampler
 from spisim.transport.world import World
 
-#: Extinction below which a ray's fog counts as being the same all along, 1/m.
+#: Below this extinction (1/m) the fog of a ray counts as uniform.
 THIN_PER_M = 1e-4
 
 
@@ -44,7 +45,7 @@ def double_scattering_light(
     replicas: int = 1,
 ) -> None:
     """Deposit what each lane's ray sends to the other end by way of fog and a surface."""
-    lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # other numbers
+    lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # another stream
     ray, weight = this.pencil(lane, points)
     pencil = Pencil(ray, *world.first_surface(ray), other.choose(lane, points))
     for light in (_behind_surface, _before_surface):
@@ -53,9 +54,9 @@ def double_scattering_light(
 
 
 def estimated_along_rays(first: Point, second: Point, end: Point, surface_first: Bool) -> Bool:
-    """Whether `double_scattering_light` adds light of two vertices, ordered from the projector.
+    """Whether `double_scattering_light` covers light of two vertices, ordered from the projector.
 
-    One of them is on a surface that scatters, the other in fog.
+    One of them lies on a surface that scatters, the other in fog.
     """
     between = (dr.dot(second - first, end - first) > 0) & (dr.dot(second - end, first - end) > 0)
     return ~surface_first | between
@@ -64,10 +65,10 @@ def estimated_along_rays(first: Point, second: Point, end: Point, surface_first:
 def _behind_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
 ) -> tuple[Float, Float, Bool]:
-    """Value, path length and lanes of what the surface sends on by way of the fog."""
+    """Value, path length and lanes of light that goes from the surface through the fog."""
     ray, si, far, number = pencil
     media = world.media
-    aperture = points.again()  # the same place on it, from wherever
+    aperture = points.again()  # the same point on the aperture for both connections
     end = other.connect_to(number, si.p, points).point
     axis, length_m = direction_to(si.p, end)
     choice = points.next_1d()
@@ -107,7 +108,7 @@ def _behind_surface(
 def _before_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
 ) -> tuple[Float, Float, Bool]:
-    """The same of what the fog sends on by way of a surface."""
+    """Value, path length and lanes of light that goes from the fog to a surface."""
     ray, _, far, number = pencil
     media = world.media
     distance, density = _anywhere(media.extinction_at(ray.o), far, points)
@@ -131,9 +132,9 @@ def _before_surface(
 
 
 def _anywhere(extinction_per_m: Float, far: Float, points: Sampler) -> tuple[Float, Float]:
-    """A distance along a ray, and its density: uniform, or as light is lost where the ray begins.
+    """A distance along a ray and its density: uniform, or exponential with the local extinction.
 
-    The one is right where light goes on to a surface all the same, the other in thick fog.
+    Uniform suits light that goes on to a surface; exponential suits thick fog.
     """
     rate = dr.maximum(extinction_per_m, THIN_PER_M)
     lost = 1 - dr.exp(-rate * far)

@@ -1,15 +1,15 @@
-"""The ends of every light path, and the projector; `apertures` and `lights` have more.
+"""The ends of light paths, and the projector; `apertures`, `beams` and `lights` have more ends.
 
 An end is described by its importance W(ω): a path p → x₁ → … → xₙ → y carries the fraction
 
     W_P(ω₀) · Π (scattering · transmittance / distance²) · W_D(ωₙ)
 
 of the emitted power onto unit detector area. Paths are launched with a number density (number of
-paths x density of the direction, 1/sr) that is proportional to W, or close to it. Seen like this
-all ends are alike, and one walk serves any pair of them.
+paths x density of the direction, 1/sr) in proportion to W, or close to it. In these terms all ends
+are alike, and one walk serves any pair of them.
 
-An end offers `launch`, which starts paths, and `density`, the number density with which it did;
-`connect`, where a path of the other side may end; or both.
+An end offers `launch`, which starts paths, and `density`, the number density of these launches; or
+`connect`, where a path from the other side may end; or both.
 """
 
 from __future__ import annotations
@@ -27,37 +27,37 @@ from spisim.transport.views import ProjectorView
 
 
 class Launch(NamedTuple):
-    """Paths that leave an end: where, whereto, and W / density."""
+    """Paths that leave an end: origin, direction, and W / density."""
 
     origin: Point
     direction: Vector
     beta: Float
     length_m: Float  # optical path from the emitter to `origin`
     scatterings: UInt  # in fog, before `origin`
-    state: Any  # what `density` needs to know
-    cell: UInt  # accumulator cell, None where the other end tells it
+    state: Any  # input of `density`
+    cell: UInt  # accumulator cell, None where the other end determines it
     crossings: UInt = 0  # surfaces passed straight through before `origin`
-    replica: UInt = 0  # which of the estimates side by side the path is part of
+    replica: UInt = 0  # index of the replica that the path belongs to
 
 
 class Connection(NamedTuple):
     """An end seen from a path vertex."""
 
     point: Point  # where the path ends
-    importance: Float  # W / distance² towards the vertex; 0 where the end does not look
+    importance: Float  # W / distance² towards the vertex; 0 outside the field
     density: Float  # number density / distance² with which the end itself launches paths that way
     length_m: Float  # optical path from `point` on to the emitter
     scatterings: UInt  # in fog, from `point` on to the emitter
-    cell: UInt  # accumulator cell, None where the other end tells it
+    cell: UInt  # accumulator cell, None where the other end determines it
 
 
 class RandomRay(NamedTuple):
-    """A ray out of the whole field of an end."""
+    """A random ray from the whole field of an end."""
 
     ray: Ray
     weight: Float  # W / density
-    launched: Float  # number density of paths that are launched, over this one
-    cell: UInt  # accumulator cell, None where the other end tells it
+    launched: Float  # number density of launched paths, over this one
+    cell: UInt  # accumulator cell, None where the other end determines it
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,9 +65,9 @@ class Projector:
     """Lens whose virtual pixels emit unit power each, uniform over their image-plane area.
 
     W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
-    lens is a point, or a disc that is focused at a distance: a pixel's light then leaves all over
-    the disc towards the pixel's place in the focal plane. `samples` paths per pixel and launch, or
-    one from one of so `many` neighbours, at random.
+    lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
+    disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
+    one path per `pixels_per_sample` neighbours, from one of them at random.
     """
 
     to_world: Matrix
@@ -83,10 +83,7 @@ class Projector:
 
     @classmethod
     def of(cls, view: ProjectorView, samples: float) -> Projector:
-        """Take a projector's place in the world from its numbers.
-
-        `samples` is a whole number, or one over another that divides the number of pixels.
-        """
+        """Convert a view; `samples` is whole, or 1 / n with n a divisor of the number of pixels."""
         return cls(
             to_world=transform(view.pose),
             to_optical=transform(np.linalg.inv(view.pose)),
@@ -101,7 +98,7 @@ class Projector:
         )
 
     def times(self, factor: int) -> Projector:
-        """The same with so many times the paths: at least one of every pixel."""
+        """The same projector with `factor` times the paths: at least one per pixel."""
         samples = factor * self.samples // self.pixels_per_sample
         return replace(
             self,
@@ -120,12 +117,12 @@ class Projector:
 
     @property
     def paths(self) -> Float:
-        """Paths of a launch that may reach one and the same detector."""
+        """Paths of a launch that may reach the same detector."""
         return self.pixels * self.samples_jit
 
     @property
     def middle(self) -> Point:
-        """Of the lens."""
+        """Centre of the lens, world."""
         return self.to_world @ mi.Point3f(0)
 
     def cell(self, lane: UInt) -> UInt:
@@ -136,7 +133,7 @@ class Projector:
         return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.samples_jit)
 
     def _through(self, cell: UInt, jitter: Point2, sampler: Sampler) -> Ray:
-        """A ray through a place in a pixel."""
+        """A ray through a jittered point of a pixel."""
         height, width = self.shape
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
@@ -188,11 +185,11 @@ class Projector:
         return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
 
     def random_ray_density(self, direction: Vector, lens: Point) -> Float:
-        """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
+        """Density of `random_ray`, 1/sr, for a ray that leaves the point `lens` (world)."""
         return self.importance_towards(direction, lens) / self.pixels
 
     def ray_at(self, square: Point2, sampler: Sampler) -> tuple[Ray, UInt]:
-        """The ray through a place of the field, a point of the unit square, and its pixel."""
+        """The ray through a point of the field, given in the unit square, and its pixel."""
         height, width = self.shape
         x, y = 2 * square.x - 1, 2 * square.y - 1
         pixel = mi.UInt32(square.y * height) * width + mi.UInt32(square.x * width)
@@ -202,7 +199,7 @@ class Projector:
     def overlap(self, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that may be lit: within the four sides of the field.
 
-        |x| ≤ z tan α + r (1 + z / f) of a lens of radius r that is focused at f, and y likewise.
+        For a lens of radius r focused at f: |x| ≤ z tan α + r (1 + z / f), and y likewise.
         """
         start = self.to_optical @ mi.Point3f(ray.o)
         step = self.to_optical @ mi.Vector3f(ray.d)
@@ -222,17 +219,17 @@ class Projector:
         return near, far
 
     def _ray(self, x: Float, y: Float, sampler: Sampler) -> Ray:
-        """From a point of the lens towards (x, y) on the image plane at unit distance."""
+        """Ray from a random lens point through (x, y) on the image plane at unit distance."""
         lens = self._lens_point(sampler)
         local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
         return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
 
     def importance_of(self, direction: Vector) -> Float:
-        """W of a ray that was drawn: in the field, though rounding may put it on the edge."""
+        """W of a drawn ray, which counts as in the field even if rounding puts it on the edge."""
         return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
     def importance_towards(self, direction: Vector, lens: Point) -> Float:
-        """W of the ray that leaves the lens at a place (world); 0 outside the field."""
+        """W of the ray that leaves the point `lens` (world); 0 outside the field."""
         local = self.to_optical @ mi.Vector3f(direction)
         origin = self.to_optical @ mi.Point3f(lens)
         focal = (origin + local * (self.focus_m / local.z)) / self.focus_m

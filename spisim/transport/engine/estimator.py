@@ -1,10 +1,10 @@
 """Two-ended light transport: one image and one set of path-length histograms for all patterns.
 
-Paths from the projector and paths from the detector estimate the same light. Each strategy alone
-is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
-other, and against a third that joins a detector's path to a ray of the projector, they cover each
-other's weakness (`walk`). Light that is scattered once only, or once by fog and once by a surface,
-needs no walk: it is summed along the projector's rays (`direct`, `double_scattering`).
+Paths from the projector and paths from the detector estimate the same light. Each strategy alone is
+unbiased, but noisy where a path scatters close to the opposite end. A third strategy joins a
+detector's path to a ray of the projector. Weighted against each other, the three cover each other's
+weaknesses (`walk`). Light scattered only once, or once by fog and once by a surface, needs no walk:
+it is summed along the projector's rays (`direct`, `double_scattering`).
 """
 
 from collections.abc import Callable, Sequence
@@ -42,21 +42,21 @@ from spisim.transport.engine.weights import (
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
-#: Rays along which light scattered once is summed, for each path of a walk: a ray costs a tenth of
-#: a walk, and has a tenth to two times its variance.
+#: Rays per walk path along which singly scattered light is summed. A ray costs a tenth of a walk
+#: and has a tenth to two times its variance.
 DIRECT_RAYS = 8
-#: And light that fog and a surface scatter once each.
+#: Rays per walk path for light scattered once by fog and once by a surface.
 DOUBLE_SCATTERING_RAYS = 2
-#: Where something retro-reflects: most of what it sends back to the detector, fog scatters on the
-#: way, and few rays find that (twice as efficient for safety vests in fog of 40 m).
+#: The same where something retro-reflects: fog scatters most of its return on the way, and few rays
+#: find that (twice as efficient for safety vests in fog of 40 m).
 DOUBLE_SCATTERING_RAYS_TO_RETRO = 12
-#: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
-#: mirrors show.
+#: The same two numbers for lasers, whose spots outshine multiply scattered light. The second also
+#: applies to light by mirrors.
 SPOT_RAYS, SPOT_DOUBLE_SCATTERING_RAYS = 8, 2
 
 
 class Strategy(Enum):
-    """Which ends launch paths. `BOTH` is the estimator to use, the others are checks on it."""
+    """Which ends launch paths. `BOTH` is the estimator to use; the others are checks on it."""
 
     BOTH = "two-ended"
     PROJECTOR = "projector"
@@ -77,10 +77,9 @@ def transport_image(
 ) -> Estimate:
     """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
-    Several detectors are alike, and their light is added up.
-    `budget` counts paths per virtual pixel from each end that takes part: from both, but where
-    the world is plain. Other
-    `outputs` come under the names of `spisim.transport.engine.tally`.
+    The light of several detectors, which are alike, is added up. `budget` counts paths per virtual
+    pixel from each end that takes part: both, except in a plain world. `outputs` adds values under
+    the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
     replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
@@ -162,8 +161,8 @@ def spot_histogram(
 ) -> Estimate:
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
-    `histogram_orders` (3, beams, bins) has it split by scattering. `budget` counts paths per beam
-    from each end.
+    `histogram_orders` (3, beams, bins) splits it by scattering. `budget` counts paths per beam from
+    each end.
     """
     count = len(beams.origins_m)
     replicas = replicas_of(count)

@@ -1,7 +1,8 @@
 """In clear air: a projector's walk, connected to a surface that a detector sees.
 
-A walk rarely meets what a narrow field covers. Its vertices are therefore joined to the places
-that random rays of the detectors meet, too; only next to these places a walk gets there more often.
+A walk rarely meets what a narrow field covers. Its vertices are therefore also joined to the points
+that random rays of the detectors meet. Only close to these points does the walk itself arrive more
+often.
 """
 
 from __future__ import annotations
@@ -21,14 +22,16 @@ from spisim.transport.world import World
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """Surfaces that paths which leave an end at random meet first."""
+    """First surfaces on random paths that leave an end."""
 
     world: World
     end: JointDetectors | Lamp
 
     def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
-        """A place, joined to a `vertex`; its density per area, over cosine / distance² of the way
-        between the two."""
+        """A surface point joined to `vertex`, and its density.
+
+        Per area, over cosine / distance² of the segment between the two.
+        """
         number = dr.minimum(sampler.next_1d() * self.end.paths, self.end.paths - 1)
         lane = mi.UInt32(number)
         launch = self.end.launch(lane, sampler)
@@ -53,5 +56,5 @@ class Footprint:
         return end, launched * cosines * dr.square(gap / si.t)
 
     def density(self, end: Connection) -> Float:
-        """Number density / distance² with which it picks the vertex that the end is seen from."""
+        """Number density / distance² of picking the vertex from which `end` is seen."""
         return end.density / self.end.paths

@@ -1,11 +1,11 @@
-"""Random walk from a sensor to lamps: each vertex joined to all kinds of them.
+"""Random walk from a sensor to lamps: each vertex is joined to every kind of lamp.
 
-Light of a lamp without a size that is scattered beside it meets a 1/d² that walks have no finite
-variance for. In fog it is therefore also looked for along each segment of the walk, at a point
-that is drawn equi-angularly about the lamp (Kulla & Fajardo, EGSR 2012), and weighted against the
-collision at which the segment ends by the balance heuristic.
+Light that is scattered close to a point lamp meets a 1/d², for which walks have no finite variance.
+In fog, each segment of the walk is therefore also sampled at a point drawn equi-angularly about the
+lamp (Kulla & Fajardo, EGSR 2012). The balance heuristic weighs it against the collision at which
+the segment ends.
 
-What reaches a point or parallel lamp by mirrors and smooth glass alone no walk of this kind finds.
+Light that reaches a point or parallel lamp only by mirrors and smooth glass is not found.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from spisim.transport.geometry import EquiAngular
 from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
 from spisim.transport.world import World
 
-#: Paths are kept until they carry less than this share of their start.
+#: Roulette keeps paths until they carry less than this fraction of their start.
 ENDING = 0.25
 
 
@@ -46,7 +46,7 @@ class Gather:
     sensor: Projector | Detectors
     lamps: Lamps
     deposit: Deposit
-    replicas: int = 1  # estimates side by side, which paths take turns to be part of
+    replicas: int = 1  # independent estimates, among which paths are dealt out
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
@@ -75,7 +75,7 @@ class Gather:
     def _fly(
         self, path: _GatherState, template: Contribution, limit: UInt, sampler: Sampler
     ) -> tuple[Vertex, Float]:
-        """Follow the ray to a surface or a collision, and tell how far it could have gone.
+        """Follow the ray to a surface or a collision; also returns the distance to the surface.
 
         Paths that meet neither end here.
         """
@@ -113,7 +113,7 @@ class Gather:
         return here, far
 
     def _meet(self, met: Met, path: _GatherState, template: Contribution, active: Bool) -> None:
-        """Deposit light that the path has run into."""
+        """Deposit light of a lamp that the path has hit."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
         value = path.beta * met.radiance * fraction
@@ -129,7 +129,7 @@ class Gather:
         active: Bool,
         fraction: Float = 1,
     ) -> None:
-        """Deposit what a vertex sends on of a lamp's light."""
+        """Deposit a lamp's light that a vertex scatters."""
         lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
         balance = lit.density / (lit.density + lobe.forward)
         weight = dr.select(lit.density == dr.inf, fraction, balance)
@@ -147,7 +147,7 @@ class Gather:
         sampler: Sampler,
         active: Bool,
     ) -> None:
-        """The same of lamps without a size."""
+        """Deposit the light of point lamps that a vertex scatters."""
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
@@ -169,7 +169,7 @@ class Gather:
         sampler: Sampler,
         active: Bool,
     ) -> None:
-        """Deposit what fog on the way scatters of them, wherever the path's own flight ends."""
+        """Deposit point lamps' light that fog scatters along a ray, wherever the flight ends."""
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
@@ -189,12 +189,12 @@ class Gather:
         self.deposit(template._replace(value=value, active=active & carries_light(value)))
 
     def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
-        """Density with which a flight ends there by a collision, as far as it has a closed form."""
+        """Closed-form factors of the density with which a flight ends there by a collision."""
         media = self.world.media
         return media.extinction_at(point) * media.closed_form_transmittance(ray, distance)
 
     def _see(self, lane: UInt, template: Contribution, sampler: Sampler) -> None:
-        """Deposit the light that shines straight onto a detector from lamps that none runs into."""
+        """Deposit the direct light on a detector of lamps that no path can hit."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
         for light in (*self.lamps.parallel, *points):

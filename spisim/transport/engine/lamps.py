@@ -1,7 +1,7 @@
-"""Steady lamps, which paths from sensors are joined to, run into, or find where they leave.
+"""Steady lamps, which paths from sensors are joined to, hit, or meet on leaving the scene.
 
-A lamp that has a size is joined to a point of it, and met by chance: the balance heuristic weighs
-both ways by their densities per solid angle. Point and parallel lamps are joined alone.
+A lamp with a size is both joined at a random point and hit by chance; the balance heuristic weighs
+the two by their densities per solid angle. Point and parallel lamps can only be joined.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from spisim.transport.meshes import Meshes
 
 
 class Lit(NamedTuple):
-    """A lamp as seen from a vertex, at a point drawn from all that shines."""
+    """A lamp as seen from a vertex, at a random point of it."""
 
     towards: Vector  # unit
     gap_m: Float
@@ -40,7 +40,7 @@ class Lit(NamedTuple):
 
 
 class Met(NamedTuple):
-    """Light that a path runs into."""
+    """Light of a lamp that a path hits."""
 
     radiance: Float  # W/(m² sr)
     density: Float  # with which a join finds it, 1/sr
@@ -50,7 +50,7 @@ class Joined(Protocol):
     """Lamps that vertices are joined to."""
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
-        """One point of them, drawn at random."""
+        """One random point of them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,8 +58,8 @@ class Parallel:
     """Light from one direction."""
 
     irradiance: Float  # W/m²
-    direction: Vector  # in which it goes, unit
-    distance_m: Float  # further than anything in the scene
+    direction: Vector  # of the light, unit
+    distance_m: Float  # beyond everything in the scene
 
     def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         return Lit(-self.direction, self.distance_m, self.irradiance, mi.Float(dr.inf))
@@ -67,20 +67,20 @@ class Parallel:
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Lamps without a size, drawn in proportion to their power."""
+    """Point lamps, drawn in proportion to their power."""
 
     positions: Point
     axes: Vector
     intensities: Float  # W/sr on the axis
-    beams: Float  # rad from the axis: whole up to there,
-    cutoffs: Float  # in proportion to the angle up to there
-    choice: Object  # DiscreteDistribution
+    beams: Float  # rad from the axis: full intensity up to here,
+    cutoffs: Float  # falling linearly to 0 at this angle
+    choice: Object  # mi.DiscreteDistribution
 
     @classmethod
     def of(
         cls, positions: Floats, axes: Floats, intensities: Floats, angles: Floats, powers: Floats
     ) -> Points:
-        """Of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
+        """From arrays of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
         weights = mi.Float(np.float32(powers / powers.sum()))
         points, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
         strengths = mi.Float(np.float32(intensities))
@@ -90,7 +90,7 @@ class Points:
         return cls(points, headings, strengths, beams, cutoffs, choice)
 
     def choose(self, sampler: Sampler) -> tuple[UInt, Point]:
-        """Number and position of a lamp."""
+        """Index and position of a lamp."""
         number = self.choice.sample(sampler.next_1d())
         return number, dr.gather(mi.Point3f, self.positions, number)
 
@@ -99,7 +99,7 @@ class Points:
         return self.chosen_from(number, position, vertex)
 
     def chosen_from(self, number: UInt, position: Point, vertex: UInt) -> Lit:
-        """The lamp that was chosen."""
+        """Lamp `number`, seen from a vertex."""
         towards, gap_m = direction_to(vertex, position)
         axis, intensity = (
             dr.gather(kind, values, number)
@@ -118,18 +118,18 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Areas:
-    """Triangles that shine on the side that they face, drawn in proportion to their power."""
+    """Triangles that shine on their front, drawn in proportion to their power."""
 
     meshes: Meshes
-    radiances: Float  # of every triangle of the meshes, W/(m² sr)
-    corners: Point  # of those that shine
+    radiances: Float  # of each triangle of the meshes, W/(m² sr)
+    corners: Point  # of the triangles that shine
     edges: tuple[Vector, Vector]
-    choice: Object  # DiscreteDistribution
+    choice: Object  # mi.DiscreteDistribution
     total: Float  # Σ radiance · area
 
     @classmethod
     def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Areas:
-        """Radiances of all triangles of the meshes, and corners (n, 3, 3) of those that shine."""
+        """From radiances of all triangles, and corners (n, 3, 3) of those that shine."""
         corner, second, third = np.moveaxis(triangles, 1, 0)
         edges = second - corner, third - corner
         areas = np.linalg.norm(np.cross(*edges), axis=1) / 2
@@ -157,7 +157,7 @@ class Areas:
         return Lit(towards, gap_m, irradiance, density)
 
     def met(self, before: Point, si: Interaction, active: Bool) -> Met:
-        """What shines where a path from a point meets a surface."""
+        """Light that a path from `before` hits at a surface."""
         number = self.meshes.triangle(si, active)
         facing = si.wi.z > 0
         radiance = dr.gather(mi.Float, self.radiances, number, active & facing)
@@ -168,32 +168,32 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class Uniform:
-    """The same from all around: found where paths leave, which no draw does better."""
+    """Uniform light from all around, met by paths that leave: no draw does better."""
 
     radiance: Float
 
     def met(self, direction: Vector) -> Met:
-        """What a path that leaves in a direction finds."""
+        """Light that a path meets on leaving in a direction."""
         return Met(self.radiance, mi.Float(0))
 
 
 @dataclass(frozen=True, eq=False)
 class Surround:
-    """A picture of all around: linear between its pixels, drawn pixel by pixel.
+    """A picture of all around, interpolated linearly and drawn pixel by pixel.
 
-    Rows from its own +z to -z, columns from x by y.
+    Rows go from its own +z to -z, columns from x by y.
     """
 
     shape: tuple[int, int]
-    picture: Object  # mi.Texture2f of a column more at either side
-    choice: Object  # DiscreteDistribution
+    picture: Object  # mi.Texture2f, padded by a column on either side
+    choice: Object  # mi.DiscreteDistribution
     to_world: Matrix
     to_local: Matrix
     distance_m: Float
 
     @classmethod
     def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Surround:
-        """Radiance (h, w); `to_world` (3, 3)."""
+        """From the radiance (h, w) and axes (3, 3)."""
         height, width = radiance.shape
         padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)
         texture: Object = mi.Texture2f
@@ -224,7 +224,7 @@ class Surround:
         return Lit(towards, self.distance_m, irradiance, met.density)
 
     def met(self, direction: Vector) -> Met:
-        """What a path that leaves in a direction finds."""
+        """Light that a path meets on leaving in a direction."""
         height, width = self.shape
         local = self.to_local @ direction
         azimuth = dr.atan2(local.y, local.x) * dr.inv_two_pi
@@ -249,7 +249,7 @@ class Lamps:
 
     @property
     def joined(self) -> tuple[Joined, ...]:
-        """Those that vertices are joined to alike: all but points."""
+        """All lamps that vertices are joined to, except for points."""
         pictures = (each for each in self.around if isinstance(each, Surround))
         areas = () if self.areas is None else (self.areas,)
         return (*self.parallel, *areas, *pictures)

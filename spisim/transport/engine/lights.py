@@ -1,4 +1,4 @@
-"""Lights that detectors receive as a whole: what a projector shows on average, and the sun."""
+"""Lights that detectors receive as a whole: a projector's mean picture, and the sun."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from spisim.transport.views import ProjectorView
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """A projector that shows one picture and emits unit power.
+    """A projector that displays one picture and emits unit power.
 
-    Paths are launched from pixels as often as they are bright: `samples` per launch, or as many for
-    each of the `cells`, detectors that the lane tells the number of, as it does in `Detectors`.
+    Pixels launch paths in proportion to their brightness: `samples` per launch, or `samples` for
+    each of `cells` detectors, which the lane numbers as in `Detectors`.
     """
 
     projector: Projector
     fractions: Float  # of the power, by virtual pixel
-    pixels: Object  # drawn in proportion to it
+    pixels: Object  # mi.DiscreteDistribution of `fractions`
     samples: int
     samples_jit: Float  # see `Projector`
     cells: int | None
@@ -33,7 +33,7 @@ class Lamp:
     def of(
         cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
     ) -> Lamp:
-        """`power` (H, W) of each virtual pixel, in any unit."""
+        """From the power (H, W) of each virtual pixel, in any unit."""
         fractions = mi.Float((power / power.sum()).astype(np.float32).ravel())
         dr.make_opaque(fractions)
         pixels, samples_jit = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
@@ -45,12 +45,12 @@ class Lamp:
 
     @property
     def paths(self) -> Float:
-        """Paths of a launch that may reach one and the same detector."""
+        """Paths of a launch that may reach the same detector."""
         return self.samples_jit
 
     @property
     def middle(self) -> Point:
-        """Of the lens."""
+        """Centre of the lens, world."""
         return self.projector.middle
 
     def cell(self, lane: UInt) -> UInt:
@@ -106,12 +106,12 @@ class Lamp:
 class Sun:
     """Parallel light; paths end in it, and are never launched from it.
 
-    It is nowhere close, so that paths of the other side alone have a finite variance.
+    It is never close to a vertex, so paths from the other end alone have a finite variance.
     """
 
     irradiance: Float  # W/m² on a surface that faces it
     direction: Vector  # from the sun, unit
-    distance_m: Float  # further than anything in the scene
+    distance_m: Float  # beyond everything in the scene
 
     def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return Connection(

@@ -1,7 +1,7 @@
-"""How the vertices of a path see an end: straight on, past panes, or in plane mirrors.
+"""How the vertices of a path see an end: straight, through panes, or in plane mirrors.
 
-Either way a vertex is connected to a point at the length of the path to it; only the fraction of
-light that gets there differs.
+In each case a vertex is connected to a point at the length of the path to it; only the fraction of
+light that arrives differs.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from spisim.transport.world import World
 
 @dataclass(frozen=True, eq=False)
 class Straight:
-    """An end where it is."""
+    """An end at its own position."""
 
     world: World
     end: Detectors | Lamp
@@ -79,7 +79,7 @@ class Mirrored:
         sampler: Sampler,
         active: Bool,
     ) -> Float:
-        """See `Straight`; the planes reflect part of it."""
+        """Fraction of light that gets from a vertex to the end, reflected by the planes."""
         ray = si.spawn_ray(towards)
         ray.o = dr.select(in_fog, point, ray.o)
         geometry, media = self.world.geometry, self.world.media

@@ -1,4 +1,4 @@
-"""What a pass of the light transport keeps."""
+"""What a pass of the light transport records."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,20 +15,32 @@ from spisim.transport.engine.tally import (
     Tally,
 )
 
-#: Single precision tells path lengths of 100 m to 0.1 mm: 1/300 of a period.
+#: Single precision resolves path lengths of 100 m to 0.1 mm: 1/300 of a period.
 MAX_FREQUENCY_HZ = 1e10
 
 
 @dataclass(frozen=True)
 class Outputs:
-    """What to keep of the light of the image besides the transport image itself.
+    """What to record of the image's light besides the transport image itself.
 
-    Raises InputError for a frequency that single precision of the path length cannot resolve.
+    Parameters
+    ----------
+    orders
+        Also split each output into unscattered, singly and multiply scattered light.
+    frequencies_hz
+        Modulation frequencies of the phasor images, Hz.
+    bins
+        Path-length bins of the transport cube; None for no cube.
+
+    Raises
+    ------
+    InputError
+        If single precision of the path length cannot resolve a frequency.
     """
 
-    orders: bool = False  # unscattered, single and multiple apart, of all that is kept
-    frequencies_hz: tuple[float, ...] = ()  # phasor images
-    bins: PathLengthBins | None = None  # transport cube
+    orders: bool = False
+    frequencies_hz: tuple[float, ...] = ()
+    bins: PathLengthBins | None = None
 
     def __post_init__(self) -> None:
         for frequency_hz in self.frequencies_hz:
@@ -39,7 +51,7 @@ class Outputs:
                 )
 
     def tallies(self, cells: int, replicas: int) -> Tallies:
-        """Empty sums for one launch."""
+        """Empty tallies for one launch."""
         kinds: list[Callable[[int], Tally]] = [ImageTally]
         if self.frequencies_hz:
             kinds.append(partial(PhasorTally, frequencies_hz=self.frequencies_hz))

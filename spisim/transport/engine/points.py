@@ -1,10 +1,9 @@
-"""Low-discrepancy random numbers: Owen-scrambled Sobol points, padded.
+"""Low-discrepancy random numbers: padded, Owen-scrambled Sobol points.
 
-Every dimension, or pair of them, is the (0, 2)-sequence of Sobol' in an order and a scrambling of
-its own (Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020). Each number is uniform,
-so that estimates stay unbiased, and independent streams have independent errors. They pay where
-the integrand is smooth and few numbers matter. Scrambling is by a hash, hence only as random as a
-hash.
+Each dimension, or pair of dimensions, is a Sobol (0, 2)-sequence with its own order and scrambling
+(Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020). Each number is uniform, so
+estimates stay unbiased, and independent streams have independent errors. Such points pay off where
+the integrand is smooth and depends on few numbers. The scrambling is only as random as its hash.
 """
 
 from __future__ import annotations
@@ -16,7 +15,7 @@ import mitsuba as mi
 
 from spisim.transport.jit import Bool, Float, Point2, UInt
 
-#: Steps of Pascal's matrix modulo 2, which makes Sobol's second dimension of the first.
+#: Steps of Pascal's matrix modulo 2, which turns the first Sobol dimension into the second.
 _PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 _GOLDEN = 0x9E3779B9
 
@@ -35,7 +34,7 @@ class Points:
         return cls(dr.brev(mi.UInt32(number)), _mix(sequence ^ _mix(seed)), mi.UInt32(0))
 
     def again(self) -> Points:
-        """The same numbers from here on."""
+        """A copy that repeats the numbers from here on."""
         return Points(self.number, self.stream, mi.UInt32(self.dimension))
 
     def next_1d(self, active: Bool = True) -> Float:
@@ -60,7 +59,7 @@ class Points:
 
 
 def _shuffled(bits: UInt, key: UInt) -> UInt:
-    """Each bit flipped or not as a hash of the bits below it says (Laine and Karras)."""
+    """Flip each bit by a hash of the bits below it (Laine and Karras)."""
     bits = bits ^ (bits * 0x3D20ADEA)
     bits = bits + key
     bits = bits * ((key >> 16) | 1)
@@ -69,7 +68,7 @@ def _shuffled(bits: UInt, key: UInt) -> UInt:
 
 
 def _scrambled(bits: UInt, key: UInt) -> UInt:
-    """Owen scrambling: each bit flipped or not as a hash of the bits above it says."""
+    """Owen scrambling: flip each bit by a hash of the bits above it."""
     return dr.brev(_shuffled(dr.brev(bits), key))
 
 

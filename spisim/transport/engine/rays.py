@@ -1,8 +1,8 @@
 """The third strategy: a detector's walk, connected to a point of a ray from the projector.
 
-Both a first vertex close to the projector and a last one close to the detector are then found
-where they lie: the one on a ray that leaves the projector, the other on the walk. Points on the
-ray are drawn equi-angularly about the vertex that is connected, which cancels the 1/d² between.
+It finds both a first vertex close to the projector, which lies on the projector's ray, and a last
+vertex close to the detector, which lies on the walk. Points on the ray are drawn equi-angularly
+about the vertex to be connected, which cancels the 1/d² between them.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class FogRays:
     projector: Projector | Lamp
 
     def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
-        """A point in fog on a random ray, and the `density` of its place."""
+        """A point in fog on a random ray, and the `density` with which it is picked."""
         media = self.world.media
         ray, weight, launched, cell = self.projector.random_ray(sampler)
         density = self.projector.random_ray_density(ray.d, ray.o)
@@ -58,9 +58,11 @@ class FogRays:
         return end, density * picked / (distance * distance * extinction)
 
     def density(self, ray: Ray, distance: Float, second: Point) -> Float:
-        """Number density with which `connect` picks the place `distance` along a ray, seen from
-        `second`, over that of a free flight's collision there, times distance²; 0 where no such
-        ray is."""
+        """Number density with which `connect` picks the point `distance` along a ray.
+
+        Seen from `second`, over that of a free flight's collision there, times distance²; 0 where
+        no such ray exists.
+        """
         angular = EquiAngular.about(second, ray, mi.Float(dr.inf))
         towards = self.projector.random_ray_density(ray.d, ray.o)
         extinction = self.world.media.extinction_at(ray(distance))

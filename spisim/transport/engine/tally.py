@@ -1,4 +1,4 @@
-"""What the light paths are summed into: images, phasors, histograms, cubes."""
+"""Tallies that sum the light of paths: images, phasors, histograms, cubes."""
 
 from __future__ import annotations
 
@@ -16,41 +16,41 @@ from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
 from spisim.transport.jit import Bool, Float, UInt
 
-#: Parts that the light can be split into, by how often it was scattered in fog.
+#: Parts that the light can be split into, by the number of scatterings in fog.
 ORDERS = ("unscattered", "single", "multiple")
 
 
 class Contribution(NamedTuple):
-    """Light on its way between the two ends, found at one vertex."""
+    """Light between the two ends, as one vertex contributes it."""
 
     value: Float
     cell: UInt
     length_m: Float  # whole optical path
     scatterings: UInt  # in fog, along the whole path
     active: Bool
-    replica: UInt  # which of the estimates side by side it is part of
+    replica: UInt  # index of the replica that it belongs to
 
 
 Deposit = Callable[[Contribution], None]
 
 
 def carries_light(value: Float) -> Bool:
-    """Lanes with light. Those with nan are among them, so that they are counted at the end."""
+    """Lanes with light, nan included, so that it is counted in the end."""
     return ~(value <= 0)
 
 
 class Sums(NamedTuple):
-    """What one launch found: (replicas, ...), estimates side by side, independent of each other."""
+    """Sums of one launch, (replicas, ...), of independent replicas."""
 
     values: Mapping[str, Floats]
-    dropped: int = 0  # contributions that were not finite, and are not in the values
+    dropped: int = 0  # contributions that were not finite and are left out
 
 
 class Tally(Protocol):
-    """Sums contributions over one launch; its cells are those of all replicas, in turn."""
+    """Sums the contributions of one launch; its cells are those of all replicas in turn."""
 
     def add(self, light: Contribution) -> None:
-        """Take one contribution per lane."""
+        """Add one contribution per lane."""
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
         """Named sums (replicas, cells, ...), per unit detector area."""
@@ -92,10 +92,21 @@ class PhasorTally:
 
 @dataclass(frozen=True)
 class PathLengthBins:
-    """`near` bins, bin k centred on the optical path length k · `width_m`, and those of `far_m`.
+    """Bins of the optical path length, fine near by and coarser beyond.
 
-    `far_m` are longer path lengths, ascending, with any distances between them. Raises InputError
-    for fewer than two bins, or a width that is not positive.
+    Parameters
+    ----------
+    near
+        Number of equal bins; bin k is centred on k · `width_m`. At least 2.
+    width_m
+        Width of the equal bins, m.
+    far_m
+        Centres of the bins beyond, m, ascending with any spacing.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two bins, or the width is not positive.
     """
 
     near: int
@@ -120,24 +131,24 @@ class PathLengthBins:
 
     @property
     def centres_m(self) -> Floats:
-        """Path lengths (bins,)."""
+        """Path lengths (bins,), m."""
         return np.append(np.arange(self.near) * self.width_m, self.far_m)
 
 
 class HistogramTally:
     """Transport per cell and path length: `histogram` (cells, bins).
 
-    A contribution is shared between its two neighbouring bins so that its path length is kept
-    exactly; what is longer than the last bin is counted there.
+    A contribution is split between its two neighbouring bins so that its mean path length is exact.
+    Light beyond the last bin is counted in the last bin.
     """
 
     def __init__(self, cells: int, bins: PathLengthBins) -> None:
         self._bins = bins
-        self._count = dr.opaque(mi.UInt32, bins.count)  # one kernel for however many there are
+        self._count = dr.opaque(mi.UInt32, bins.count)  # opaque: one kernel for any number
         self._sum = Accumulator(cells * bins.count)
         if bins.far_m:
             starts = np.append((bins.near - 1) * bins.width_m, bins.far_m)
-            size = 1 << len(bins.far_m).bit_length()  # more than there are: ends with infinity
+            size = 1 << len(bins.far_m).bit_length()  # longer than needed: padded with infinity
             self._starts = mi.Float(np.pad(np.float32(starts), (0, size), constant_values=np.inf))
             self._last = dr.opaque(mi.UInt32, len(bins.far_m) - 1)
             self._size = size
@@ -156,7 +167,7 @@ class HistogramTally:
         self._sum.add(light.value * upper, cell + 1, light.active)
 
     def _far(self, length_m: Float, active: Bool) -> tuple[UInt, Float]:
-        """The bin before a path length beyond the near ones, and how far it is to the next."""
+        """The bin below a path length beyond the near ones, and the fraction to the next bin."""
         above = dr.binary_search(
             0, self._size, lambda bin_: dr.gather(mi.Float, self._starts, bin_, active) <= length_m
         )
@@ -172,8 +183,8 @@ class HistogramTally:
 class OrderTally:
     """Another tally split by how often the light was scattered in fog.
 
-    To each of its sums, which is that of the parts, comes `<name>_orders` (3, cells, ...), in the
-    order of `ORDERS`.
+    Each of its sums is followed by `<name>_orders` (3, cells, ...), its parts in the order of
+    `ORDERS`.
     """
 
     def __init__(self, cells: int, make: Callable[[int], Tally]) -> None:
@@ -193,7 +204,7 @@ class OrderTally:
 
 
 class Tallies:
-    """Everything that is summed in one launch, behind a check of what can be."""
+    """All tallies of one launch, behind a check of what can be summed."""
 
     def __init__(
         self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int = 1
@@ -209,7 +220,7 @@ class Tallies:
             tally.add(light._replace(cell=cell, active=passed))
 
     def read(self, area_m2: float) -> Sums:
-        """Sums over detectors of this area; InputError if one is too large to be exact."""
+        """Sums over detectors of this area; InputError if a sum is too large to be exact."""
         dropped = self._check.read()
         sums = (tally.read(self._replicas) for tally in self._tallies)
         values = {name: value * area_m2 for one in sums for name, value in one.items()}

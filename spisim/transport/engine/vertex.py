@@ -1,4 +1,4 @@
-"""A place where a path turns: on a surface or in fog."""
+"""A vertex of a path, on a surface or in fog."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from spisim.transport.media import Media
 
 
 class Lobe(NamedTuple):
-    """What a vertex does with light from one direction into another."""
+    """Scattering at a vertex from one direction into another."""
 
     value: Float  # BSDF x cosine, or phase function, 1/sr
     forward: Float  # density with which the walk would choose this direction, 1/sr
@@ -40,12 +40,12 @@ class Turn(NamedTuple):
     forward: Float
     backward: Float
     cosines: Float
-    straight: Bool  # passed through a surface that lets light through: no turn at all
+    straight: Bool  # passed straight through a surface: no turn at all
     specular: Bool  # mirrored or refracted: densities are deltas
 
 
 class Vertex(NamedTuple):
-    """Surface interaction, or a point in a medium reached along `incoming`."""
+    """A surface interaction, or a point in a medium, reached along `incoming`."""
 
     geometry: Geometry
     media: Media

@@ -1,16 +1,16 @@
-"""Random walk through surfaces and fog: three strategies that find light scattered twice or more.
+"""Random walks through surfaces and fog: three strategies for multiply scattered light.
 
 * **P** walks from the projector and joins every vertex to the detector.
 * **D** walks from the detector and joins every vertex to the projector.
-* The **bridge** goes along with D: it joins every vertex to a fog point of a ray that the projector
-  sends out (`rays`). A path whose first vertex is close to the projector and whose last is close to
-  the detector is bad for P and D: each end's connection meets a 1/d². The bridge builds it.
+* The **bridge** goes along with D and joins every vertex to a fog point on a ray of the projector
+  (`rays`). P and D sample a path badly if its first vertex is close to the projector and its last
+  close to the detector, because each end's connection meets a 1/d². The bridge builds such paths.
 
-A walk is followed vertex by vertex: fly to the next, join it, turn. Each light that is found has a
-weight by how densely each of the strategies would have built its path (`path`).
+A walk repeats three steps: fly to the next vertex, join it, turn. A contribution is weighted by how
+densely each strategy would have built its path (`walk_state`).
 
 Surfaces that let light pass straight on (panes, holes in a mask) are no vertices: a segment runs
-through them and is weakened, as in fog.
+through them and is attenuated, as in fog.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from spisim.transport.jit import Bool, Float, Sampler, UInt, Vector
 from spisim.transport.mirrors import Mirrors
 from spisim.transport.world import World
 
-#: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
+#: Longer paths carry nothing worth following; roulette ends almost all of them earlier.
 MAX_VERTICES = 1024
 
 #: Ends that launch paths, and ends that paths are connected to.
@@ -52,11 +52,11 @@ Sky = Callable[[Vector], Float]
 class _Join(NamedTuple):
     """A vertex joined to a point."""
 
-    value: Float  # of the light that comes this way, unweighted
+    value: Float  # light along this path, unweighted
     ratio: Ratio  # R
     lobe: Lobe
     gap_m: Float
-    known: Float  # transmittance of the gap, as far as it has a closed form
+    known: Float  # closed-form factors of the transmittance of the gap
     active: Bool
 
 
@@ -64,10 +64,9 @@ class _Join(NamedTuple):
 class Walk:
     """Paths from `this` end, each vertex of which is joined to the `other`.
 
-    `outward` paths start at an emitter, the others at a sensor. With `rays`, the bridge takes part;
-    a walk from a detector then carries it out. `mirrors` show the other end to paths that met one
-    first; these are for walks outwards. With a `sky`, paths that leave the scene find its
-    light.
+    `outward` paths start at an emitter, the others at a sensor. With `rays` the bridge takes part,
+    carried out by the walk from the detector. `mirrors`, for outward walks, show the other end to
+    paths that met a mirror first. With a `sky`, paths that leave the scene collect its light.
     """
 
     world: World
@@ -79,10 +78,10 @@ class Walk:
     rays: FogRays | None = None
     mirrors: Mirrors | None = None
     footprint: Footprint | None = None
-    double_scattering: bool = False  # light of `halo_light` is found by it alone
+    double_scattering: bool = False  # leave to `double_scattering_light` what it covers
     sky: Sky | None = None
-    ending: float = 1.0  # roulette may end paths that carry less than this share of their start
-    replicas: int = 1  # estimates side by side, which paths take turns to be part of
+    ending: float = 1.0  # roulette may end paths that carry less than this fraction of their start
+    replicas: int = 1  # independent estimates, among which paths are dealt out
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
@@ -184,7 +183,7 @@ class Walk:
         return result & ~path.densities.met_mirror_first & (vertices == 2) & (scatterings == 1)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
-        """The other end, with the density of its paths' first flights as they are drawn."""
+        """The other end, with its density multiplied by the bias of its first flights."""
         away, gap = direction_to(end.point, here.point)
         biased = self.world.media.flight_density(
             mi.Ray3f(end.point, away), gap, here.medium, here.in_fog, mi.Float(0)
@@ -207,7 +206,7 @@ class Walk:
     def _join_footprint(
         self, here: Vertex, path: WalkState, launch: Launch, limit: UInt, sampler: Sampler
     ) -> None:
-        """Deposit what a vertex sends to a place that the other end sees."""
+        """Deposit what a vertex sends to a surface point that the other end sees."""
         assert self.footprint is not None
         end, density = self.footprint.connect(here.point, sampler, path.active)
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
@@ -218,9 +217,10 @@ class Walk:
     def _join_by_mirror(
         self, here: Vertex, path: WalkState, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
-        """Deposit what a vertex sends to the other end's images: in each plane mirror, in any two.
+        """Deposit what a vertex sends to images of the other end in one plane mirror, or in two.
 
-        Of paths that met a mirror first: all others the opposite end finds, which meets it first.
+        Only for paths that met a mirror first: the opposite end, which meets that mirror last,
+        finds all others.
         """
         mirrors = self.mirrors
         assert mirrors is not None
@@ -311,7 +311,7 @@ class Walk:
 
 
 def lanes_and_sampler(count: int, seed: int) -> tuple[UInt, Sampler]:
-    """Lane numbers and a sampler for them."""
+    """Lane indices and a sampler for them."""
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(dr.opaque(mi.UInt32, seed), count)
     return dr.arange(mi.UInt32, count), sampler

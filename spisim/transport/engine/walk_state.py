@@ -1,4 +1,4 @@
-"""A path under way, and what the balance heuristic has to know of it.
+"""The state of a walk, including the densities that the balance heuristic needs.
 
 The heuristic (Veach 1997, §9.2) needs, for each path x₁…xₙ, the ratio of the density with which the
 opposite end would have built it to the density with which this end did:
@@ -7,18 +7,19 @@ opposite end would have built it to the density with which this end did:
         · Π_{i=1..n} cout_i / cin_i · Π_{i=2..n} pr_i / Π_{i=1..n-1} pf_i
 
 pf_i (pr_i) is the solid-angle density of leaving vertex i forwards (backwards), cin_i and cout_i
-the cosines at a surface (1 in fog), d_start and d_end the first and last segment. Inner distances
-and transmittances cancel, so the ratio is carried along in one number. Factors of Tr that have no
-closed form are left out for all strategies alike, which keeps the weights' sum at one.
+are the cosines at a surface (1 in fog), and d_start and d_end the first and last segment. Inner
+distances and transmittances cancel, so one number carries the ratio along. Factors of Tr without a
+closed form are left out for all strategies alike, which keeps the sum of the weights at one.
 
 The density of the third strategy, the bridge (`rays`), relative to that of the detector's depends
-on the three points next to the projector alone,
+only on the three points next to the projector,
 
     S = rays(x₀, x₁, x₂) · |x₁-x₂|² / (pr₂ · Tr(x₁,x₂))
 
-so it costs the others' weights, 1 / (1 + R + R S) and 1 / (1 + R + S), next to nothing. R goes
-with d_start², S of the projector's strategy with 1/d_start²: what is kept of them is R / d_start²
-and S d_start², for a collision may lie so close to the projector that it rounds to the same point.
+so it adds next to nothing to the cost of the weights 1 / (1 + R + R S) and 1 / (1 + R + S). R
+scales with d_start², S of the projector's strategy with 1/d_start². The state holds R / d_start²
+and S d_start², because a collision may lie so close to the projector that it rounds to the same
+point.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
 
 #: Russian roulette starts here; before, a path that carries little is still worth its cost.
 ROULETTE_VERTEX = 5
-#: Surfaces that a path passes straight through, all in all.
+#: Maximum number of surfaces that a path passes straight through.
 MAX_CROSSINGS = 64
 
 
@@ -51,20 +52,20 @@ class Ratio(NamedTuple):
 
 @dataclass
 class Densities:
-    """What is known of R and S so far."""
+    """Factors of R and S so far."""
 
     ratio: Float  # Π cout / cin · Π pr / Π pf
     start: Float  # 1 / (κW_this Tr(d_start))
     start_m: Float  # d_start
     segment_m: Float
-    through: Float  # Tr of the segment, as far as it has a closed form
+    through: Float  # closed-form factors of Tr of the segment
     before: Point  # last vertex
     before_forward: Float  # density of leaving it; 0 where the bridge has no part
     bridge: Float  # S d_start²
 
     @classmethod
     def start_at(cls, point: Point) -> Densities:
-        """At an end."""
+        """Densities of a path that starts at an end."""
         return cls(
             ratio=mi.Float(1),
             start=mi.Float(0),
@@ -78,7 +79,7 @@ class Densities:
 
     @property
     def met_mirror_first(self) -> Bool:
-        """Whether no path of the other end would have been this one."""
+        """Whether the other end could not have built this path."""
         return self.ratio * self.start == 0
 
     def go(self, distance: Float, through: Float) -> None:
@@ -87,7 +88,7 @@ class Densities:
         self.through *= through
 
     def arrive_first(self, first: Bool, launched: Float) -> None:
-        """Where it is the `first` vertex: paths leave the end towards it with density κW."""
+        """At the `first` vertex: store the density κW with which paths leave the end towards it."""
         self.start = dr.select(first, dr.rcp(launched * self.through), self.start)
         self.start_m = dr.select(first, self.segment_m, self.start_m)
 
@@ -115,15 +116,18 @@ class Densities:
         return dr.select(in_fog, bridge, 0)
 
     def footprint(self, density: Float) -> Float:
-        """Density of a picked `position`, by its solid angle from the end, over the walk's.
+        """Density of a picked point, by its solid angle from the end, over that of the walk.
 
-        Times the cosine towards the end over that of arrival.
+        It is multiplied by the cosine towards the end over that of arrival.
         """
         return quotient(density * self.segment_m * self.segment_m, self.before_forward)
 
     def leave(self, turn: Turn, in_fog: Bool, first: Bool) -> None:
-        """Turn at a vertex. The same delta is in both densities of a specular one, which cannot be
-        connected to; in fog they are equal, where rounding may make 0 of both."""
+        """Update the ratio at a turn.
+
+        Both densities of a specular turn, which cannot be connected to, contain the same delta. In
+        fog the two are equal, but rounding may make both 0.
+        """
         inner = dr.select(in_fog, 1, turn.backward / turn.forward)
         ratio = dr.select(
             turn.specular,
@@ -135,9 +139,9 @@ class Densities:
         self.through = dr.select(turn.straight, self.through, 1)
 
     def settle_bridge(self, turn: Turn, point: Point, second: Bool, allowed: Bool) -> None:
-        """Keep what S will need: of the second vertex pr₂, of every one its place and density.
+        """Store what S needs: pr₂ of the second vertex, and position and density of each vertex.
 
-        `allowed`: outwards x₁ must be in fog to lie on a ray; inwards x₂ must be no mirror.
+        `allowed`: an outward x₁ must be in fog to lie on a ray; an inward x₂ must be no mirror.
         """
         settled = dr.select(turn.specular, 0, quotient(self.bridge, turn.backward))
         self.bridge = dr.select(second & ~turn.straight, settled, self.bridge)
@@ -171,7 +175,7 @@ class PathState:
     ) -> None:
         """End paths that carry little, without bias, and those that are too long.
 
-        What survives carries `ending` of its start: no weight ever grows beyond that.
+        Survivors carry `ending` of their start, so no weight grows beyond that.
         """
         survival = dr.select(
             (self.vertex <= ROULETTE_VERTEX) | turn.straight,
@@ -193,7 +197,7 @@ class WalkState(PathState):
 
     @classmethod
     def start(cls, launch: Launch, limit: UInt) -> WalkState:
-        """At an end, if it may have as many vertices as one."""
+        """At an end, active if it may have at least one vertex."""
         beta = mi.Float(launch.beta)
         return cls(
             ray=mi.Ray3f(launch.origin, launch.direction),
