@@ -1,4 +1,4 @@
-"""Shapes that media fill: the part of a ray that lies in each, and whether a point does."""
+"""Shapes that media fill, with the part of a ray inside each."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class Bounds(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """Around the whole scene."""
+    """A ball, which holds the fog around the scene."""
 
     centre: Point
     radius_m: Float
@@ -50,7 +50,8 @@ class Ellipsoid:
         step = self.to_local @ mi.Vector3f(ray.d)
         squared = dr.squared_norm(step)
         middle = -dr.dot(offset, step) / squared
-        # From the point of the line next to the centre: no difference of large numbers.
+        # From the point of the line closest to the centre, which avoids the difference of large
+        # numbers.
         beside = dr.squared_norm(offset + middle * step)
         half = dr.select(beside < 0.25, dr.sqrt(dr.maximum(0.25 - beside, 0) / squared), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)

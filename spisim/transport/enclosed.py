@@ -1,10 +1,10 @@
-"""Media within closed meshes, which need not be convex and which light itself does not notice.
+"""Media within closed meshes, which need not be convex and are invisible to light.
 
-A ray crosses such a mesh inwards and outwards in turns. Where it begins does not have to be known:
-how far it is inside up to a distance d is the integral of the winding number, Σ s_k min(t_k, d)
-over all crossings beyond the start, with s = 1 for those that lead out and -1 for those that lead
-in, and the winding number at the start is Σ s_k. Where a mesh overlaps itself its medium counts as
-often as it wraps a place.
+A ray crosses such a mesh inwards and outwards in turn. Whether it starts inside need not be known:
+its length inside up to a distance d is the integral of the winding number, Σ s_k min(t_k, d) over
+all crossings beyond the start, with s = 1 for crossings outwards and -1 for crossings inwards. The
+winding number at the start is Σ s_k. Where a mesh overlaps itself, its medium counts as often as
+the mesh wraps around the point.
 """
 
 from __future__ import annotations
@@ -20,20 +20,20 @@ from spisim.transport.jit import Bool, Float, Object, Point, Ray, Sampler, UInt
 from spisim.transport.media import Grid
 from spisim.transport.meshes import mesh_shape
 
-#: A ray goes on so far beyond a crossing, relative to its coordinates: single precision tells 8
-#: times less. It does not see a wall that is thinner.
+#: Step beyond a crossing, relative to its coordinates: 8 times the resolution of single precision.
+#: Thinner walls are missed.
 NUDGE = 2.0**-20
-#: No triangle.
+#: Index of no triangle.
 NONE = 0xFFFFFFFF
-#: In which a point's winding number is counted: along no edge or plane of what people build.
+#: Direction in which a point's winding number is counted: along no edge or plane of usual models.
 SLANTED = (0.36235775, 0.47384721, 0.80258311)
 
 
 class _Crossing(NamedTuple):
-    """Where a ray meets the mesh next."""
+    """The next crossing of a ray with the mesh."""
 
     met: Bool
-    counts: Bool  # it is another triangle than the last one
+    counts: Bool  # on another triangle than the last one
     distance: Float
     sign: Float  # 1 outwards, -1 inwards
     triangle: UInt
@@ -52,14 +52,14 @@ class Enclosed:
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether the transmittance is known."""
+        """Whether the transmittance has a closed form."""
         return self.grid is None
 
     @dr.syntax
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first collision, infinite where there is none before `far`.
 
-        Drawn from crossing to crossing: flights have no memory. Without a bias.
+        It is drawn afresh between crossings, because flights have no memory, and without a bias.
         """
         wraps, inside_m = self._sums(ray, far, active)
         result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
@@ -113,7 +113,7 @@ class Enclosed:
     def _collision(
         self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
-        """Of the stretch from one crossing to the next."""
+        """First collision on the stretch between two crossings."""
         if self.grid is not None:
             return self.grid.collision(ray, near, end, times, sampler, active)
         rate = self.extinction_per_m * times
@@ -121,7 +121,7 @@ class Enclosed:
 
     @dr.syntax
     def _sums(self, ray: Ray, far: Float, active: Bool) -> tuple[Float, Float]:
-        """Winding number at the origin, and how far the ray is inside up to `far`."""
+        """Winding number at the origin, and the length of the ray inside up to `far`."""
         wraps, inside_m, gone = mi.Float(0), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = mi.Bool(active)

@@ -1,4 +1,4 @@
-"""The surfaces of a scene, and what gets past them."""
+"""The surfaces of a scene and the light that gets past them; sampling along rays."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Geometry:
         in_fog: Bool,
         active: Bool,
     ) -> Float:
-        """Fraction of light that gets from a path vertex to a point `gap` away, fog apart.
+        """Fraction of light that gets from a path vertex to a point `gap` away, without media.
 
         The vertex is the surface interaction `si`, or `point` where it lies in fog.
         """
@@ -53,9 +53,9 @@ class Geometry:
     def up_to(
         self, there: Callable[[Interaction], Bool], ray: Ray, active: Bool
     ) -> tuple[Ray, Float, Float]:
-        """Follow a ray through panes until `there` is true of the surface that it meets next.
+        """Follow a ray through panes until `there` is true of the next surface.
 
-        The ray from there on, how far it went, and the fraction of light that got through.
+        Returns the ray from there on, the distance covered, and the fraction of light transmitted.
         """
         through, gone_m = mi.Float(1), mi.Float(0)
         going, ray = mi.Bool(active), mi.Ray3f(ray)
@@ -101,9 +101,11 @@ def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
 
 
 class EquiAngular(NamedTuple):
-    """Distances along a ray, uniform in the angle under which a point sees them."""
+    """Distances along a ray, uniform in the angle seen from a point (Kulla & Fajardo, EGSR
+    2012).
+    """
 
-    foot: Float  # distance of the point's foot on the ray
+    foot: Float  # distance along the ray to the foot of the point
     height: Float  # of the point above the ray
     low: Float
     high: Float

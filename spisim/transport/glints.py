@@ -1,4 +1,4 @@
-"""Lasers that mirrors throw straight into their detectors: light that the transport leaves out."""
+"""Lasers that mirrors reflect straight into their detectors: light that the transport omits."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from spisim.transport.jit import Interaction, Ray
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
-#: Mirrors and panes in a row that a beam is followed by.
+#: Maximum number of mirrors and panes along a beam.
 MAX_MIRRORS = 4
-#: A Gaussian beam counts as so many standard deviations wide.
+#: A Gaussian beam counts as this many standard deviations wide.
 BEAM_SIGMAS = 3.0
 
 
 def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> None:
-    """TransportWarning for beams that mirrors throw straight into their detectors."""
+    """Issue a TransportWarning for beams that mirrors reflect straight into their detectors."""
     if world.smooth is None:
         return
     lasers = np.flatnonzero(mirrored_beams(world, beams, detectors))
@@ -36,7 +36,7 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
 
 
 def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> NDArray[np.bool_]:
-    """Whether mirrors throw each beam, as wide as it is by then, onto its aperture (beams,)."""
+    """Whether mirrors throw each beam (beams,), at its width there, onto its aperture."""
     origins, positions = (
         mi.Point3f(each.T.astype(np.float32)) for each in (beams.origins_m, detectors.positions_m)
     )

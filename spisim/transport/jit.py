@@ -1,8 +1,8 @@
-"""Names for the types of Dr.Jit and Mitsuba that the transport passes around.
+"""Names for the types of Dr.Jit and Mitsuba values that the transport passes around.
 
-Which class stands behind a name depends on the variant that is active at run time, and the stubs
-mix the types of several variants. To a type checker all of them are therefore `Any`: these names
-state the kind of value, one per lane unless said otherwise.
+The class behind a name depends on the variant that is active at run time, and the stubs mix the
+types of several variants. To a type checker they are all `Any`: the names state the kind of value,
+one per lane unless noted.
 """
 
 from typing import Any, TypeAlias

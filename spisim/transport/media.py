@@ -1,14 +1,14 @@
-"""What scatters between the surfaces: any number of media, homogeneous or not, bounded or not.
+"""Scattering media between the surfaces: any number, homogeneous or not, bounded or not.
 
-Media in the same place add up. Collisions with each are independent Poisson processes along a
-ray, so the first collision of all is the nearest of the first collisions of each, and the
-transmittance of all is the product of each one's. A homogeneous medium has both in closed form; a
-heterogeneous one is tracked: null-collision (delta) tracking for the flight, ratio tracking for
-the transmittance (Novák et al., Computer Graphics Forum 37, 551 (2018)). Distances are always
-those between points, so a null collision can neither add to nor take from an optical path length.
+Overlapping media add up. Collisions with each are independent Poisson processes along a ray, so the
+first collision of all is the nearest of their first collisions, and their transmittances multiply.
+A homogeneous medium has both in closed form. A heterogeneous one is tracked: null-collision (delta)
+tracking for the flight, ratio tracking for the transmittance (Novák et al., Computer Graphics Forum
+37, 551 (2018)). Distances are always those between points, so null collisions do not change an
+optical path length.
 
-Flights that leave an end of a path are biased towards collisions, as light that is scattered there
-by thin fog is rare and bright (exponential biasing, Spanier & Gelbard 1969, §3.3, with a rate that
+Flights that leave an end of a path are biased towards collisions, because light scattered there by
+thin fog is rare and bright (exponential biasing, Spanier & Gelbard 1969, §3.3, with a rate that
 falls with the distance).
 """
 
@@ -25,19 +25,19 @@ from numpy.typing import NDArray
 from spisim.transport.bounds import Bounds, Box
 from spisim.transport.jit import Bool, Float, Object, Point, Point2, Ray, Sampler, UInt, Vector
 
-#: Flights collide so many times as often as light does where they leave an end, at most,
+#: Where flights leave an end, the maximum rate of collisions relative to the true one,
 BIAS = 5.0
-#: so far from it, at most, or a mean free path,
+#: the maximum distance over which they are biased, unless the mean free path is shorter,
 BIAS_MAX_RANGE_M = 3.0
-#: and with an optical depth at most so much larger in all, so that their weights are bounded.
+#: and the maximum total optical depth that the bias adds, which bounds the weights.
 BIAS_DEPTH = 1.5
 
 
 @dataclass(frozen=True, eq=False)
 class Bias:
-    """Extinction that flights meet besides the true one, as a multiple of it: c / (1 + (s/b)²).
+    """Extra extinction that flights meet, as a multiple of the true one: c / (1 + (s/b)²).
 
-    s is the distance from the end that a path has left; infinite where it has turned since.
+    s is the distance from the end that a path has left; infinite after a turn.
     """
 
     strength: Float  # c
@@ -45,23 +45,25 @@ class Bias:
 
     @classmethod
     def of(cls, extinction_per_m: float) -> Bias:
-        """That of a medium."""
+        """Bias of a medium with this extinction."""
         max_range_m = min(BIAS_MAX_RANGE_M, 1 / extinction_per_m)
         strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * max_range_m * np.pi / 2))
         return cls(dr.opaque(mi.Float, strength), dr.opaque(mi.Float, max_range_m))
 
     def length_m(self, near: Float, far: Float) -> Float:
-        """Its integral from one distance to another."""
+        """Integral of the multiple from one distance to another."""
         angle = dr.atan(far / self.max_range_m) - dr.atan(near / self.max_range_m)
         return self.strength * self.max_range_m * angle
 
     def way_m(self, near: Float, length_m: Float) -> Float:
-        """From `near` on until its integral is `length_m`; infinite where it never is."""
+        """Distance beyond `near` at which the integral reaches `length_m`; infinite if it never
+        does.
+        """
         angle = dr.atan(near / self.max_range_m) + length_m / (self.strength * self.max_range_m)
         return dr.select(angle < 0.5 * dr.pi, self.max_range_m * dr.tan(angle) - near, dr.inf)
 
     def factor(self, distance: Float) -> Float:
-        """Of all extinction over the true one."""
+        """Total extinction over the true one."""
         return 1 + self.strength / (1 + dr.square(distance / self.max_range_m))
 
 
@@ -86,7 +88,7 @@ class Homogeneous:
         return dr.select(distance < far, distance, dr.inf)
 
     def bias_depth(self, ray: Ray, far: Float, left_m: Float) -> Float:
-        """Optical depth of what a flight meets besides the medium."""
+        """Optical depth that the bias adds."""
         near, far = self.bounds.interval(ray, far)
         length_m = self.bias.length_m(left_m + near, left_m + dr.maximum(far, near))
         return self.extinction_per_m * length_m
@@ -105,9 +107,8 @@ class Homogeneous:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Extinction σ · density, density between 0 and 1 interpolated on a grid that fills a box.
-
-    It is there within the bounds, by default all of the box.
+    """Extinction σ · density within bounds; the density, 0 to 1, is interpolated on a grid in a
+    box.
     """
 
     box: Box
@@ -132,9 +133,9 @@ class Grid:
     def collision(
         self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
-        """Distance to the first one from `near` to `end`, else infinite: null-collision tracking.
+        """First collision from `near` to `end`, else infinite, by null-collision tracking.
 
-        With the medium so many `times`.
+        The extinction is multiplied by `times`.
         """
         distance = mi.Float(near)
         collision = mi.Float(dr.inf)
@@ -170,7 +171,7 @@ class Grid:
         return dr.select(inside, self.extinction_per_m * self.density_at(point), 0)
 
     def density_at(self, point: Point) -> Float:
-        """Between 0 and 1."""
+        """Density, 0 to 1."""
         local = self.box.to_local @ mi.Point3f(point)
         return self.density.eval(local)[0]
 
@@ -188,7 +189,7 @@ class Medium(Protocol):
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether the transmittance is known."""
+        """Whether the transmittance has a closed form."""
 
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Distance to the first collision, infinite where there is none before `far`."""
@@ -201,9 +202,9 @@ class Medium(Protocol):
 
 
 class Collision(NamedTuple):
-    """Where light meets a medium, and which."""
+    """Distance to a collision, and the medium that it is with."""
 
-    distance: Float  # infinite where it meets none
+    distance: Float  # infinite where there is none
     medium: UInt  # index
 
 
@@ -216,7 +217,7 @@ class Media:
     def flight(
         self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float = dr.inf
     ) -> Collision:
-        """First collision along the ray before `far`, by `flight_density`."""
+        """First collision along the ray before `far`; its density is `flight_density`."""
         nearest, which = mi.Float(dr.inf), mi.UInt32(0)
         for number, part in enumerate(self.parts):
             distance = part.flight(ray, far, sampler, active, left_m)
@@ -227,9 +228,10 @@ class Media:
     def flight_density(
         self, ray: Ray, distance: Float, medium: UInt, in_fog: Bool, left_m: Float
     ) -> Float:
-        """Density of a flight that ends at a distance, over that of light.
+        """Density of a biased flight that ends at a distance, over that of light.
 
-        In fog by a collision with a medium. It began `left_m` after leaving the path's end.
+        `in_fog` flights end by a collision with a medium. `left_m` is the distance from the path's
+        end.
         """
         depth, factor = mi.Float(0), mi.Float(1)
         for number, part in enumerate(self.parts):
@@ -264,7 +266,7 @@ class Media:
     def phase(
         self, medium: UInt, point: Point, incoming: Vector, outgoing: Vector, active: Bool
     ) -> Float:
-        """Phase function, 1/sr: value and, since it is symmetric, density either way."""
+        """Phase function, 1/sr, which by symmetry is also the density either way."""
         value = mi.Float(0)
         interaction = _interaction(point, incoming)
         for number, part in enumerate(self.parts):
@@ -298,7 +300,7 @@ class Media:
         return direction, weight, density
 
     def bend(self, incoming: Vector, sampler: Sampler) -> Vector:
-        """A direction as any one of the media scatters; see `bending`."""
+        """A direction scattered by a random medium; `bending` has its density."""
         count = len(self.parts)
         medium = dr.minimum(mi.UInt32(sampler.next_1d() * count), count - 1)
         choice, square = sampler.next_1d(), sampler.next_2d()
@@ -308,7 +310,9 @@ class Media:
     def bending(
         self, point: Point, incoming: Vector, outgoing: Vector, active: Bool
     ) -> tuple[Float, Float]:
-        """What all media scatter from one direction into another, 1/(m sr); density of `bend`."""
+        """Light that all media scatter between two directions, 1/(m sr), and the density of
+        `bend`.
+        """
         scattered, density = mi.Float(0), mi.Float(0)
         context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
         for part in self.parts:
@@ -325,7 +329,7 @@ class Media:
         return total
 
     def pick(self, point: Point, choice: Float) -> UInt:
-        """Index of a medium, chosen in proportion to its extinction at a point."""
+        """Index of a medium, drawn in proportion to its extinction at a point."""
         mark = choice * self.extinction_at(point)
         medium, below = mi.UInt32(0), mi.Float(0)
         for number, part in enumerate(self.parts[:-1]):

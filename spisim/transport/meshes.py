@@ -1,7 +1,7 @@
-"""The surfaces of a scene as Mitsuba holds them: one mesh for each material.
+"""The surfaces of a scene as Mitsuba meshes: one for each material.
 
-A few large meshes are built and traced much faster than many small ones: whatever a path meets is
-a call to one of all shapes and materials.
+A few large meshes are built and traced much faster than many small ones, because each surface that
+a path meets is a virtual call over all shapes and materials.
 """
 
 from __future__ import annotations
@@ -27,18 +27,20 @@ from spisim.transport.jit import Bool, Interaction, Object, UInt
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """The meshes of some objects in a Mitsuba scene of their own, and which triangle is whose."""
+    """The meshes of some objects in a Mitsuba scene of their own, and the owner of each
+    triangle.
+    """
 
     scene: Object  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
-    _shapes: NDArray[np.int64]  # of each of Dr.Jit's numbers of a shape, -1 for those of others
-    _first: NDArray[np.int64]  # number of each shape's first triangle
-    _starts: NDArray[np.int64]  # and of each object's, in the order of the shapes
-    _objects: NDArray[np.int64]  # their numbers
+    _shapes: NDArray[np.int64]  # index by Dr.Jit's number of a shape, -1 for other scenes'
+    _first: NDArray[np.int64]  # index of each shape's first triangle
+    _starts: NDArray[np.int64]  # index of each object's first triangle, in the order of the shapes
+    _objects: NDArray[np.int64]  # indices of the objects in this order
 
     @classmethod
     def of(cls, objects: Sequence[SceneObject]) -> Meshes:
-        """Those of objects; the last ones made of them, as long as nothing about them changed."""
+        """Meshes of objects, from the cache if nothing about the objects has changed."""
         key = str(mi.variant()).encode() + surface_content(objects)
         content, cached = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
         if cached is None or content != key:
@@ -69,26 +71,26 @@ class Meshes:
 
     @property
     def triangles(self) -> int:
-        """Of all objects together."""
+        """Number of triangles of all objects."""
         return int(self._starts[-1])
 
     def triangles_of(self, number: int) -> slice:
-        """The numbers that the triangles of an object have here, in their order."""
+        """Indices of an object's triangles, in their order."""
         (index,) = np.flatnonzero(self._objects == number)
         return slice(int(self._starts[index]), int(self._starts[index + 1]))
 
     @cached_property
     def _first_of(self) -> UInt:
-        """Number of the first triangle of each of Dr.Jit's numbers of a shape."""
+        """Index of the first triangle of a shape, by Dr.Jit's number of it."""
         return mi.UInt32(np.where(self._shapes >= 0, self._first[self._shapes], 0))
 
     def triangle(self, si: Interaction, active: Bool) -> UInt:
-        """Number of the triangle that each ray meets, in a kernel."""
+        """Index of the triangle that each ray meets, in a kernel."""
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
     def object_ids(self, si: Interaction) -> NDArray[np.int64]:
-        """Number of the object that each ray meets, -1 for none."""
+        """Index of the object that each ray meets, -1 for none."""
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
         ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
@@ -97,18 +99,17 @@ class Meshes:
 
     @cached_property
     def _number_of(self) -> UInt:
-        """Of each of Dr.Jit's numbers of a shape, -1 for those of others."""
+        """Index of a shape by Dr.Jit's number of it, -1 for other scenes'."""
         return mi.Int32(self._shapes.astype(np.int32))
 
     @cached_property
     def _owners(self) -> UInt:
-        """Number of the object of each triangle."""
+        """Index of the object of each triangle."""
         return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
 
 
-#: The last ones that were made of objects, by the first of these: they last as long as it does.
-#: There are no more than these, for Dr.Jit makes a kernel for all shapes and materials that there
-#: are, of whatever scene.
+#: The most recent meshes, by their first object, with which they expire. Only one set is cached,
+#: because Dr.Jit compiles a kernel for all existing shapes and materials of all scenes.
 _CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
 
 
@@ -121,7 +122,7 @@ def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
 
 
 def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
-    """Numbers of the objects whose materials are alike."""
+    """Indices of the objects of each material."""
     contents = {id(thing.material): material_content(thing.material) for thing in objects}
     groups: dict[bytes, list[int]] = {}
     for number, thing in enumerate(objects):
@@ -130,9 +131,9 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
 
 
 def shape(things: Sequence[SceneObject], **parts: Any) -> Object:
-    """All triangles of objects of one material as a Mitsuba mesh; `parts` are more of its plugins.
+    """Merge objects of one material into a Mitsuba mesh.
 
-    Such as the medium within it, or its light.
+    `parts` are further plugins of it, such as an interior medium or an emitter.
     """
     material = things[0].material
     meshes = [thing.mesh for thing in things]
@@ -149,7 +150,7 @@ def mesh_shape(
     name: str = "mesh",
     with_uv: bool = False,
 ) -> Object:
-    """All triangles of some meshes as one of Mitsuba's."""
+    """Merge meshes into one of Mitsuba's."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
     for key, part in parts.items():
@@ -177,6 +178,6 @@ def mesh_shape(
 
 
 def _registry_ids(pointers: UInt) -> UInt:
-    """Dr.Jit's number of each shape that an array of pointers points to, (lanes,); 0 for none."""
+    """Dr.Jit's number of each shape in an array of pointers, (lanes,); 0 for none."""
     numbers: UInt = dr.reinterpret_array(mi.UInt32, pointers)
     return numbers.numpy()

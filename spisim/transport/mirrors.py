@@ -1,11 +1,9 @@
-"""Plane mirrors, by which light reaches an end that its last scattering does not see.
+"""Plane mirrors, panes and smooth coats, by which light reaches an end indirectly.
 
-Panes and smooth coats are among them.
-
-A path that meets a mirror next to both ends is found by no walk: each is a density of zero for the
-other. A plane mirror shows an end as an image behind it (the method of images), so that a vertex
-can be connected to the image as it is to the end itself, at the length of the unfolded path. A
-second mirror shows the image of that image.
+No walk finds a path that meets a mirror next to both ends, because its density is zero for each
+end. A plane mirror shows an end as an image behind it (the method of images). A vertex is connected
+to this image as to the end itself, at the length of the unfolded path. A second mirror shows the
+image of the image.
 """
 
 from __future__ import annotations
@@ -38,13 +36,13 @@ from spisim.transport.jit import (
 )
 from spisim.transport.media import Media
 
-#: Largest planes (area x reflectance) that vertices are joined to an end by.
+#: Maximum number of planes, by area x reflectance, through which vertices are joined to an end.
 MAX_PLANES = 64
-#: And by which light is thrown straight from end to end: each triangle of curved mirrors is one.
+#: Maximum number of planes for light from end to end; each triangle of a curved mirror is one.
 MAX_FACETS = 4096
-#: Mirrors in a row next to an end.
+#: Maximum number of consecutive mirrors next to an end.
 MAX_FOLDS = 2
-#: Triangles lie in one plane if their normals and distances from the origin agree to this.
+#: Triangles share a plane if their normals and distances from the origin agree to this.
 SAME_NORMAL, SAME_POSITION_M = 2e-3, 1e-3
 
 
@@ -63,7 +61,7 @@ class Plane(NamedTuple):
         return direction - 2 * dr.dot(self.normal, direction) * self.normal
 
     def holds(self, si: Interaction) -> Bool:
-        """Whether a place on a surface belongs to the plane: it may cross others there."""
+        """Whether a surface point belongs to the plane, which other planes may cross there."""
         near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_POSITION_M
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
 
@@ -72,23 +70,23 @@ class Fold(NamedTuple):
     """Planes in the order in which a vertex meets them on the way to an end."""
 
     planes: tuple[Plane, ...]
-    met: UInt  # how many of them, by lane
-    probability: Float  # to have drawn these
+    met: UInt  # number of planes in use, by lane
+    probability: Float  # of drawing these planes
 
     def image(self, end: Point) -> Point:
-        """An end's place, as the vertex sees it."""
+        """Image of an end, as the vertex sees it."""
         for number, plane in reversed(list(enumerate(self.planes))):
             end = dr.select(number < self.met, plane.image(end), end)
         return end
 
     def image_of_vertex(self, vertex: Point) -> Point:
-        """The vertex's place, as the end sees it."""
+        """Image of the vertex, as the end sees it."""
         for number, plane in enumerate(self.planes):
             vertex = dr.select(number < self.met, plane.image(vertex), vertex)
         return vertex
 
     def ray_of_vertex(self, ray: Ray) -> Ray:
-        """A ray through the vertex, as the end sees it."""
+        """Image of a ray through the vertex, as the end sees it."""
         direction = mi.Vector3f(ray.d)
         for number, plane in enumerate(self.planes):
             direction = dr.select(number < self.met, plane.turned(direction), direction)
@@ -102,7 +100,7 @@ class _Planes(NamedTuple):
     offsets_m: Float
     middles: Point
     along: Vector  # unit vectors in the planes
-    halves_m: Point2  # along these and across, of rectangles that hold all mirrors of the planes
+    halves_m: Point2  # half sides, along and across, of a rectangle around a plane's mirrors
     strengths: Object  # mi.DiscreteDistribution
     count: UInt
 
@@ -116,18 +114,20 @@ class _Planes(NamedTuple):
         return cls(normals, offsets_m, middles, along, halves_m, strengths, count)
 
     def plane(self, number: UInt) -> Plane:
-        """One for each lane."""
+        """Plane `number`, by lane."""
         normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, number))
         return Plane(normal, dr.gather(mi.Float, self.offsets_m, number))
 
     def draw(self, uniform: Float) -> tuple[Plane, Float]:
-        """One for each lane, and its probability."""
+        """A random plane for each lane, and its probability."""
         number, probability = self.strengths.sample_pmf(uniform)
         return self.plane(number), probability
 
     def shows(self, number: UInt, vertex: Point, image: Point) -> Bool:
-        """Whether the way from a vertex to an image behind a plane leads about through its mirrors,
-        as it does if the plane shows it: most of those of a curved mirror do not."""
+        """Whether the line from a vertex to an image crosses the rectangle of the plane's mirrors.
+
+        Few of the planes of a curved mirror do so.
+        """
         plane = self.plane(number)
         before_m = dr.dot(plane.normal, vertex) - plane.offset_m
         behind_m = plane.offset_m - dr.dot(plane.normal, image)
@@ -142,16 +142,16 @@ class _Planes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
-    """Planes that reflect, drawn as often as they are large and bright."""
+    """Planes that reflect, drawn in proportion to area and reflectance."""
 
     largest: _Planes
     all: _Planes
-    again: Float  # how often a second one follows
-    maximum: int  # in a row
+    again: Float  # probability that a second one follows
+    maximum: int  # maximum number of consecutive planes
 
     @classmethod
     def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
-        """Those of objects that mirror; None where there are none."""
+        """Mirrors among the objects; None where there are none."""
         planes, strength = _candidate_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
         if not strength.size:
             return None
@@ -164,11 +164,13 @@ class Mirrors:
         )
 
     def one(self, number: UInt) -> Fold:
-        """One of the largest planes."""
+        """Plane `number` of the largest ones."""
         return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
 
     def choose_two(self, sampler: Sampler) -> tuple[Fold, Bool]:
-        """Two of the largest planes, and whether they are looked at, as the probability says."""
+        """Two of the largest planes, and whether to use them, by the probability of a second
+        one.
+        """
         looked = sampler.next_1d() < self.again
         planes, chances = zip(
             *(self.largest.draw(sampler.next_1d()) for _ in range(MAX_FOLDS)), strict=True
@@ -176,7 +178,7 @@ class Mirrors:
         return Fold(planes, mi.UInt32(MAX_FOLDS), self.again * dr.prod(chances)), looked
 
     def choose_any(self, uniform: Float, sampler: Sampler) -> Fold:
-        """The first by a number, of all, and whatever follows of the largest, for each lane."""
+        """The first plane drawn from all by `uniform`, the following from the largest, by lane."""
         plane, probability = self.all.draw(uniform)
         planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
         for _ in range(1, self.maximum):
@@ -201,7 +203,7 @@ def reflected(
 ) -> Float:
     """Fraction of light that follows a ray from mirror to mirror, and from there to an end.
 
-    `length_m` is that of the whole path, unfolded.
+    `length_m` is the length of the whole unfolded path.
     """
     left, rest_m = dr.select(active, mi.Float(1), 0), mi.Float(length_m)
     for number, plane in enumerate(fold.planes):
@@ -227,7 +229,7 @@ def reflected(
 
 
 def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors | None]:
-    """Mirrors, smooth metal, glass and panes of a scene; and these and smooth coats."""
+    """Mirrors, smooth metal, glass and panes of a scene; and these together with smooth coats."""
     coats, mirrors = (
         [each for each in objects if isinstance(each.material.bsdf, kinds) and _is_whole(each)]
         for kinds in (Plastic, Mirror | Conductor | Dielectric | ThinPane)
@@ -241,7 +243,7 @@ def _is_whole(thing: SceneObject) -> bool:
 
 
 def _reflectance(thing: SceneObject) -> float:
-    """At normal incidence; of plastic, that of its coat."""
+    """Reflectance at normal incidence; of plastic, that of its coat."""
     bsdf = thing.material.bsdf
     if isinstance(bsdf, Plastic):
         return Dielectric(bsdf.ior).fresnel_reflectance
@@ -249,7 +251,7 @@ def _reflectance(thing: SceneObject) -> float:
 
 
 def _again(mirrors: Sequence[SceneObject]) -> float:
-    """How often to look for a second mirror: what light keeps on average, to what it had before."""
+    """Probability of looking for a second mirror, in proportion to the light that is left."""
     reflectances = [_reflectance(thing) for thing in mirrors]
     areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
     retained = float(np.average(reflectances, weights=areas))
@@ -257,7 +259,7 @@ def _again(mirrors: Sequence[SceneObject]) -> float:
 
 
 def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """See `_planes`; those found last for the first of the objects, as long as none changed."""
+    """`_planes` of the mirrors, cached while none of them changes."""
     content = surface_content(mirrors)
     cached = _CACHED.get(mirrors[0])
     if cached is None or cached[0] != content:
@@ -265,13 +267,16 @@ def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
     return cached[1]
 
 
-#: The planes found last, by the first of the objects and with the content of all.
+#: The most recent planes, by the first of the objects and with the content of all.
 _CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """Of the planes that triangles lie in: unit normal, offset, and the rectangle that they fill
-    (planes, 12), see `_rectangle`; area x reflectance (planes,)."""
+    """Planes of the triangles (planes, 12), and their area x reflectance (planes,).
+
+    A plane is a unit normal, an offset, and the rectangle that its triangles fill, see
+    `_rectangle`.
+    """
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
@@ -294,7 +299,8 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
 
 
 def _rectangle(triangles: Floats, normal: Floats) -> Floats:
-    """Middle, direction, and half the length along it and across of what lies in a plane, (8,).
+    """Rectangle around triangles in a plane: middle, direction, and half sides along and across,
+    (8,).
 
     The direction is that of the longest edge.
     """

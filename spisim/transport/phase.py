@@ -9,7 +9,7 @@ from spisim.transport.jit import Object
 
 
 def phase_plugin(phase: Phase) -> Object:
-    """A phase function as Mitsuba has it; needs an active variant."""
+    """A phase function as a Mitsuba plugin; needs an active variant."""
     match phase:
         case Isotropic():
             return mi.load_dict({"type": "isotropic"})
@@ -33,7 +33,7 @@ def phase_plugin(phase: Phase) -> Object:
 
 
 def _table(phase: Tabulated) -> Object:
-    """The plugin takes numbers as text, of which a table has megabytes: they are put in after."""
+    """Set the table by parameter: as text, which the plugin takes, it has megabytes."""
     plugin = mi.load_dict({"type": "tabphase", "values": "1, 1"})
     parameters = mi.traverse(plugin)
     parameters["values"] = mi.Float(phase.values)

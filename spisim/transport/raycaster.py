@@ -1,4 +1,4 @@
-"""A scene looked at without light: what lies along rays, and how its surfaces are shaded."""
+"""Ray casting without light: what lies along rays, and how its surfaces are shaded."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.jit import Float, Interaction, Ray
 from spisim.transport.meshes import Meshes
 
-#: Whole surfaces, or panes, that a line of sight goes through at most.
+#: Maximum number of surfaces or panes along a line of sight.
 MAX_PANES = 8
-#: Of the light of a ray, what is worth being followed through a pane.
+#: Minimum fraction of a ray's light that is followed through a pane.
 MIN_LEFT = 0.02
-#: Rays that look for what keeps skylight off a point, and how far. Neighbours go on with one
-#: sequence, so that what a pixel averages over fills the sky evenly.
+#: Rays that sample how much of the sky is hidden, and their maximum range. Neighbours continue one
+#: sequence, so that the mean over nearby pixels samples the sky evenly.
 SKY_RAYS = 8
 SKY_MAX_RANGE_M = 2.0
-#: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number), in 2^-32.
+#: Steps of Roberts' R2 sequence of the plastic number, which fills the square evenly, in 2^-32.
 PLASTIC = tuple(round(step * 2**32) for step in (0.7548776662, 0.5698402910))
-#: Rays at a time, which bounds the memory.
+#: Maximum number of rays at a time, which bounds the memory.
 RAYS_AT_A_TIME = 2**20
 
 
@@ -41,7 +41,15 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class RayCaster:
-    """The surfaces of a scene. Rays have origins and unit directions (n, 3), in the world."""
+    """The surfaces of a scene, for rays with origins and unit directions (n, 3) in the world.
+
+    Parameters
+    ----------
+    scene
+        Its objects are the surfaces.
+    meshes
+        The same surfaces as Mitsuba meshes; `RayCaster.of` builds them.
+    """
 
     scene: Scene
     meshes: Meshes
@@ -49,11 +57,22 @@ class RayCaster:
     @classmethod
     @with_backend
     def of(cls, scene: Scene) -> RayCaster:
-        """Hand a scene's surfaces to Mitsuba."""
+        """Build the ray caster of a scene."""
         return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
-        """What each ray meets first, panes included."""
+        """First surface that each ray meets, panes included.
+
+        Parameters
+        ----------
+        origins, directions
+            Rays (n, 3) in the world, m and unit vectors.
+
+        Returns
+        -------
+        Surfaces
+            Ranges, m, and objects (n,).
+        """
         si = self.meshes.scene.ray_intersect(_rays(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(
@@ -62,10 +81,20 @@ class RayCaster:
         )
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
-        """Brightness (n,) from 0 to 1 of what each ray sees; nan where it meets nothing.
+        """Brightness of what each ray sees, as a drawing without light transport.
 
-        A drawing, no light transport: reflectance under an even sky that near things hide, a little
-        darker where a surface is seen at a slant. Panes are looked through.
+        It is the reflectance under an even sky that near objects hide, darker where a surface is
+        seen at a slant. Rays pass through panes.
+
+        Parameters
+        ----------
+        origins, directions
+            Rays (n, 3) in the world, m and unit vectors.
+
+        Returns
+        -------
+        NDArray
+            Brightness (n,) from 0 to 1; nan where a ray meets nothing.
         """
         steps = MAX_PANES if any(map(_is_pane, self.scene.objects)) else 1
         reflectance = np.array([thing.material.reflectance for thing in self.scene.objects] + [0.0])
@@ -98,7 +127,7 @@ class RayCaster:
         return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
 
     def _sky(self, si: Interaction) -> Floats:
-        """Share of an even sky above each surface, seen from the side that is looked at."""
+        """Visible fraction of an even sky above each surface, on the side that is seen."""
         facing = dr.abs(si.wi.z)
         normal = dr.select(si.wi.z < 0, -si.n, si.n)
         frame = mi.Frame3f(normal)

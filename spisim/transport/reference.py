@@ -1,7 +1,7 @@
 """Mitsuba's own integrators on the same scene: one render per pattern.
 
-Nothing here shares the two-ended estimator: `volpath` finds the light, Mitsuba's `projector`
-emits the patterns. That makes it the oracle of the tests and the baseline of the benchmarks.
+Nothing here shares code with the two-ended estimator: `volpath` finds the light, and Mitsuba's
+`projector` emits the patterns. It is the reference of the tests and the baseline of the benchmarks.
 """
 
 from __future__ import annotations
@@ -28,16 +28,16 @@ from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
 
-#: Deep enough that what is cut off cannot be measured; roulette ends paths long before.
+#: What is cut off is below the noise; roulette ends paths long before.
 MAX_DEPTH = 256
 #: Mitsuba's cameras and projectors have x to the left and y up; the optical frame has neither.
 MITSUBA_FROM_OPTICAL = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 class Renderer:
-    """A scene with its lamps and more emitters, lit and seen by Mitsuba's `volpath`.
+    """A scene with its lamps and further emitters, rendered by Mitsuba's `volpath`.
 
-    Mitsuba knows one medium at a place: fog everywhere, or volumes that do not overlap, with the
+    Mitsuba allows one medium at a point: fog everywhere, or volumes that do not overlap, with the
     instrument outside of them.
     """
 

@@ -1,4 +1,4 @@
-"""A surface that sends light back to where it came from, as a plugin of Mitsuba."""
+"""A surface that sends light back to where it came from, as a Mitsuba plugin."""
 
 from __future__ import annotations
 
@@ -15,22 +15,24 @@ PLUGIN = "spisim-retroreflector"
 
 
 def retroreflector(roughness: float, reflectance: dict[str, Any]) -> dict[str, Any]:
-    """Mitsuba description of a lobe about the incoming direction, of this width α and reflectance
-    at normal incidence; needs an active variant."""
+    """Mitsuba description of a lobe about the incoming direction; needs an active variant.
+
+    `roughness` is its width α, `reflectance` that at normal incidence.
+    """
     _register(str(mi.variant()))
     return {"type": PLUGIN, "alpha": float(roughness), "reflectance": reflectance}
 
 
 @cache
 def _register(variant: str) -> None:
-    """Make the plugin known to one variant, of whose types its class is made."""
+    """Register the plugin with a variant, on whose types its class depends."""
 
     class Retroreflector(mi.BSDF):
         """f(i, o) = reflectance · p(i, o) · (cos i · cos o)^(k / 2 - 1).
 
-        p is the density of directions that a facet drawn from GGX's distribution about i mirrors i
-        into, D(δ / 2) / 4 for δ between i and o (Walter et al. 2007): the same all around i, and
-        both ways.
+        p is the density of directions into which a facet, drawn from the GGX distribution about i,
+        mirrors i: D(δ / 2) / 4 for an angle δ between i and o (Walter et al. 2007). It is symmetric
+        about i and reciprocal.
         """
 
         def __init__(self, properties: Object) -> None:
@@ -76,7 +78,7 @@ def _register(variant: str) -> None:
             return f"Retroreflector[alpha={self.alpha}, reflectance={self.reflectance}]"
 
         def _density(self, wi: Vector, wo: Vector) -> Float:
-            """p; from the chord between the two, which single precision knows well."""
+            """p, from the chord between the two, which is accurate in single precision."""
             sine2 = dr.squared_norm(wo - wi) / 4  # of δ / 2
             spread = (1 - sine2) * self.alpha + sine2 / self.alpha
             return dr.rcp(4 * dr.pi * spread * spread)

@@ -18,7 +18,7 @@ from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
 
-#: Fields that a pixel without an image does not have.
+#: Fields that are nan without an image.
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -28,20 +28,38 @@ SUBPIXELS = 4
 class GroundTruth:
     """Per virtual pixel, along the ray through its centre; nan (id -1) where nothing is hit.
 
-    `normal` is in the optical frame, towards the projector. `coverage` is the share of the pixel
-    that shows the same object as its centre: below 1 at edges and on thin things. Spots: the
-    surface each laser meets in clear air; nan and None for a beam that meets nothing.
+    Parameters
+    ----------
+    range_m
+        Range (H, W) from the pinhole along the ray, m.
+    depth_m
+        Depth (H, W) along the optical axis, m.
+    reflectance
+        Reflectance (H, W) at the instrument's wavelength.
+    normal
+        Unit normal (H, W, 3) in the optical frame, towards the projector.
+    object_id
+        Index (H, W) into `object_names`.
+    coverage
+        Fraction (H, W) of the pixel that displays the same object as its centre: below 1 at edges
+        and on thin objects.
+    object_names
+        Names of the scene's objects.
+    spot_range_m
+        Range (spots,) of the surface that each laser meets in clear air, m; nan for none.
+    spot_object
+        Name (spots,) of its object; None for none.
     """
 
-    range_m: NDArray[np.float32]  # (H, W), from the pinhole along the ray
-    depth_m: NDArray[np.float32]  # (H, W), along the optical axis
-    reflectance: NDArray[np.float32]  # (H, W)
-    normal: NDArray[np.float32]  # (H, W, 3)
-    object_id: NDArray[np.int32]  # (H, W), index into `object_names`
-    coverage: NDArray[np.float32]  # (H, W)
+    range_m: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    reflectance: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    object_id: NDArray[np.int32]
+    coverage: NDArray[np.float32]
     object_names: tuple[str, ...]
-    spot_range_m: Floats  # (spots,)
-    spot_object: tuple[str | None, ...]  # (spots,)
+    spot_range_m: Floats
+    spot_object: tuple[str | None, ...]
 
 
 @with_backend
@@ -50,7 +68,17 @@ def ground_truth(
 ) -> GroundTruth:
     """Trace the centre of every virtual pixel, the pixels' parts, and the four laser beams.
 
-    Coverage is counted from `subpixels` rays per side of a pixel; from one, it is not known.
+    Parameters
+    ----------
+    scene, instrument
+        The scene, with the pose of the drone, and the instrument that looks at it.
+    subpixels
+        Rays per side of a pixel from which its coverage is counted; nan coverage for 1.
+
+    Returns
+    -------
+    GroundTruth
+        Maps per virtual pixel, and ranges of the spots.
 
     Raises
     ------
@@ -69,7 +97,7 @@ def ground_truth(
     pictures: dict[str, Any] = {
         name: np.concatenate([band[name] for band in bands]) for name in bands[0]
     }
-    if not instrument.images:  # whose only pixel shows nothing
+    if not instrument.images:  # the only pixel is a placeholder
         pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
     return GroundTruth(
         **pictures,
@@ -81,7 +109,7 @@ def ground_truth(
 def _spots(
     scene: Scene, meshes: Meshes, placed: InstrumentView, names: tuple[str, ...]
 ) -> dict[str, Any]:
-    """The fields of `GroundTruth` of the lasers."""
+    """The fields of `GroundTruth` about the lasers."""
     if not len(placed.beams.directions):
         return {"spot_range_m": np.zeros(0), "spot_object": ()}
     spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
@@ -97,7 +125,7 @@ def _spots(
 def _band(
     scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64], subpixels: int
 ) -> dict[str, NDArray[Any]]:
-    """The fields of `GroundTruth` that are pictures, of these rows."""
+    """The maps of `GroundTruth`, for some rows of pixels."""
     shape = len(rows), placed.projector.shape[1]
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     local = _pixel_rays(placed, rows, 1)
@@ -141,7 +169,7 @@ def _trace(geometry: Object, origin: Floats, directions: Floats) -> Interaction:
 
 
 def _reflectance(scene: Scene, si: Interaction, identity: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Of each pixel's material, its picture included."""
+    """Reflectance of each pixel's material, its picture included."""
     plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
     values = plain[identity]
     textured = [n for n, thing in enumerate(scene.objects) if thing.material.texture is not None]

@@ -1,4 +1,4 @@
-"""A scene as Mitsuba holds it: meshes with their reflectance, and the fog around them."""
+"""A scene as Mitsuba holds it: meshes with their materials, mirrors, and media."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from spisim.transport.mirrors import Mirrors, mirrors_of
 from spisim.transport.phase import phase_plugin
 from spisim.transport.views import BeamView
 
-#: The fog reaches this far beyond the scene: light scattered further out does not come back.
+#: Fog extends this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
-#: Nor does it from so many optical depths away: where the horizon is farther, fog ends there, and
-#: daylight comes through no more of it.
+#: Nor does light from this optical depth: if the horizon is farther, fog and its effect on daylight
+#: end there.
 FOG_DEPTHS = 10.0
 
 
@@ -45,7 +45,9 @@ class World:
 
     @property
     def plain(self) -> bool:
-        """Clear air and diffuse surfaces: paths from the pixels alone find all light, and best."""
+        """Clear air and diffuse surfaces: paths from the pixels alone find all light with less
+        noise.
+        """
         return self.diffuse and not self.media.parts
 
     @property
@@ -54,12 +56,12 @@ class World:
         return bool(self.media.parts) and not self.geometry.see_through
 
     def first_surface(self, ray: Ray) -> tuple[Interaction, Float]:
-        """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
+        """First surface on a ray and the distance to it; twice the radius if there is none."""
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
 
     def axis_distance_m(self, beams: BeamView) -> Floats:
-        """How far the axis of each beam goes until it meets something, (beams,); nan for none."""
+        """Distance along the axis of each beam to the first surface, (beams,); nan for none."""
         origins, directions = (
             mi.Vector3f(values.T.astype(np.float32))
             for values in (beams.origins_m, beams.directions)
@@ -72,7 +74,7 @@ class World:
 
 @with_backend
 def build_world(scene: Scene) -> World:
-    """Hand a scene to Mitsuba."""
+    """Convert a scene to Mitsuba."""
     mirrors, smooth = mirrors_of(scene.objects)
     return World(
         geometry=_geometry(scene),
@@ -101,7 +103,7 @@ def _media(scene: Scene) -> Media:
 
 
 def _filled(volume: Volume) -> Medium:
-    """What a volume is filled with."""
+    """The medium of a volume."""
     to_local = transform(np.linalg.inv(volume.to_world))
     bounds: Bounds = Ellipsoid(to_local) if volume.shape == "ball" else Box(to_local)
     grid = None

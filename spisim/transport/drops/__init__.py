@@ -1,8 +1,8 @@
 """Single drops and flakes that cross the beams while a frame is recorded.
 
 Rain takes a few percent of the light within the range of the instrument, so its effect is a small
-change of what the light transport found without it: drops hide light on its way out and on its way
-back, and scatter some of it into the detectors, once.
+change to the light traced without it: drops block light on its way out and back, and scatter some
+of it into the detectors, once.
 """
 
 from spisim.transport.drops.beams import on_spots

@@ -23,17 +23,36 @@ from spisim.transport.drops.field import DropField
 
 
 class Interpolation(NamedTuple):
-    """Light at times (frames, M): that of some keys each, (frames, M, keys), by their shares."""
+    """Linear interpolation of light in time, between keys at which it is known.
+
+    Parameters
+    ----------
+    keys
+        Indices (frames, M, k) of the keys that each of a frame's M times lies between.
+    fractions
+        Their weights (frames, M, k).
+    """
 
     keys: NDArray[np.intp]
     fractions: Floats
 
     def until(self, frames: int) -> Interpolation:
-        """That of the first frames."""
+        """The interpolation of the first frames."""
         return Interpolation(self.keys[:frames], self.fractions[:frames])
 
     def means(self, values: Floats) -> Floats:
-        """Mean over each frame's times, (frames, ...), of what is `values` (K, ...) at the keys."""
+        """Mean of values at the keys over each frame's times.
+
+        Parameters
+        ----------
+        values
+            Values (K, ...) at the keys.
+
+        Returns
+        -------
+        Floats
+            Means (frames, ...).
+        """
         flat = values.reshape(len(values), -1)
         times = self.keys.shape[1]
         means = np.empty((len(self.keys), flat.shape[1]))
@@ -50,12 +69,16 @@ def on_buckets(
     electrons: Floats,
     response: Callable[[Floats], Floats],
 ) -> Floats:
-    """Electrons (windows, frames, M) that drops add to every exposure, or take from it.
+    """Electrons that drops add to every exposure, or take from it.
+
+    All light of a pixel counts as going straight to its surface and straight back, which neglects
+    fog and interreflections. Drops are still during an exposure; rays out and back are blocked
+    independently.
 
     Parameters
     ----------
     drops
-        Of one recording; each entry's hide light independently of the others'.
+        Entries of one recording, which block light independently of each other.
     pictures
         Electrons of each fully lit pixel without drops, (windows, keys, H, W).
     between
@@ -63,11 +86,12 @@ def on_buckets(
     electrons
         Electrons per exposure if all of a pixel's power were on the detector, (H, W).
     response
-        Of light by its path length in metres (n,): share that each window collects, (windows, n).
+        Maps path lengths (n,), m, to the fraction that each window collects, (windows, n).
 
-    All light of a pixel counts as going out straight to the surface that it meets and from there
-    straight back, which it does but for fog and interreflections. Drops are still during an
-    exposure; rays out and back are hidden independently.
+    Returns
+    -------
+    Floats
+        Electrons (windows, frames, M).
     """
     changes = np.zeros((len(pictures), *between.keys.shape[:2]))
     if not drops:
@@ -110,7 +134,9 @@ def _at(
     depth_m: Floats,
     response: Callable[[Floats], Floats],
 ) -> tuple[Floats, Fractions, Floats]:
-    """What passes of each pixel's light, what meets drops, and (windows, points) its echo."""
+    """Passing fraction of each pixel's light, fractions that meet drops, and echoes (windows,
+    points).
+    """
     projector, bucket = drops.view.projector, drops.view.bucket
     positions, diameters = drops.at(field, time_s)
     pixel_rad = float(np.sqrt(projector.pixel_area))  # in the middle of the field
@@ -134,7 +160,7 @@ def _at(
 
 
 def _blur_m(drops: FallingDrops, depth_m: Floats) -> Floats:
-    """Width over which lens or aperture smear a drop's shadow."""
+    """Width over which lens or aperture blur a drop's shadow."""
     projector = drops.view.projector
     lens = projector.lens_radius_m * np.abs(1 - depth_m / projector.focus_m)
     return np.asarray(2 * np.maximum(lens, np.sqrt(drops.view.bucket.area_m2 / np.pi)))
