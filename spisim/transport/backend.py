@@ -1,7 +1,5 @@
 """Choice of the Dr.Jit backend, made once, when the first scene is built."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -76,9 +74,9 @@ def _check_process() -> None:
     """Raise InputError in a forked process: CUDA works only in the process that first used it."""
     if _user_of_cuda.setdefault("pid", os.getpid()) != os.getpid():
         raise InputError(
-            "this process was forked from one that uses CUDA, and cannot use it too: start "
+            "this process was forked from one that uses CUDA and cannot use CUDA itself: start "
             "processes by 'spawn', as in DataLoader(…, multiprocessing_context=\"spawn\"), or read "
-            "samples that are made already"
+            "samples that already exist"
         )
 
 

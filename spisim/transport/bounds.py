@@ -1,7 +1,5 @@
 """Shapes that media fill, with the part of a ray inside each."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

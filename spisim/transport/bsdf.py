@@ -1,7 +1,5 @@
 """Materials as Mitsuba describes them, at one wavelength."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

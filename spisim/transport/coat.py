@@ -1,7 +1,5 @@
 """How much light a clear coat transmits to the diffuse body beneath it, and out again."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
@@ -10,7 +8,7 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.transport.jit import Interaction, Object, UInt, Vector
+from spisim.transport.jit import Hit, Object, UInt, Vector
 
 _NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
 
@@ -57,7 +55,7 @@ def _body_term(
     bsdf: Object = mi.load_dict(plastic(ior, roughness, distribution, white))
     context = mi.BSDFContext()
     context.component = 1
-    si: Interaction = mi.SurfaceInteraction3f()
+    si: Hit = mi.SurfaceInteraction3f()
     si.wi = _directions(cos_in)
     value = bsdf.eval(context, si, _directions(cos_out)).x.numpy()
     return np.pi * np.asarray(value, np.float64) / cos_out

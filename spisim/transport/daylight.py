@@ -7,8 +7,6 @@ along the detectors' rays where it is scattered once, and by all strategies wher
 more often.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial

@@ -7,8 +7,6 @@ winding number at the start is Σ s_k. Where a mesh overlaps itself, its medium 
 the mesh wraps around the point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -52,15 +50,11 @@ class Enclosed:
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether the transmittance has a closed form."""
         return self.grid is None
 
     @dr.syntax
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
-        """Distance to the first collision, infinite where there is none before `far`.
-
-        It is drawn afresh between crossings, because flights have no memory, and without a bias.
-        """
+        """Drawn afresh between crossings, because flights have no memory; without a bias."""
         wraps, inside_m = self._sums(ray, far, active)
         result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
@@ -78,14 +72,12 @@ class Enclosed:
         return result
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
-        """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
         if self.grid is None:
             _, inside_m = self._sums(ray, far, active)
             return dr.exp(-self.extinction_per_m * inside_m)
         return self._tracked(ray, far, sampler, active)
 
     def extinction_at(self, point: Point) -> Float:
-        """Extinction, 1/m."""
         slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))
         wraps, _ = self._sums(slanted, mi.Float(0), mi.Bool(True))
         density = mi.Float(1) if self.grid is None else self.grid.density_at(point)

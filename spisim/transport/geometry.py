@@ -1,17 +1,16 @@
 """The surfaces of a scene and the light that gets past them; sampling along rays."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from spisim.transport.jit import Bool, Float, Interaction, Matrix, Object, Point, Ray, Vector
+from reconstruction.base.arrays import Floats
+from spisim.transport.jit import Bool, Float, Hit, Matrix, Object, Point, Ray, Vector
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,19 +21,10 @@ class Geometry:
     see_through: bool
 
     def transmission(
-        self,
-        si: Interaction,
-        point: Point,
-        direction: Vector,
-        gap: Float,
-        in_fog: Bool,
-        active: Bool,
+        self, si: Hit, point: Point, towards: Vector, gap: Float, in_fog: Bool, active: Bool
     ) -> Float:
-        """Fraction of light that gets from a path vertex to a point `gap` away, without media.
-
-        The vertex is the surface interaction `si`, or `point` where it lies in fog.
-        """
-        ray = si.spawn_ray(direction)
+        """Fraction of light that gets `gap` away from `si`, or `point` in fog, past surfaces."""
+        ray = si.spawn_ray(towards)
         ray.o = dr.select(in_fog, point, ray.o)
         return self.along(ray, gap, active)
 
@@ -51,12 +41,9 @@ class Geometry:
 
     @dr.syntax
     def up_to(
-        self, there: Callable[[Interaction], Bool], ray: Ray, active: Bool
+        self, there: Callable[[Hit], Bool], ray: Ray, active: Bool
     ) -> tuple[Ray, Float, Float]:
-        """Follow a ray through panes until `there` is true of the next surface.
-
-        Returns the ray from there on, the distance covered, and the fraction of light transmitted.
-        """
+        """Ray beyond the panes before a surface that is `there`, its distance, the transmission."""
         through, gone_m = mi.Float(1), mi.Float(0)
         going, ray = mi.Bool(active), mi.Ray3f(ray)
         while dr.hint(going, exclude=[self, there]):
@@ -93,6 +80,11 @@ def transform(matrix: NDArray[np.floating[Any]]) -> Matrix:
     return result
 
 
+def rays_of(origins: Floats, directions: Floats) -> Ray:
+    """Rays from origins and unit directions, (3,) or (n, 3)."""
+    return mi.Ray3f(mi.Point3f(np.float32(origins.T)), mi.Vector3f(np.float32(directions.T)))
+
+
 def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
     """Unit vector and distance from one point to another."""
     offset = mi.Vector3f(stop - start)
@@ -101,9 +93,7 @@ def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
 
 
 class EquiAngular(NamedTuple):
-    """Distances along a ray, uniform in the angle seen from a point (Kulla & Fajardo, EGSR
-    2012).
-    """
+    """Distances uniform in the angle seen from a point (Kulla & Fajardo, EGSR 2012)."""
 
     foot: Float  # distance along the ray to the foot of the point
     height: Float  # of the point above the ray
@@ -111,7 +101,7 @@ class EquiAngular(NamedTuple):
     high: Float
 
     @classmethod
-    def about(cls, point: Point, ray: Ray, far: Float, near: Float = 0.0) -> EquiAngular:
+    def about(cls, point: Point, ray: Ray, far: Float, near: Float = 0.0) -> Self:
         offset = point - ray.o
         foot = dr.dot(offset, ray.d)
         height = dr.maximum(dr.norm(offset - foot * ray.d), 1e-6)

@@ -1,7 +1,5 @@
 """Lasers that mirrors reflect straight into their detectors: light that the transport omits."""
 
-from __future__ import annotations
-
 import warnings
 
 import drjit as dr
@@ -10,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spisim.transport.engine.sampling import TransportWarning
-from spisim.transport.jit import Interaction, Ray
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Hit
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
@@ -28,8 +27,8 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
     if lasers.size:
         text = ", ".join(map(str, lasers))
         warnings.warn(
-            f"mirrors throw the beam of spot {text} straight into its detector: that light is left "
-            "out, though it would outshine all other",
+            f"mirrors reflect the beam of spot {text} straight into its detector: that light, "
+            "which would outshine all other, is left out",
             TransportWarning,
             stacklevel=3,
         )
@@ -37,18 +36,14 @@ def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> No
 
 def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> NDArray[np.bool_]:
     """Whether mirrors throw each beam (beams,), at its width there, onto its aperture."""
-    origins, positions = (
-        mi.Point3f(each.T.astype(np.float32)) for each in (beams.origins_m, detectors.positions_m)
-    )
-    directions, axes = (
-        mi.Vector3f(each.T.astype(np.float32)) for each in (beams.directions, detectors.axes)
-    )
-    ray: Ray = mi.Ray3f(origins, directions)
+    ray = rays_of(beams.origins_m, beams.directions)
+    apertures = rays_of(detectors.positions_m, detectors.axes)
+    positions, axes = apertures.o, apertures.d
     length_m = mi.Float(0)
     going, hits = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
     aperture_m, cosine = np.sqrt(detectors.area_m2 / np.pi), np.cos(detectors.half_angle_rad)
     for mirrors in range(MAX_MIRRORS + 1):
-        si: Interaction = world.geometry.scene.ray_intersect(ray, going)
+        si: Hit = world.geometry.scene.ray_intersect(ray, going)
         if mirrors > 0:
             along_m = dr.dot(positions - ray.o, ray.d)
             aside_m = dr.norm(positions - ray(along_m))

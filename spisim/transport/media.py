@@ -12,16 +12,15 @@ thin fog is rare and bright (exponential biasing, Spanier & Gelbard 1969, §3.3,
 falls with the distance).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Phase, Tabulated
 from spisim.transport.bounds import Bounds, Box
 from spisim.transport.jit import Bool, Float, Object, Point, Point2, Ray, Sampler, UInt, Vector
 
@@ -35,16 +34,13 @@ BIAS_DEPTH = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Bias:
-    """Extra extinction that flights meet, as a multiple of the true one: c / (1 + (s/b)²).
-
-    s is the distance from the end that a path has left; infinite after a turn.
-    """
+    """Extra extinction of flights over the true one: c / (1 + (s/b)²), s after the path's end."""
 
     strength: Float  # c
     max_range_m: Float  # b
 
     @classmethod
-    def of(cls, extinction_per_m: float) -> Bias:
+    def of(cls, extinction_per_m: float) -> Self:
         """Bias of a medium with this extinction."""
         max_range_m = min(BIAS_MAX_RANGE_M, 1 / extinction_per_m)
         strength = min(BIAS - 1, BIAS_DEPTH / (extinction_per_m * max_range_m * np.pi / 2))
@@ -56,9 +52,7 @@ class Bias:
         return self.strength * self.max_range_m * angle
 
     def way_m(self, near: Float, length_m: Float) -> Float:
-        """Distance beyond `near` at which the integral reaches `length_m`; infinite if it never
-        does.
-        """
+        """Distance beyond `near` where the integral is `length_m`; infinite if it never is."""
         angle = dr.atan(near / self.max_range_m) + length_m / (self.strength * self.max_range_m)
         return dr.select(angle < 0.5 * dr.pi, self.max_range_m * dr.tan(angle) - near, dr.inf)
 
@@ -79,7 +73,6 @@ class Homogeneous:
     in_closed_form = True
 
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
-        """Distance to the first collision, infinite where there is none before `far`."""
         near, far = self.bounds.interval(ray, far)
         free, biased = (
             -dr.log(1 - sampler.next_1d(active)) / self.extinction_per_m for _ in range(2)
@@ -94,12 +87,10 @@ class Homogeneous:
         return self.extinction_per_m * length_m
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
-        """Fraction of light that gets `far` without a collision."""
         near, far = self.bounds.interval(ray, far)
         return dr.exp(-self.extinction_per_m * dr.maximum(far - near, 0))
 
     def extinction_at(self, point: Point) -> Float:
-        """Extinction, 1/m."""
         upwards = mi.Ray3f(point, mi.Vector3f(0, 0, 1))
         near, far = self.bounds.interval(upwards, mi.Float(dr.inf))
         return dr.select((near == 0) & (far > 0), self.extinction_per_m, 0)
@@ -107,9 +98,7 @@ class Homogeneous:
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Extinction σ · density within bounds; the density, 0 to 1, is interpolated on a grid in a
-    box.
-    """
+    """Extinction σ · density within bounds; the density, 0 to 1, is a grid that fills a box."""
 
     box: Box
     density: Float  # mi.Texture3f
@@ -120,12 +109,10 @@ class Grid:
     in_closed_form = False
 
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
-        """Distance to the first real collision; without a bias."""
         near, end = self.bounds.interval(ray, far)
         return self.collision(ray, near, end, 1, sampler, active)
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
-        """Unbiased estimate of the transmittance."""
         near, end = self.bounds.interval(ray, far)
         return self.tracked(ray, near, end, 1, sampler, active)
 
@@ -133,10 +120,7 @@ class Grid:
     def collision(
         self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
     ) -> Float:
-        """First collision from `near` to `end`, else infinite, by null-collision tracking.
-
-        The extinction is multiplied by `times`.
-        """
+        """First collision at `times` the extinction, else infinite, by null-collision tracking."""
         distance = mi.Float(near)
         collision = mi.Float(dr.inf)
         going = active & (near < end)
@@ -166,7 +150,6 @@ class Grid:
         return through
 
     def extinction_at(self, point: Point) -> Float:
-        """Extinction, 1/m."""
         inside = self.bounds.contains(point)
         return dr.select(inside, self.extinction_per_m * self.density_at(point), 0)
 
@@ -228,11 +211,7 @@ class Media:
     def flight_density(
         self, ray: Ray, distance: Float, medium: UInt, in_fog: Bool, left_m: Float
     ) -> Float:
-        """Density of a biased flight that ends at a distance, over that of light.
-
-        `in_fog` flights end by a collision with a medium. `left_m` is the distance from the path's
-        end.
-        """
+        """Density of a flight that began `left_m` after the path's end, over that of light."""
         depth, factor = mi.Float(0), mi.Float(1)
         for number, part in enumerate(self.parts):
             if isinstance(part, Homogeneous):
@@ -310,9 +289,7 @@ class Media:
     def bending(
         self, point: Point, incoming: Vector, outgoing: Vector, active: Bool
     ) -> tuple[Float, Float]:
-        """Light that all media scatter between two directions, 1/(m sr), and the density of
-        `bend`.
-        """
+        """What all media scatter between two directions, 1/(m sr), and the density of `bend`."""
         scattered, density = mi.Float(0), mi.Float(0)
         context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
         for part in self.parts:
@@ -354,3 +331,36 @@ def density_texture(density: NDArray[np.float32]) -> Object:
         wrap_mode=dr.WrapMode.Clamp,
         filter_mode=dr.FilterMode.Linear,
     )
+
+
+def phase_plugin(phase: Phase) -> Object:
+    """A phase function as a Mitsuba plugin; needs an active variant."""
+    match phase:
+        case Isotropic():
+            return mi.load_dict({"type": "isotropic"})
+        case HenyeyGreenstein(g=g):
+            return mi.load_dict({"type": "hg", "g": g})
+        case Tabulated():
+            return _table(phase)
+        case Blend(parts=((_, only),)):
+            return phase_plugin(only)
+        case Blend(parts=((weight, first), *others)):
+            rest = Blend(tuple((fraction / (1 - weight), other) for fraction, other in others))
+            return mi.load_dict(
+                {
+                    "type": "blendphase",
+                    "weight": 1 - weight,
+                    "first": phase_plugin(first),
+                    "second": phase_plugin(rest),
+                }
+            )
+    raise TypeError(f"not a phase function: {phase!r}")
+
+
+def _table(phase: Tabulated) -> Object:
+    """Set the table by parameter: as text, which the plugin takes, it has megabytes."""
+    plugin = mi.load_dict({"type": "tabphase", "values": "1, 1"})
+    parameters = mi.traverse(plugin)
+    parameters["values"] = mi.Float(phase.values)
+    parameters.update()
+    return plugin

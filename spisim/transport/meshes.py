@@ -4,8 +4,6 @@ A few large meshes are built and traced much faster than many small ones, becaus
 a path meets is a virtual call over all shapes and materials.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,14 +20,12 @@ from numpy.typing import NDArray
 from spisim.scene import SceneObject, texture_coordinates
 from spisim.scene.content import material_content, surface_content
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
-from spisim.transport.jit import Bool, Interaction, Object, UInt
+from spisim.transport.jit import Bool, Hit, Object, UInt
 
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """The meshes of some objects in a Mitsuba scene of their own, and the owner of each
-    triangle.
-    """
+    """The meshes of some objects in a Mitsuba scene, and the owner of each triangle."""
 
     scene: Object  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
@@ -39,7 +35,7 @@ class Meshes:
     _objects: NDArray[np.int64]  # indices of the objects in this order
 
     @classmethod
-    def of(cls, objects: Sequence[SceneObject]) -> Meshes:
+    def of(cls, objects: Sequence[SceneObject]) -> "Meshes":
         """Meshes of objects, from the cache if nothing about the objects has changed."""
         key = str(mi.variant()).encode() + surface_content(objects)
         content, cached = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
@@ -51,7 +47,7 @@ class Meshes:
         return cached
 
     @classmethod
-    def _made(cls, objects: Sequence[SceneObject]) -> Meshes:
+    def _made(cls, objects: Sequence[SceneObject]) -> "Meshes":
         groups = _by_material(objects)
         in_order = [number for group in groups for number in group]
         starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
@@ -84,12 +80,12 @@ class Meshes:
         """Index of the first triangle of a shape, by Dr.Jit's number of it."""
         return mi.UInt32(np.where(self._shapes >= 0, self._first[self._shapes], 0))
 
-    def triangle(self, si: Interaction, active: Bool) -> UInt:
+    def triangle(self, si: Hit, active: Bool) -> UInt:
         """Index of the triangle that each ray meets, in a kernel."""
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
-    def object_ids(self, si: Interaction) -> NDArray[np.int64]:
+    def object_ids(self, si: Hit) -> NDArray[np.int64]:
         """Index of the object that each ray meets, -1 for none."""
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
@@ -131,10 +127,7 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
 
 
 def shape(things: Sequence[SceneObject], **parts: Any) -> Object:
-    """Merge objects of one material into a Mitsuba mesh.
-
-    `parts` are further plugins of it, such as an interior medium or an emitter.
-    """
+    """Merge objects of one material into a Mitsuba mesh; `parts` are further plugins of it."""
     material = things[0].material
     meshes = [thing.mesh for thing in things]
     with_uv = material.needs_texture_coordinates

@@ -6,11 +6,9 @@ to this image as to the end itself, at the length of the unfolded path. A second
 image of the image.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import drjit as dr
@@ -22,18 +20,7 @@ from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
-from spisim.transport.jit import (
-    Bool,
-    Float,
-    Interaction,
-    Object,
-    Point,
-    Point2,
-    Ray,
-    Sampler,
-    UInt,
-    Vector,
-)
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.media import Media
 
 #: Maximum number of planes, by area x reflectance, through which vertices are joined to an end.
@@ -60,7 +47,7 @@ class Plane(NamedTuple):
         """The mirror image of a direction."""
         return direction - 2 * dr.dot(self.normal, direction) * self.normal
 
-    def holds(self, si: Interaction) -> Bool:
+    def holds(self, si: Hit) -> Bool:
         """Whether a surface point belongs to the plane, which other planes may cross there."""
         near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_POSITION_M
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
@@ -105,7 +92,7 @@ class _Planes(NamedTuple):
     count: UInt
 
     @classmethod
-    def of(cls, planes: Floats, strength: Floats) -> _Planes:
+    def of(cls, planes: Floats, strength: Floats) -> Self:
         normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
         middles, along = mi.Point3f(planes[:, 4:7].T), mi.Vector3f(planes[:, 7:10].T)
         halves_m, weights = mi.Point2f(planes[:, 10:12].T), mi.Float(strength)
@@ -124,10 +111,7 @@ class _Planes(NamedTuple):
         return self.plane(number), probability
 
     def shows(self, number: UInt, vertex: Point, image: Point) -> Bool:
-        """Whether the line from a vertex to an image crosses the rectangle of the plane's mirrors.
-
-        Few of the planes of a curved mirror do so.
-        """
+        """Whether the line from a vertex to an image crosses the rectangle of a plane's mirrors."""
         plane = self.plane(number)
         before_m = dr.dot(plane.normal, vertex) - plane.offset_m
         behind_m = plane.offset_m - dr.dot(plane.normal, image)
@@ -150,7 +134,7 @@ class Mirrors:
     maximum: int  # maximum number of consecutive planes
 
     @classmethod
-    def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
+    def of(cls, things: Sequence[SceneObject]) -> Self | None:
         """Mirrors among the objects; None where there are none."""
         planes, strength = _candidate_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
         if not strength.size:
@@ -168,9 +152,7 @@ class Mirrors:
         return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
 
     def choose_two(self, sampler: Sampler) -> tuple[Fold, Bool]:
-        """Two of the largest planes, and whether to use them, by the probability of a second
-        one.
-        """
+        """Two of the largest planes, and whether to use them, which has probability `again`."""
         looked = sampler.next_1d() < self.again
         planes, chances = zip(
             *(self.largest.draw(sampler.next_1d()) for _ in range(MAX_FOLDS)), strict=True
@@ -193,19 +175,10 @@ class Mirrors:
 
 
 def reflected(
-    geometry: Geometry,
-    media: Media,
-    fold: Fold,
-    ray: Ray,
-    length_m: Float,
-    sampler: Sampler,
-    active: Bool,
+    geometry: Geometry, media: Media, fold: Fold, ray: Ray, far: Float, sampler: Sampler, lit: Bool
 ) -> Float:
-    """Fraction of light that follows a ray from mirror to mirror, and from there to an end.
-
-    `length_m` is the length of the whole unfolded path.
-    """
-    left, rest_m = dr.select(active, mi.Float(1), 0), mi.Float(length_m)
+    """Fraction of light that a fold reflects along a ray to an end, `far` in unfolded length."""
+    left, rest_m = dr.select(lit, mi.Float(1), 0), mi.Float(far)
     for number, plane in enumerate(fold.planes):
         here = (left > 0) & (number < fold.met)
         before, passed_m, through = ray, mi.Float(0), mi.Float(1)
@@ -272,11 +245,7 @@ _CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = W
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """Planes of the triangles (planes, 12), and their area x reflectance (planes,).
-
-    A plane is a unit normal, an offset, and the rectangle that its triangles fill, see
-    `_rectangle`.
-    """
+    """Unit normals, offsets and rectangles of planes (planes, 12); area x reflectance (planes,)."""
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
@@ -299,11 +268,7 @@ def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
 
 
 def _rectangle(triangles: Floats, normal: Floats) -> Floats:
-    """Rectangle around triangles in a plane: middle, direction, and half sides along and across,
-    (8,).
-
-    The direction is that of the longest edge.
-    """
+    """Rectangle around triangles: middle, direction of the longest edge, half sides, (8,)."""
     edges = (triangles - np.roll(triangles, 1, axis=1)).reshape(-1, 3)
     along = edges[np.argmax((edges**2).sum(axis=1))]
     along = along - (along @ normal) * normal

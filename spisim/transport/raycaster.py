@@ -1,9 +1,7 @@
 """Ray casting without light: what lies along rays, and how its surfaces are shaded."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
@@ -14,7 +12,8 @@ from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, SceneObject
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
-from spisim.transport.jit import Float, Interaction, Ray
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Float, Hit, Ray
 from spisim.transport.meshes import Meshes
 
 #: Maximum number of surfaces or panes along a line of sight.
@@ -56,7 +55,7 @@ class RayCaster:
 
     @classmethod
     @with_backend
-    def of(cls, scene: Scene) -> RayCaster:
+    def of(cls, scene: Scene) -> Self:
         """Build the ray caster of a scene."""
         return cls(scene, Meshes.of(scene.objects))
 
@@ -73,7 +72,7 @@ class RayCaster:
         Surfaces
             Ranges, m, and objects (n,).
         """
-        si = self.meshes.scene.ray_intersect(_rays(origins, directions))
+        si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(
             np.asarray(distance.numpy(), dtype=np.float64),
@@ -99,8 +98,9 @@ class RayCaster:
         steps = MAX_PANES if any(map(_is_pane, self.scene.objects)) else 1
         reflectance = np.array([thing.material.reflectance for thing in self.scene.objects] + [0.0])
         parts = []
-        for start, stop in _chunks(len(origins)):
-            ray = _rays(origins[start:stop], directions[start:stop])
+        for start in range(0, len(origins), RAYS_AT_A_TIME):
+            part = slice(start, start + RAYS_AT_A_TIME)
+            ray = rays_of(origins[part], directions[part])
             parts.append(self._shade(ray, steps, reflectance))
         return np.concatenate(parts)
 
@@ -126,7 +126,7 @@ class RayCaster:
             ray = dr.gather(mi.Ray3f, si.spawn_ray(ray.d), mi.UInt32(going))
         return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
 
-    def _sky(self, si: Interaction) -> Floats:
+    def _sky(self, si: Hit) -> Floats:
         """Visible fraction of an even sky above each surface, on the side that is seen."""
         facing = dr.abs(si.wi.z)
         normal = dr.select(si.wi.z < 0, -si.n, si.n)
@@ -141,18 +141,6 @@ class RayCaster:
             free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
         shade: Float = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)
-
-
-def _rays(origins: Floats, directions: Floats) -> Ray:
-    return mi.Ray3f(
-        mi.Point3f(np.ascontiguousarray(origins.T, dtype=np.float32)),
-        mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32)),
-    )
-
-
-def _chunks(count: int) -> Iterator[tuple[int, int]]:
-    for start in range(0, count, RAYS_AT_A_TIME):
-        yield start, min(start + RAYS_AT_A_TIME, count)
 
 
 def _is_pane(thing: SceneObject) -> bool:

@@ -4,8 +4,6 @@ Nothing here shares code with the two-ended estimator: `volpath` finds the light
 `projector` emits the patterns. It is the reference of the tests and the baseline of the benchmarks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations
 from types import MappingProxyType
@@ -51,12 +49,14 @@ class Renderer:
     ) -> None:
         fogs = [scene.atmosphere] if scene.atmosphere.extinction_per_m > 0 else []
         if len(fogs) > 0 and scene.volumes:
-            raise InputError("the reference engine takes one medium: fog or volumes, not both")
+            raise InputError(
+                "the scene has fog and volumes: the reference engine takes only one of them"
+            )
         for first, second in combinations(scene.volumes, 2):
             if share_space(first, second):
                 raise InputError(
                     f"volumes {first.name!r} and {second.name!r} overlap, which the reference "
-                    "engine cannot have"
+                    "engine does not support"
                 )
         description = {"type": "scene", **reference_scene(scene, watts_per_klm), **emitters}
         self._around = None  # the medium that the instrument is in

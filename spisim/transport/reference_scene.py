@@ -1,7 +1,5 @@
 """A scene described for Mitsuba's own integrators: surfaces, bounded volumes, emitters."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mitsuba as mi
@@ -13,8 +11,8 @@ from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene, Volume
 from spisim.scene.lamps import AreaLamp, DirectionalLamp, EnvironmentLamp, Lamp, PointLamp
 from spisim.transport.jit import Object
+from spisim.transport.media import phase_plugin
 from spisim.transport.meshes import mesh_shape, shape, shapes
-from spisim.transport.phase import phase_plugin
 
 #: Mitsuba's environment pictures have y up, and azimuths that run the other way.
 OURS_FROM_ENVIRONMENT = np.array([[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
@@ -23,10 +21,7 @@ ROWS, COLUMNS = 8, 3
 
 
 def reference_scene(scene: Scene, watts_per_klm: float) -> dict[str, Any]:
-    """Surfaces, volumes and lamps by name; needs an active variant.
-
-    An object that bounds a volume or shines is a shape of its own.
-    """
+    """Surfaces, volumes and lamps by name; needs an active variant."""
     alone: dict[str, dict[str, Any]] = {}
     described: dict[str, Any] = {}
     for number, volume in enumerate(scene.volumes):

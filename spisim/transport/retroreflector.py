@@ -1,7 +1,5 @@
 """A surface that sends light back to where it came from, as a Mitsuba plugin."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import Any
 
@@ -9,16 +7,13 @@ import drjit as dr
 import mitsuba as mi
 
 from spisim.scene.bsdf import ENTRANCE_FALL
-from spisim.transport.jit import Bool, Color, Float, Interaction, Object, Point2, Vector
+from spisim.transport.jit import Bool, Color, Float, Hit, Object, Point2, Vector
 
 PLUGIN = "spisim-retroreflector"
 
 
 def retroreflector(roughness: float, reflectance: dict[str, Any]) -> dict[str, Any]:
-    """Mitsuba description of a lobe about the incoming direction; needs an active variant.
-
-    `roughness` is its width α, `reflectance` that at normal incidence.
-    """
+    """Mitsuba description of a lobe of width α about the incoming direction, in a variant."""
     _register(str(mi.variant()))
     return {"type": PLUGIN, "alpha": float(roughness), "reflectance": reflectance}
 
@@ -45,13 +40,13 @@ def _register(variant: str) -> None:
         def sample(
             self,
             context: Object,
-            si: Interaction,
+            si: Hit,
             choice: Float,
-            square: Point2,
+            uv: Point2,
             active: Bool = True,
         ) -> tuple[Object, Color]:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, self.alpha, False)
-            facet, _ = facets.sample(mi.Vector3f(0, 0, 1), square)
+            facet, _ = facets.sample(mi.Vector3f(0, 0, 1), uv)
             around = mi.Vector3f(facet.x, facet.y, facet.z) * (2 * facet.z) - mi.Vector3f(0, 0, 1)
             drawn: Object = dr.zeros(mi.BSDFSample3f)
             drawn.wo = mi.Frame3f(si.wi).to_world(around)
@@ -60,14 +55,14 @@ def _register(variant: str) -> None:
             drawn.sampled_type = mi.UInt32(+mi.BSDFFlags.GlossyReflection)
             return drawn, self._weight(si, drawn.wo, active)
 
-        def eval(self, context: Object, si: Interaction, wo: Vector, active: Bool = True) -> Color:
+        def eval(self, context: Object, si: Hit, wo: Vector, active: Bool = True) -> Color:
             return self._weight(si, wo, active) * self._density(si.wi, wo)
 
-        def pdf(self, context: Object, si: Interaction, wo: Vector, active: Bool = True) -> Float:
+        def pdf(self, context: Object, si: Hit, wo: Vector, active: Bool = True) -> Float:
             return dr.select(active & _above(si.wi, wo), self._density(si.wi, wo), 0)
 
         def eval_pdf(
-            self, context: Object, si: Interaction, wo: Vector, active: Bool = True
+            self, context: Object, si: Hit, wo: Vector, active: Bool = True
         ) -> tuple[Color, Float]:
             return self.eval(context, si, wo, active), self.pdf(context, si, wo, active)
 
@@ -83,7 +78,7 @@ def _register(variant: str) -> None:
             spread = (1 - sine2) * self.alpha + sine2 / self.alpha
             return dr.rcp(4 * dr.pi * spread * spread)
 
-        def _weight(self, si: Interaction, wo: Vector, active: Bool) -> Color:
+        def _weight(self, si: Hit, wo: Vector, active: Bool) -> Color:
             """f cos o / p."""
             fade = dr.power(si.wi.z * wo.z, ENTRANCE_FALL / 2 - 1) * wo.z
             lit = active & _above(si.wi, wo)

@@ -14,8 +14,6 @@ whose neighbours have no variance states up to 6 % less than its error if it is 
 it is a bin; its neighbours state more.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

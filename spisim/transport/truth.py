@@ -1,11 +1,8 @@
 """Ground truth from the projector's pinhole: what a perfect instrument would measure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,7 +10,8 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
-from spisim.transport.jit import Interaction, Object, Vector
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Hit, Vector
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
@@ -112,7 +110,7 @@ def _spots(
     """The fields of `GroundTruth` about the lasers."""
     if not len(placed.beams.directions):
         return {"spot_range_m": np.zeros(0), "spot_object": ()}
-    spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
+    spots = meshes.scene.ray_intersect(rays_of(scene.drone_pose[:3, 3], placed.beams.directions))
     met = np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan)
     return {
         "spot_range_m": met.astype(np.float64),
@@ -129,7 +127,7 @@ def _band(
     shape = len(rows), placed.projector.shape[1]
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     local = _pixel_rays(placed, rows, 1)
-    si = _trace(meshes.scene, origin, local @ rotation.T)
+    si = meshes.scene.ray_intersect(rays_of(origin, local @ rotation.T))
     hit = si.is_valid().numpy().reshape(shape)
     identity = meshes.object_ids(si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
@@ -137,7 +135,9 @@ def _band(
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
     coverage = np.full(shape, np.nan)
     if subpixels > 1:
-        parts = _trace(meshes.scene, origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
+        parts = meshes.scene.ray_intersect(
+            rays_of(origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
+        )
         seen = meshes.object_ids(parts).reshape(shape[0], subpixels, shape[1], subpixels)
         coverage = (seen == identity[:, None, :, None]).mean(axis=(1, 3))
     return {
@@ -160,15 +160,7 @@ def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> 
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
-def _trace(geometry: Object, origin: Floats, directions: Floats) -> Interaction:
-    ray = mi.Ray3f(
-        mi.Point3f(origin.astype(np.float32)),
-        mi.Vector3f(directions.T.astype(np.float32)),
-    )
-    return geometry.ray_intersect(ray)
-
-
-def _reflectance(scene: Scene, si: Interaction, identity: NDArray[np.int64]) -> NDArray[np.float32]:
+def _reflectance(scene: Scene, si: Hit, identity: NDArray[np.int64]) -> NDArray[np.float32]:
     """Reflectance of each pixel's material, its picture included."""
     plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
     values = plain[identity]

@@ -83,28 +83,24 @@ class InstrumentView:
 
     @classmethod
     def placed(cls, scene: Scene, instrument: Instrument) -> InstrumentView:
-        """Place the instrument at the scene's drone; InputError for a scene of another
-        wavelength.
-        """
+        """Place it at the scene's drone; InputError for a scene of another wavelength."""
         if scene.wavelength_nm != instrument.wavelength_nm:
             raise InputError(
-                f"wavelength_nm {instrument.wavelength_nm:g} of the instrument is not that of "
-                f"scene {scene.name!r}, {scene.wavelength_nm:g}: load the scene with "
+                f"wavelength_nm {instrument.wavelength_nm:g} of the instrument differs from "
+                f"{scene.wavelength_nm:g} of scene {scene.name!r}: load the scene with "
                 f"wavelength_nm={instrument.wavelength_nm:g}, or move the instrument with "
                 f"at_wavelength({scene.wavelength_nm:g})"
             )
         if instrument.ranges and instrument.ranging.spots != TRACED_SPOTS:
             raise InputError(
                 f"lasers.directions_deg has {instrument.ranging.spots} spots: light is traced for "
-                f"{TRACED_SPOTS}, or without lasers and tof for an image alone"
+                f"{TRACED_SPOTS}; use {TRACED_SPOTS}, or leave out lasers and tof for an image"
             )
         return cls.of(instrument, scene.drone_pose)
 
     @classmethod
     def of(cls, instrument: Instrument, pose: Floats) -> InstrumentView:
-        """Place it at `pose` (4, 4), world from optical frame. What an instrument lacks is
-        empty.
-        """
+        """Place it at `pose` (4, 4), world from optical frame; what it lacks is empty."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
         projector, bucket = ProjectorView(pose, (1, 1), 0.0, 0.0), NO_DETECTOR
         beams, tof = NO_BEAMS, NO_DETECTOR

@@ -1,7 +1,5 @@
 """A scene as Mitsuba holds it: meshes with their materials, mirrors, and media."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import drjit as dr
@@ -16,12 +14,19 @@ from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.enclosed import Enclosed, surface_scene
-from spisim.transport.geometry import Geometry, transform
-from spisim.transport.jit import Float, Interaction, Object, Ray
-from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
+from spisim.transport.geometry import Geometry, rays_of, transform
+from spisim.transport.jit import Float, Hit, Object, Ray
+from spisim.transport.media import (
+    Bias,
+    Grid,
+    Homogeneous,
+    Media,
+    Medium,
+    density_texture,
+    phase_plugin,
+)
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
-from spisim.transport.phase import phase_plugin
 from spisim.transport.views import BeamView
 
 #: Fog extends this far beyond the scene: light scattered further out does not come back.
@@ -45,9 +50,7 @@ class World:
 
     @property
     def plain(self) -> bool:
-        """Clear air and diffuse surfaces: paths from the pixels alone find all light with less
-        noise.
-        """
+        """Clear air and diffuse surfaces: paths from the pixels alone find all light best."""
         return self.diffuse and not self.media.parts
 
     @property
@@ -55,29 +58,23 @@ class World:
         """Fog, and surfaces none of which lets light straight through."""
         return bool(self.media.parts) and not self.geometry.see_through
 
-    def first_surface(self, ray: Ray) -> tuple[Interaction, Float]:
+    def first_surface(self, ray: Ray) -> tuple[Hit, Float]:
         """First surface on a ray and the distance to it; twice the radius if there is none."""
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
 
     def axis_distance_m(self, beams: BeamView) -> Floats:
         """Distance along the axis of each beam to the first surface, (beams,); nan for none."""
-        origins, directions = (
-            mi.Vector3f(values.T.astype(np.float32))
-            for values in (beams.origins_m, beams.directions)
-        )
-        si: Interaction = self.geometry.scene.ray_intersect(
-            mi.Ray3f(mi.Point3f(origins), directions)
-        )
+        si = self.geometry.scene.ray_intersect(rays_of(beams.origins_m, beams.directions))
         return np.where(si.is_valid().numpy(), si.t.numpy(), np.nan)
 
 
 @with_backend
 def build_world(scene: Scene) -> World:
     """Convert a scene to Mitsuba."""
-    mirrors, smooth = mirrors_of(scene.objects)
+    meshes, (mirrors, smooth) = Meshes.of(scene.objects), mirrors_of(scene.objects)
     return World(
-        geometry=_geometry(scene),
+        geometry=Geometry(meshes.scene, meshes.see_through),
         media=_media(scene),
         mirrors=mirrors,
         smooth=smooth,
@@ -85,11 +82,6 @@ def build_world(scene: Scene) -> World:
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
         retroreflects=any(isinstance(each.material.bsdf, Retroreflector) for each in scene.objects),
     )
-
-
-def _geometry(scene: Scene) -> Geometry:
-    meshes = Meshes.of(scene.objects)
-    return Geometry(meshes.scene, meshes.see_through)
 
 
 def _media(scene: Scene) -> Media:

@@ -1,9 +1,7 @@
 """What falling drops change about the bucket readings."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,9 +34,9 @@ class Interpolation(NamedTuple):
     keys: NDArray[np.intp]
     fractions: Floats
 
-    def until(self, frames: int) -> Interpolation:
+    def until(self, frames: int) -> Self:
         """The interpolation of the first frames."""
-        return Interpolation(self.keys[:frames], self.fractions[:frames])
+        return self._replace(keys=self.keys[:frames], fractions=self.fractions[:frames])
 
     def means(self, values: Floats) -> Floats:
         """Mean of values at the keys over each frame's times.
@@ -134,9 +132,7 @@ def _at(
     depth_m: Floats,
     response: Callable[[Floats], Floats],
 ) -> tuple[Floats, Fractions, Floats]:
-    """Passing fraction of each pixel's light, fractions that meet drops, and echoes (windows,
-    points).
-    """
+    """Passing fraction of pixels' light, fractions on drops, and echoes (windows, points)."""
     projector, bucket = drops.view.projector, drops.view.bucket
     positions, diameters = drops.at(field, time_s)
     pixel_rad = float(np.sqrt(projector.pixel_area))  # in the middle of the field

@@ -11,9 +11,7 @@ from spisim.transport.views import DetectorView
 
 
 class Echo(NamedTuple):
-    """Fraction of the light on each drop that reaches a detector's aperture, and its path
-    length.
-    """
+    """Fraction of the light on drops that reaches a detector's aperture, and its path length."""
 
     fraction: Floats
     length_m: Floats  # from the pinhole to the drop and on to the detector

@@ -62,8 +62,8 @@ class FallingDrops:
         Returns
         -------
         tuple
-            Drops, their positions (drops, 3) in the middle of the frame, m, and the maximum distance
-            that any of them moves from there, m.
+            Drops, their positions (drops, 3) in the middle of the frame, m, and how far any of them
+            moves from there at most, m.
         """
         first, last = self.times_s[frame, [0, -1]]
         middle = (first + last) / 2
@@ -82,9 +82,7 @@ class FallingDrops:
         return np.asarray(self.depths_by_frame_m[min(frame, len(self.depths_by_frame_m) - 1)])
 
     def spot_range_m(self, frame: int) -> Floats:
-        """Ranges (4,) of the spots in a frame, m, limited to MAX_DEPTHS times the depth of
-        drops.
-        """
+        """Ranges (4,) of the spots in a frame, m, up to MAX_DEPTHS times the depth of drops."""
         ranges = self.spot_ranges_by_frame_m
         far_m = MAX_DEPTHS * self.precipitation.far_m
         return np.asarray(np.fmin(ranges[min(frame, len(ranges) - 1)], far_m))

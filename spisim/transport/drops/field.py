@@ -1,10 +1,9 @@
 """Positions of the drops, as the instrument sees them, at any time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +33,7 @@ class DropField:
     box: Floats
     pose_at: Callable[[float], Floats]  # of the instrument, (4, 4), seen from where it started
 
-    def full_at(self, time_s: float) -> DropField:
+    def full_at(self, time_s: float) -> Self:
         """The same air with the box full at that time.
 
         Drops that have left it on one side come in on the other; a drop returns only after it has
@@ -45,7 +44,7 @@ class DropField:
         boxes = np.floor((self.starts_m + travelled - low) / (high - low))
         return replace(self, starts_m=self.starts_m - boxes * (high - low))
 
-    def subset(self, which: NDArray[np.bool_]) -> DropField:
+    def subset(self, which: NDArray[np.bool_]) -> Self:
         """The drops selected by a mask (drops,)."""
         return replace(
             self,
@@ -111,8 +110,8 @@ def drop_field(
     if not expected <= MAX_DROPS:
         raise InputError(
             f"scene {scene.name!r}: about {expected:.2g} drops would cross the field in a frame of "
-            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; at most {MAX_DROPS:.0g}: "
-            "less wind, a slower drone, less precipitation or shorter frames"
+            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; the maximum is "
+            f"{MAX_DROPS:.0g}: reduce wind, speed, precipitation or the frame time"
         )
     count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)

@@ -1,7 +1,5 @@
 """Order-independent sums: the same seed gives the same bits, whatever the order of threads."""
 
-from __future__ import annotations
-
 import drjit as dr
 import mitsuba as mi
 import numpy as np
@@ -53,19 +51,13 @@ class Check:
         return active & finite
 
     def read(self) -> int:
-        """Number of contributions that were not finite.
-
-        Raises
-        ------
-        InputError
-            If a sum is too large to be exact.
-        """
+        """Number of non-finite contributions; InputError if a sum is too large to be exact."""
         coarse = self._coarse.numpy()
         largest = float(coarse[:-1].max()) * COARSE_PER_M2
         if largest >= MAX_SUM_PER_M2:
             raise InputError(
                 f"light of {largest:.3g} per m² of detector; less than {MAX_SUM_PER_M2:g} can be "
-                "summed: a surface, or fog before a tiny aperture, is too close to source and "
+                "summed: a surface, or fog in front of a tiny aperture, is too close to source and "
                 "detector"
             )
         return int(coarse[-1])

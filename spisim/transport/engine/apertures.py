@@ -1,7 +1,5 @@
 """Detectors as ends of light paths; see `ends`."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 
@@ -68,8 +66,6 @@ class Detectors:
             origin=ray.o,
             direction=ray.d,
             beta=self._launched(cosine),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
             state=self._density(cosine),
             cell=self._launch_cell(lane),
         )

@@ -10,10 +10,8 @@ numbers vertices from x₂ on. A pane that a pencil passes straight through acts
 although it is no vertex: no path from a detector is connected to what lies behind it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -21,7 +19,7 @@ import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch
 from spisim.transport.geometry import EquiAngular
-from spisim.transport.jit import Bool, Float, Frame, Interaction, Object, Point, Ray, Sampler, UInt
+from spisim.transport.jit import Bool, Float, Frame, Hit, Object, Point, Ray, Sampler, UInt
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
@@ -30,7 +28,7 @@ class _Beam(NamedTuple):
     """One pencil of a laser: its ray, the surface it hits, and the distance to it."""
 
     ray: Ray
-    si: Interaction
+    si: Hit
     far: Float
 
 
@@ -61,7 +59,7 @@ class Beams:
     samples_jit: Float  # see `Projector`
 
     @classmethod
-    def of(cls, world: World, view: BeamView, samples: int) -> Beams:
+    def of(cls, world: World, view: BeamView, samples: int) -> Self:
         """Convert a view; `samples` paths per beam and launch."""
         origins = mi.Point3f(view.origins_m.T.astype(np.float32))
         frames = mi.Frame3f(mi.Vector3f(view.directions.T.astype(np.float32)))
@@ -77,7 +75,7 @@ class Beams:
             samples_jit=dr.opaque(mi.Float, samples),
         )
 
-    def times(self, factor: int) -> Beams:
+    def times(self, factor: int) -> Self:
         """The same beams with `factor` times the paths."""
         return replace(self, samples=factor * self.samples, samples_jit=factor * self.samples_jit)
 
@@ -186,14 +184,11 @@ class Beams:
         return _Beam(ray, *self.world.first_surface(ray))
 
     def _arrival(self, ray: Ray, point: Point, distance: Float, in_fog: Bool) -> Float:
-        """Closed-form factors of the density of x₁ in free flight.
-
-        Per metre in fog, a probability on the surface.
-        """
+        """Closed-form factors of x₁'s density in flight: per metre in fog, else a probability."""
         through = self.world.media.closed_form_transmittance(ray, distance)
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
-    def _fog_fraction(self, si: Interaction) -> Float:
+    def _fog_fraction(self, si: Hit) -> Float:
         """Probability of connecting a detector's path to the fog rather than to the surface."""
         if not self.world.media.parts:
             return mi.Float(0)

@@ -4,8 +4,6 @@ The only random choice is the point on the ray: the transmittance to the surface
 the fog is sampled where the other end looks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -20,7 +18,7 @@ from spisim.transport.engine.line_of_sight import Mirrored, Straight
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import EquiAngular, direction_to
-from spisim.transport.jit import Bool, Float, Interaction, Object, Point, Ray, Sampler, UInt
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Ray, Sampler, UInt
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
@@ -41,7 +39,7 @@ class Pencil(NamedTuple):
     """A ray, the first surface it meets, the distance to it, and the index of the other end."""
 
     ray: Ray
-    si: Interaction
+    si: Hit
     far: Float
     number: UInt
 
@@ -61,11 +59,7 @@ def direct_light(
 def direct_light_in_mirrors(
     world: World, this: Beams, other: Detectors, seed: int, deposit: Deposit, *, replicas: int = 1
 ) -> None:
-    """Deposit what each lane's ray scatters once and mirrors or smooth coats reflect.
-
-    No path from the other end finds this light, because a mirror does not lead one onto a laser's
-    ray.
-    """
+    """Deposit what a ray scatters once and mirrors show, which no path from the other end finds."""
     if world.smooth is None:
         return
     lanes = low_discrepancy(this, replicas, seed ^ 3)  # another stream
@@ -83,10 +77,7 @@ def mirrored_light(
     *,
     replicas: int = 1,
 ) -> None:
-    """Deposit the light that plane mirrors throw from the source straight onto a detector.
-
-    The detector's response is evaluated towards the middle of the source's lens.
-    """
+    """Deposit the light that plane mirrors throw from the source straight onto a detector."""
     if world.mirrors is None:
         return
     lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # another stream
@@ -143,11 +134,7 @@ def _off_surface(
 def _off_fog(
     world: World, pencil: Pencil, view: LineOfSight, far_point: Point, sampler: Sampler, add: Add
 ) -> None:
-    """Deposit light scattered by fog, at one point per lane where the other's field covers the ray.
-
-    The point is drawn equi-angularly about the other end, which suits fog near the instrument, or
-    uniformly, which suits fog far away.
-    """
+    """Deposit what fog scatters where the other end looks, equi-angularly or uniformly drawn."""
     media = world.media
     ray, si, far, number = pencil
     near, far = view.overlap(number, ray, far)

@@ -16,8 +16,6 @@ The first covers X between the planes through S and D across their line. All oth
 kind is left to the walks.
 """
 
-from __future__ import annotations
-
 import drjit as dr
 import mitsuba as mi
 
@@ -28,7 +26,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit import Bool, Float, Interaction, Point, Sampler
+from spisim.transport.jit import Bool, Float, Hit, Point, Sampler
 from spisim.transport.world import World
 
 #: Below this extinction (1/m) the fog of a ray counts as uniform.
@@ -54,10 +52,7 @@ def double_scattering_light(
 
 
 def estimated_along_rays(first: Point, second: Point, end: Point, surface_first: Bool) -> Bool:
-    """Whether `double_scattering_light` covers light of two vertices, ordered from the projector.
-
-    One of them lies on a surface that scatters, the other in fog.
-    """
+    """Whether two vertices, one in fog and one on a surface, are covered by rays."""
     between = (dr.dot(second - first, end - first) > 0) & (dr.dot(second - end, first - end) > 0)
     return ~surface_first | between
 
@@ -118,7 +113,7 @@ def _before_surface(
     bent, scale, _ = media.scatter(medium, point, ray.d, choice, square, mi.Bool(True))
     value = media.albedo(medium) * media.extinction_at(point) * scale / density
     onward = mi.Ray3f(point, bent)
-    si: Interaction = world.geometry.scene.ray_intersect(onward, carries_light(value))
+    si: Hit = world.geometry.scene.ray_intersect(onward, carries_light(value))
     end = other.connect_to(number, si.p, points)
     towards, gap = direction_to(si.p, end.point)
     reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
@@ -132,10 +127,7 @@ def _before_surface(
 
 
 def _anywhere(extinction_per_m: Float, far: Float, points: Sampler) -> tuple[Float, Float]:
-    """A distance along a ray and its density: uniform, or exponential with the local extinction.
-
-    Uniform suits light that goes on to a surface; exponential suits thick fog.
-    """
+    """A distance and its density: half uniform, half exponential, which suits thick fog."""
     rate = dr.maximum(extinction_per_m, THIN_PER_M)
     lost = 1 - dr.exp(-rate * far)
     choice, along = points.next_1d(), points.next_1d()

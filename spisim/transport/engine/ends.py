@@ -12,10 +12,8 @@ An end offers `launch`, which starts paths, and `density`, the number density of
 `connect`, where a path from the other side may end; or both.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -32,10 +30,10 @@ class Launch(NamedTuple):
     origin: Point
     direction: Vector
     beta: Float
-    length_m: Float  # optical path from the emitter to `origin`
-    scatterings: UInt  # in fog, before `origin`
     state: Any  # input of `density`
     cell: UInt  # accumulator cell, None where the other end determines it
+    length_m: Float = 0.0  # optical path from the emitter to `origin`
+    scatterings: UInt = 0  # in fog, before `origin`
     crossings: UInt = 0  # surfaces passed straight through before `origin`
     replica: UInt = 0  # index of the replica that the path belongs to
 
@@ -67,7 +65,7 @@ class Projector:
     W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
     lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
     disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
-    one path per `pixels_per_sample` neighbours, from one of them at random.
+    one path per `group` neighbours, from one of them at random.
     """
 
     to_world: Matrix
@@ -78,11 +76,11 @@ class Projector:
     lens_radius_m: Float
     focus_m: Float
     samples: int
-    pixels_per_sample: int
-    samples_jit: Float  # samples / pixels_per_sample, opaque: one kernel serves any number
+    group: int
+    samples_jit: Float  # samples / group, opaque: one kernel serves any number
 
     @classmethod
-    def of(cls, view: ProjectorView, samples: float) -> Projector:
+    def of(cls, view: ProjectorView, samples: float) -> Self:
         """Convert a view; `samples` is whole, or 1 / n with n a divisor of the number of pixels."""
         return cls(
             to_world=transform(view.pose),
@@ -93,19 +91,14 @@ class Projector:
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=max(1, int(samples)),
-            pixels_per_sample=max(1, round(1 / samples)),
+            group=max(1, round(1 / samples)),
             samples_jit=dr.opaque(mi.Float, samples),
         )
 
-    def times(self, factor: int) -> Projector:
+    def times(self, factor: int) -> Self:
         """The same projector with `factor` times the paths: at least one per pixel."""
-        samples = factor * self.samples // self.pixels_per_sample
-        return replace(
-            self,
-            samples=samples,
-            pixels_per_sample=1,
-            samples_jit=dr.opaque(mi.Float, samples),
-        )
+        samples = factor * self.samples // self.group
+        return replace(self, samples=samples, group=1, samples_jit=dr.opaque(mi.Float, samples))
 
     @property
     def pixels(self) -> int:
@@ -113,7 +106,7 @@ class Projector:
 
     @property
     def lanes(self) -> int:
-        return self.pixels * self.samples // self.pixels_per_sample
+        return self.pixels * self.samples // self.group
 
     @property
     def paths(self) -> Float:
@@ -141,7 +134,7 @@ class Projector:
 
     def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         jitter = stratified(lane // self.pixels, self.samples, sampler)
-        group = dr.opaque(mi.UInt32, self.pixels_per_sample)
+        group = dr.opaque(mi.UInt32, self.group)
         member = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(group)), group - 1)
         cell = self.cell(lane * group + member)
         ray = self._through(cell, jitter, sampler)
@@ -149,8 +142,6 @@ class Projector:
             origin=ray.o,
             direction=ray.d,
             beta=dr.rcp(self.samples_jit),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
             state=self.samples_jit * self.importance_of(ray.d),
             cell=cell,
         )
@@ -197,10 +188,7 @@ class Projector:
         return ray, dr.minimum(pixel, self.pixels - 1)
 
     def overlap(self, ray: Ray, far: Float) -> tuple[Float, Float]:
-        """Part (near, far) of a ray that may be lit: within the four sides of the field.
-
-        For a lens of radius r focused at f: |x| ≤ z tan α + r (1 + z / f), and y likewise.
-        """
+        """Part of a ray within the field: |x| ≤ z tan α + r (1 + z / f), and y likewise."""
         start = self.to_optical @ mi.Point3f(ray.o)
         step = self.to_optical @ mi.Vector3f(ray.d)
         near, far = mi.Float(0), mi.Float(far)

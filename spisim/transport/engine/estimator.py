@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from spisim.transport.engine import weights
 from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, direct_light_in_mirrors, mirrored_light
@@ -32,13 +33,6 @@ from spisim.transport.engine.tally import (
     Tallies,
 )
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.engine.weights import (
-    alone,
-    alone_second_on_or_behind_glass,
-    balanced,
-    second_on,
-    second_on_or_behind_glass,
-)
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
@@ -113,13 +107,13 @@ def image_light(
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
     double_scattering = strategy is Strategy.BOTH and world.hazy
-    outward = inward = alone
+    outward = inward = weights.alone
     if strategy is Strategy.BOTH:
-        outward, inward = second_on_or_behind_glass, second_on
+        outward, inward = weights.second_on_or_behind_glass, weights.second_on
         if world.plain:
-            strategy, outward = Strategy.PROJECTOR, alone_second_on_or_behind_glass
+            strategy, outward = Strategy.PROJECTOR, weights.alone_second_on_or_behind_glass
             if not world.geometry.see_through:
-                footprint, outward = Footprint(world, far), second_on
+                footprint, outward = Footprint(world, far), weights.second_on
         rays_alone = near.times(DIRECT_RAYS)
         direct_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
@@ -177,9 +171,9 @@ def spot_histogram(
         rays = near.times(SPOT_DOUBLE_SCATTERING_RAYS)
         direct_light_in_mirrors(world, rays, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1 or world.geometry.see_through:
-            weight, double_scattering = alone, False
+            weight, double_scattering = weights.alone, False
             if strategy is Strategy.BOTH:
-                weight, double_scattering = balanced, world.hazy
+                weight, double_scattering = weights.balanced, world.hazy
             if double_scattering:
                 double_scattering_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
             walk = partial(

@@ -5,8 +5,6 @@ that random rays of the detectors meet. Only close to these points does the walk
 often.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import drjit as dr
@@ -28,10 +26,7 @@ class Footprint:
     end: JointDetectors | Lamp
 
     def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
-        """A surface point joined to `vertex`, and its density.
-
-        Per area, over cosine / distance² of the segment between the two.
-        """
+        """A surface point joined to `vertex`; its density per area, over cosine / distance²."""
         number = dr.minimum(sampler.next_1d() * self.end.paths, self.end.paths - 1)
         lane = mi.UInt32(number)
         launch = self.end.launch(lane, sampler)

@@ -8,8 +8,7 @@ the segment ends.
 Light that reaches a point or parallel lamp only by mirrors and smooth glass is not found.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import drjit as dr
@@ -30,8 +29,12 @@ from spisim.transport.world import World
 ENDING = 0.25
 
 
+#: Deposits a value in some lanes.
+Add = Callable[[Float, Bool], None]
+
+
 @dataclass
-class _GatherState(PathState):
+class _State(PathState):
     """A path of `Gather`."""
 
     before: Point  # last vertex, or the sensor
@@ -57,44 +60,40 @@ class Gather:
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.sensor.launch(lane, sampler)
         template = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+
+        def add(value: Float, active: Bool) -> None:
+            lit = active & carries_light(value)
+            self.deposit(template._replace(value=value, active=lit))
+
         if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
-            self._see(lane, template, sampler)
+            self._see(lane, add, sampler)
         path, scale = _start(launch), dr.rcp(launch.beta)
-        while dr.hint(path.active, exclude=[self, template, scale, limit]):
-            here, far = self._fly(path, template, limit, sampler)
+        while dr.hint(path.active, exclude=[self, add, scale, limit]):
+            here, far = self._fly(path, add, limit, sampler)
             may_join = path.active & (path.vertex <= limit)
             for light in self.lamps.joined:
                 lit = light.seen_from(here.point, sampler)
-                self._join(here, lit, path, template, sampler, may_join)
+                self._join(here, lit, path, add, sampler, may_join)
             if dr.hint(self.lamps.points is not None, mode="scalar"):
-                self._join_points(here, far, path, template, sampler, may_join)
+                self._join_points(here, far, path, add, sampler, may_join)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
             path.roulette(turn, scale, ENDING, limit + 1, sampler)
 
-    def _fly(
-        self, path: _GatherState, template: Contribution, limit: UInt, sampler: Sampler
-    ) -> tuple[Vertex, Float]:
-        """Follow the ray to a surface or a collision; also returns the distance to the surface.
-
-        Paths that meet neither end here.
-        """
+    def _fly(self, path: _State, add: Add, limit: UInt, sampler: Sampler) -> tuple[Vertex, Float]:
+        """Fly to a surface or a collision, else end; also returns the distance to the surface."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
         collision = media.flight(ray, si.t, sampler, path.active)
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
         for around in self.lamps.around:
-            self._meet(around.met(ray.d), path, template, path.active & ~in_fog & ~on_surface)
+            self._meet(around.met(ray.d), path, add, path.active & ~in_fog & ~on_surface)
         if self.lamps.areas is not None:
-            self._meet(
-                self.lamps.areas.met(path.before, si, on_surface), path, template, on_surface
-            )
+            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, add, on_surface)
         far = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
         if self.lamps.points is not None and media.parts:
-            self._join_along(
-                ray, far, path, template, sampler, path.active & (path.vertex <= limit)
-            )
+            self._join_along(ray, far, path, add, sampler, path.active & (path.vertex <= limit))
         path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
@@ -112,19 +111,19 @@ class Gather:
         )
         return here, far
 
-    def _meet(self, met: Met, path: _GatherState, template: Contribution, active: Bool) -> None:
+    def _meet(self, met: Met, path: _State, add: Add, active: Bool) -> None:
         """Deposit light of a lamp that the path has hit."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
         value = path.beta * met.radiance * fraction
-        self.deposit(template._replace(value=value, active=active & carries_light(value)))
+        add(value, active)
 
     def _join(
         self,
         here: Vertex,
         lit: Lit,
-        path: _GatherState,
-        template: Contribution,
+        path: _State,
+        add: Add,
         sampler: Sampler,
         active: Bool,
         fraction: Float = 1,
@@ -136,16 +135,10 @@ class Gather:
         value = path.beta * lobe.value * lit.irradiance * weight
         lit_up = active & carries_light(value)
         value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
-        self.deposit(template._replace(value=value, active=lit_up & carries_light(value)))
+        add(value, lit_up)
 
     def _join_points(
-        self,
-        here: Vertex,
-        far: Float,
-        path: _GatherState,
-        template: Contribution,
-        sampler: Sampler,
-        active: Bool,
+        self, here: Vertex, far: Float, path: _State, add: Add, sampler: Sampler, active: Bool
     ) -> None:
         """Deposit the light of point lamps that a vertex scatters."""
         points, media = self.lamps.points, self.world.media
@@ -158,16 +151,10 @@ class Gather:
             flown = self._flown(path.ray, distance, here.point)
             fraction = dr.select(here.in_fog, flown / (flown + angular), 1)
         lit = points.chosen_from(number, position, here.point)
-        self._join(here, lit, path, template, sampler, active, fraction)
+        self._join(here, lit, path, add, sampler, active, fraction)
 
     def _join_along(
-        self,
-        ray: Ray,
-        far: Float,
-        path: _GatherState,
-        template: Contribution,
-        sampler: Sampler,
-        active: Bool,
+        self, ray: Ray, far: Float, path: _State, add: Add, sampler: Sampler, active: Bool
     ) -> None:
         """Deposit point lamps' light that fog scatters along a ray, wherever the flight ends."""
         points, media = self.lamps.points, self.world.media
@@ -186,14 +173,14 @@ class Gather:
         active &= carries_light(value)
         value *= media.transmittance(ray, distance, sampler, active)
         value *= media.transmittance(mi.Ray3f(point, lit.towards), lit.gap_m, sampler, active)
-        self.deposit(template._replace(value=value, active=active & carries_light(value)))
+        add(value, active)
 
     def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
         """Closed-form factors of the density with which a flight ends there by a collision."""
         media = self.world.media
         return media.extinction_at(point) * media.closed_form_transmittance(ray, distance)
 
-    def _see(self, lane: UInt, template: Contribution, sampler: Sampler) -> None:
+    def _see(self, lane: UInt, add: Add, sampler: Sampler) -> None:
         """Deposit the direct light on a detector of lamps that no path can hit."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
@@ -210,9 +197,9 @@ class Gather:
             value *= self.world.media.transmittance(
                 mi.Ray3f(middle, lit.towards), lit.gap_m, sampler, active
             )
-            self.deposit(template._replace(value=value, active=active & carries_light(value)))
+            add(value, active)
 
-    def _leave(self, here: Vertex, turn: Turn, path: _GatherState) -> None:
+    def _leave(self, here: Vertex, turn: Turn, path: _State) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
         path.before = dr.select(turn.straight, path.before, here.point)
@@ -221,9 +208,9 @@ class Gather:
         path.follow(turn)
 
 
-def _start(launch: Launch) -> _GatherState:
+def _start(launch: Launch) -> _State:
     beta = mi.Float(launch.beta)
-    return _GatherState(
+    return _State(
         ray=mi.Ray3f(launch.origin, launch.direction),
         beta=beta,
         vertex=mi.UInt32(1),

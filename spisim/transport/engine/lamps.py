@@ -4,10 +4,8 @@ A lamp with a size is both joined at a random point and hit by chance; the balan
 the two by their densities per solid angle. Point and parallel lamps can only be joined.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -16,17 +14,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.geometry import direction_to
-from spisim.transport.jit import (
-    Bool,
-    Float,
-    Interaction,
-    Matrix,
-    Object,
-    Point,
-    Sampler,
-    UInt,
-    Vector,
-)
+from spisim.transport.jit import Bool, Float, Hit, Matrix, Object, Point, Sampler, UInt, Vector
 from spisim.transport.meshes import Meshes
 
 
@@ -79,7 +67,7 @@ class Points:
     @classmethod
     def of(
         cls, positions: Floats, axes: Floats, intensities: Floats, angles: Floats, powers: Floats
-    ) -> Points:
+    ) -> Self:
         """From arrays of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
         weights = mi.Float(np.float32(powers / powers.sum()))
         points, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
@@ -128,7 +116,7 @@ class Areas:
     total: Float  # Σ radiance · area
 
     @classmethod
-    def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Areas:
+    def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Self:
         """From radiances of all triangles, and corners (n, 3, 3) of those that shine."""
         corner, second, third = np.moveaxis(triangles, 1, 0)
         edges = second - corner, third - corner
@@ -156,7 +144,7 @@ class Areas:
         density = fraction / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
         return Lit(towards, gap_m, irradiance, density)
 
-    def met(self, before: Point, si: Interaction, active: Bool) -> Met:
+    def met(self, before: Point, si: Hit, active: Bool) -> Met:
         """Light that a path from `before` hits at a surface."""
         number = self.meshes.triangle(si, active)
         facing = si.wi.z > 0
@@ -179,10 +167,7 @@ class Uniform:
 
 @dataclass(frozen=True, eq=False)
 class Surround:
-    """A picture of all around, interpolated linearly and drawn pixel by pixel.
-
-    Rows go from its own +z to -z, columns from x by y.
-    """
+    """A picture of all around: rows from its own +z to -z, columns from x by y."""
 
     shape: tuple[int, int]
     picture: Object  # mi.Texture2f, padded by a column on either side
@@ -192,7 +177,7 @@ class Surround:
     distance_m: Float
 
     @classmethod
-    def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Surround:
+    def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Self:
         """From the radiance (h, w) and axes (3, 3)."""
         height, width = radiance.shape
         padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)

@@ -1,8 +1,7 @@
 """Lights that detectors receive as a whole: a projector's mean picture, and the sun."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
@@ -32,7 +31,7 @@ class Lamp:
     @classmethod
     def of(
         cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
-    ) -> Lamp:
+    ) -> Self:
         """From the power (H, W) of each virtual pixel, in any unit."""
         fractions = mi.Float((power / power.sum()).astype(np.float32).ravel())
         dr.make_opaque(fractions)
@@ -67,8 +66,6 @@ class Lamp:
             origin=ray.o,
             direction=ray.d,
             beta=dr.rcp(self.samples_jit),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
             state=importance * self.samples_jit,
             cell=self.cell(lane),
         )
@@ -104,10 +101,7 @@ class Lamp:
 
 @dataclass(frozen=True, eq=False)
 class Sun:
-    """Parallel light; paths end in it, and are never launched from it.
-
-    It is never close to a vertex, so paths from the other end alone have a finite variance.
-    """
+    """Parallel light, never close to a vertex; paths end in it, and are never launched from it."""
 
     irradiance: Float  # W/m² on a surface that faces it
     direction: Vector  # from the sun, unit

@@ -4,8 +4,6 @@ In each case a vertex is connected to a point at the length of the path to it; o
 light that arrives differs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import drjit as dr
@@ -14,7 +12,7 @@ import mitsuba as mi
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.ends import Connection
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.jit import Bool, Float, Interaction, Point, Ray, Sampler, UInt, Vector
+from spisim.transport.jit import Bool, Float, Hit, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.mirrors import Fold, reflected
 from spisim.transport.world import World
 
@@ -36,7 +34,7 @@ class Straight:
 
     def transmission(
         self,
-        si: Interaction,
+        si: Hit,
         point: Point,
         towards: Vector,
         gap_m: Float,
@@ -71,7 +69,7 @@ class Mirrored:
 
     def transmission(
         self,
-        si: Interaction,
+        si: Hit,
         point: Point,
         towards: Vector,
         gap_m: Float,

@@ -46,8 +46,8 @@ class Outputs:
         for frequency_hz in self.frequencies_hz:
             if not 0 <= frequency_hz <= MAX_FREQUENCY_HZ:
                 raise InputError(
-                    f"frequency {frequency_hz:g} Hz: path lengths are known to 0.1 mm, which "
-                    f"resolves the phase of 0 to {MAX_FREQUENCY_HZ:g} Hz"
+                    f"frequencies_hz has {frequency_hz:g}: path lengths, accurate to 0.1 mm, "
+                    f"resolve phases from 0 to {MAX_FREQUENCY_HZ:g} Hz"
                 )
 
     def tallies(self, cells: int, replicas: int) -> Tallies:

@@ -6,9 +6,8 @@ estimates stay unbiased, and independent streams have independent errors. Such p
 the integrand is smooth and depends on few numbers. The scrambling is only as random as its hash.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
@@ -29,13 +28,13 @@ class Points:
     dimension: UInt
 
     @classmethod
-    def of(cls, number: UInt, sequence: UInt, seed: UInt) -> Points:
+    def of(cls, number: UInt, sequence: UInt, seed: UInt) -> Self:
         """Point `number` of the lane's `sequence`; sequences and seeds are independent."""
         return cls(dr.brev(mi.UInt32(number)), _mix(sequence ^ _mix(seed)), mi.UInt32(0))
 
-    def again(self) -> Points:
+    def again(self) -> Self:
         """A copy that repeats the numbers from here on."""
-        return Points(self.number, self.stream, mi.UInt32(self.dimension))
+        return replace(self, dimension=mi.UInt32(self.dimension))
 
     def next_1d(self, active: Bool = True) -> Float:
         """A number in [0, 1)."""

@@ -5,8 +5,6 @@ vertex close to the detector, which lies on the walk. Points on the ray are draw
 about the vertex to be connected, which cancels the 1/d² between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import drjit as dr

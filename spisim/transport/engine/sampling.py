@@ -83,11 +83,7 @@ class Estimate:
 
 
 class _Running:
-    """Running weighted mean of arrays, and its standard error.
-
-    The weight of an array is its number of paths, to which its variance is inversely proportional
-    (West 1979; Welford without weights).
-    """
+    """Weighted running mean and standard error (West 1979); the weight is the number of paths."""
 
     def __init__(self, error_metric: ErrorMetric | None = None) -> None:
         self.count = 0
@@ -143,9 +139,8 @@ def repeat(
     maximum = max(1, MAX_LANES // (cells * replicas))
     running, dropped = _Running(budget.error_metric), 0
     if isinstance(budget, PathBudget):
-        launches = replicas * -(
-            -max(budget.min_launches, -(-budget.samples // maximum)) // replicas
-        )
+        launches = max(budget.min_launches, -(-budget.samples // maximum))
+        launches = replicas * -(-launches // replicas)
         samples: float = max(1, round(budget.samples / launches))
     else:
         launches = budget.min_launches
@@ -169,15 +164,13 @@ def repeat(
             missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), minimum)
             estimates = min(replicas, max(1, math.ceil(missing / min(budget.first_samples, 1))))
             wanted = missing / estimates
-            samples = (
-                budget.first_samples
-                if wanted <= budget.first_samples < 1
-                else min(math.ceil(wanted), maximum)
-            )
+            samples = min(math.ceil(wanted), maximum)
+            if wanted <= budget.first_samples < 1:
+                samples = budget.first_samples
     if dropped:
         warnings.warn(
-            f"{dropped} contributions of light were not finite numbers and are left out: a "
-            "material, medium or pose gives the light transport something it cannot calculate with",
+            f"{dropped} contributions of light were not finite numbers and were left out: "
+            "check the parameters of materials and media, and the poses",
             TransportWarning,
             stacklevel=2,
         )

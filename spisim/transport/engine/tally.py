@@ -1,10 +1,8 @@
 """Tallies that sum the light of paths: images, phasors, histograms, cubes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -115,12 +113,12 @@ class PathLengthBins:
 
     def __post_init__(self) -> None:
         if not 0 < self.width_m < np.inf:
-            raise InputError(f"width_m {self.width_m:g}: the width of a bin is positive and finite")
+            raise InputError(f"width_m {self.width_m:g}: a bin's width must be positive and finite")
         if self.near < 2:
-            raise InputError(f"near {self.near}: at least 2 path-length bins are needed")
+            raise InputError(f"near {self.near}: at least 2 path-length bins are required")
 
     @classmethod
-    def up_to(cls, longest_m: float, width_m: float) -> PathLengthBins:
+    def up_to(cls, longest_m: float, width_m: float) -> Self:
         """Bins for path lengths from 0 to `longest_m`."""
         return cls(round(longest_m / width_m) + 1 if width_m > 0 else 0, width_m)
 

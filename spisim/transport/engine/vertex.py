@@ -1,25 +1,12 @@
 """A vertex of a path, on a surface or in fog."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.geometry import Geometry
-from spisim.transport.jit import (
-    Bool,
-    Float,
-    Interaction,
-    Object,
-    Point,
-    Point2,
-    Ray,
-    Sampler,
-    UInt,
-    Vector,
-)
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.media import Media
 
 
@@ -50,7 +37,7 @@ class Vertex(NamedTuple):
     geometry: Geometry
     media: Media
     context: Object
-    si: Interaction
+    si: Hit
     medium: UInt
     point: Point
     incoming: Vector

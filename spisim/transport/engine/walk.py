@@ -13,8 +13,6 @@ Surfaces that let light pass straight on (panes, holes in a mask) are no vertice
 through them and is attenuated, as in fog.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -52,6 +50,7 @@ Sky = Callable[[Vector], Float]
 class _Join(NamedTuple):
     """A vertex joined to a point."""
 
+    end: Connection
     value: Float  # light along this path, unweighted
     ratio: Ratio  # R
     lobe: Lobe
@@ -162,7 +161,7 @@ class Walk:
             others += path.densities.bridge_inward(self.rays, end.point, here.point, here.in_fog)
         elif self.footprint is not None:
             others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
-        self._deposit_join(join, others, path.vertex, end, launch, path)
+        self._deposit_join(join, others, path.vertex, launch, path)
 
     def _double_scattering(
         self, here: Vertex, end: Connection, path: WalkState, launch: Launch
@@ -201,7 +200,7 @@ class Walk:
             has_part &= here.in_fog | (path.vertex > 1)
         join = self._join(here, end, path, has_part, sampler)
         detectors = quotient(join.lobe.forward * join.known, density * join.gap_m * join.gap_m)
-        self._deposit_join(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
+        self._deposit_join(join, join.ratio.value + detectors, path.vertex + 1, launch, path)
 
     def _join_footprint(
         self, here: Vertex, path: WalkState, launch: Launch, limit: UInt, sampler: Sampler
@@ -211,17 +210,13 @@ class Walk:
         end, density = self.footprint.connect(here.point, sampler, path.active)
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
         walk = quotient(join.lobe.forward, density)
-        self._deposit_join(join, walk, path.vertex + 1, end, launch, path)
+        self._deposit_join(join, walk, path.vertex + 1, launch, path)
 
     @dr.syntax
     def _join_by_mirror(
         self, here: Vertex, path: WalkState, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
-        """Deposit what a vertex sends to images of the other end in one plane mirror, or in two.
-
-        Only for paths that met a mirror first: the opposite end, which meets that mirror last,
-        finds all others.
-        """
+        """Paths that met a mirror first: deposit what goes to the other end's images in mirrors."""
         mirrors = self.mirrors
         assert mirrors is not None
         assert isinstance(self.other, Detectors | Lamp)
@@ -270,33 +265,21 @@ class Walk:
         value *= here.transmission(towards, gap, sampler, connected)
         given = self.world.media.closed_form_transmittance(mi.Ray3f(here.point, towards), gap)
         ratio = path.densities.other_end(lobe, end, given, path.vertex == 1)
-        return _Join(value, ratio, lobe, gap, given, connected & carries_light(value))
+        return _Join(end, value, ratio, lobe, gap, given, connected & carries_light(value))
 
     def _deposit_join(
-        self,
-        join: _Join,
-        others: Float,
-        vertex: UInt,
-        end: Connection,
-        launch: Launch,
-        path: WalkState,
+        self, join: _Join, others: Float, vertex: UInt, launch: Launch, path: WalkState
     ) -> None:
         value = join.value * self.weight.fraction(others, vertex)
-        self._deposit(value, end, join.gap_m, join.active, launch, path)
+        self._deposit(value, join.end, join.gap_m, join.active, launch, path)
 
     def _deposit(
-        self,
-        value: Float,
-        end: Connection,
-        gap_m: Float,
-        active: Bool,
-        launch: Launch,
-        path: WalkState,
+        self, value: Float, end: Connection, gap: Float, lit: Bool, launch: Launch, path: WalkState
     ) -> None:
         cell = end.cell if launch.cell is None else launch.cell
-        length_m = path.length_m + gap_m + end.length_m
+        length_m = path.length_m + gap + end.length_m
         scatterings = path.scatterings + end.scatterings
-        self.deposit(Contribution(value, cell, length_m, scatterings, active, launch.replica))
+        self.deposit(Contribution(value, cell, length_m, scatterings, lit, launch.replica))
 
     def _leave(self, here: Vertex, turn: Turn, path: WalkState) -> None:
         """Take the next direction."""

@@ -22,10 +22,8 @@ and S d_start², because a collision may lie so close to the projector that it r
 point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -64,7 +62,7 @@ class Densities:
     bridge: Float  # S d_start²
 
     @classmethod
-    def start_at(cls, point: Point) -> Densities:
+    def start_at(cls, point: Point) -> Self:
         """Densities of a path that starts at an end."""
         return cls(
             ratio=mi.Float(1),
@@ -123,11 +121,7 @@ class Densities:
         return quotient(density * self.segment_m * self.segment_m, self.before_forward)
 
     def leave(self, turn: Turn, in_fog: Bool, first: Bool) -> None:
-        """Update the ratio at a turn.
-
-        Both densities of a specular turn, which cannot be connected to, contain the same delta. In
-        fog the two are equal, but rounding may make both 0.
-        """
+        """Update the ratio at a turn, where deltas and symmetric phase functions cancel."""
         inner = dr.select(in_fog, 1, turn.backward / turn.forward)
         ratio = dr.select(
             turn.specular,
@@ -173,10 +167,7 @@ class PathState:
     def roulette(
         self, turn: Turn, scale: Float, ending: float, max_vertices: UInt, sampler: Sampler
     ) -> None:
-        """End paths that carry little, without bias, and those that are too long.
-
-        Survivors carry `ending` of their start, so no weight grows beyond that.
-        """
+        """End paths that carry little or are too long; survivors carry `ending` of their start."""
         survival = dr.select(
             (self.vertex <= ROULETTE_VERTEX) | turn.straight,
             1,
@@ -196,7 +187,7 @@ class WalkState(PathState):
     densities: Densities
 
     @classmethod
-    def start(cls, launch: Launch, limit: UInt) -> WalkState:
+    def start(cls, launch: Launch, limit: UInt) -> Self:
         """At an end, active if it may have at least one vertex."""
         beta = mi.Float(launch.beta)
         return cls(

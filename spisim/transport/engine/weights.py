@@ -5,8 +5,6 @@ whether the path has passed straight through a surface before. Its weight there 
 `others`, the sum of the other strategies' densities relative to its own.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -23,35 +21,18 @@ class Weight(NamedTuple):
     fraction: Callable[[Float, UInt], Float]  # (others, vertex)
 
 
-def _all(vertex: UInt, crossed: Bool) -> Bool:
-    return mi.Bool(True)
-
-
-def _second_on(vertex: UInt, crossed: Bool) -> Bool:
-    return vertex > 1
-
-
-def _second_on_or_behind_glass(vertex: UInt, crossed: Bool) -> Bool:
-    return (vertex > 1) | crossed
-
-
-def _balanced(others: Float, vertex: UInt) -> Float:
-    return dr.rcp(1 + others)
-
-
 #: The only strategy.
-alone = Weight(_all, lambda others, vertex: mi.Float(1))
+alone = Weight(lambda vertex, crossed: mi.Bool(True), lambda others, vertex: mi.Float(1))
 #: The only strategy besides the sum along rays, which finds singly scattered light up to a surface.
-alone_second_on_or_behind_glass = Weight(
-    _second_on_or_behind_glass, lambda others, vertex: mi.Float(1)
+alone_second_on_or_behind_glass = alone._replace(
+    part=lambda vertex, crossed: (vertex > 1) | crossed
 )
 #: All light.
-balanced = Weight(_all, _balanced)
+balanced = alone._replace(fraction=lambda others, vertex: dr.rcp(1 + others))
 #: Light scattered twice or more; the rest is found elsewhere.
-second_on = Weight(_second_on, _balanced)
+second_on = balanced._replace(part=lambda vertex, crossed: vertex > 1)
 #: The same, and alone all singly scattered light behind a surface that it went straight through,
 #: because the sum along rays ends at the first surface.
-second_on_or_behind_glass = Weight(
-    _second_on_or_behind_glass,
-    lambda others, vertex: dr.select(vertex == 1, 1, _balanced(others, vertex)),
+second_on_or_behind_glass = alone_second_on_or_behind_glass._replace(
+    fraction=lambda others, vertex: dr.select(vertex == 1, 1, dr.rcp(1 + others))
 )
