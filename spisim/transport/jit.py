@@ -8,6 +8,7 @@ one per lane unless noted.
 from typing import Any, TypeAlias
 
 Float: TypeAlias = Any
+Int: TypeAlias = Any
 UInt: TypeAlias = Any
 Bool: TypeAlias = Any
 Point2: TypeAlias = Any

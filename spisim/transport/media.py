@@ -101,7 +101,7 @@ class Grid:
     """Extinction σ · density within bounds; the density, 0 to 1, is a grid that fills a box."""
 
     box: Box
-    density: Float  # mi.Texture3f
+    density: Object  # mi.Texture3f
     extinction_per_m: Float
     albedo: Float
     phase: Object

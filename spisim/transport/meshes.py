@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from spisim.scene import SceneObject, texture_coordinates
 from spisim.scene.content import material_content, surface_content
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
-from spisim.transport.jit import Bool, Hit, Object, UInt
+from spisim.transport.jit import Bool, Hit, Int, Object, UInt
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +94,12 @@ class Meshes:
         return np.asarray(dr.select(ours, owner, -1).numpy(), dtype=np.int64)
 
     @cached_property
-    def _number_of(self) -> UInt:
+    def _number_of(self) -> Int:
         """Index of a shape by Dr.Jit's number of it, -1 for other scenes'."""
         return mi.Int32(self._shapes.astype(np.int32))
 
     @cached_property
-    def _owners(self) -> UInt:
+    def _owners(self) -> Int:
         """Index of the object of each triangle."""
         return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
 
@@ -170,7 +170,7 @@ def mesh_shape(
     return mesh
 
 
-def _registry_ids(pointers: UInt) -> UInt:
+def _registry_ids(pointers: Object) -> NDArray[np.uint32]:
     """Dr.Jit's number of each shape in an array of pointers, (lanes,); 0 for none."""
     numbers: UInt = dr.reinterpret_array(mi.UInt32, pointers)
-    return numbers.numpy()
+    return np.asarray(numbers.numpy())

@@ -65,7 +65,7 @@ class Projector:
     W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
     lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
     disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
-    one path per `group` neighbours, from one of them at random.
+    one path per `group` of neighbours, from one of them at random.
     """
 
     to_world: Matrix

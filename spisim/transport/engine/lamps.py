@@ -86,7 +86,7 @@ class Points:
         number, position = self.choose(sampler)
         return self.chosen_from(number, position, vertex)
 
-    def chosen_from(self, number: UInt, position: Point, vertex: UInt) -> Lit:
+    def chosen_from(self, number: UInt, position: Point, vertex: Point) -> Lit:
         """Lamp `number`, seen from a vertex."""
         towards, gap_m = direction_to(vertex, position)
         axis, intensity = (

@@ -97,7 +97,7 @@ class Densities:
         return Ratio(per_m2 * self.start_m * self.start_m, per_m2)
 
     def bridge_outward(
-        self, rays: FogRays, start: Float, point: Point, lobe: Lobe, ratio: Ratio, second: Bool
+        self, rays: FogRays, start: Ray, point: Point, lobe: Lobe, ratio: Ratio, second: Bool
     ) -> Float:
         """R S where the walk comes from the projector, along the ray `start`, to `point`."""
         density = rays.density(start, self.start_m, point)
