@@ -39,8 +39,8 @@ class GroundTruth:
     object_id
         Index (H, W) into `object_names`.
     coverage
-        Fraction (H, W) of the pixel that displays the same object as its centre: below 1 at edges
-        and on thin objects.
+        Fraction (H, W) of the pixel that the object at its centre covers: below 1 at edges and on
+        thin objects.
     object_names
         Names of the scene's objects.
     spot_range_m
