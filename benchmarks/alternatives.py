@@ -21,7 +21,7 @@ import numpy as np
 from spisim.scene import Scene
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
-from spisim.transport.engine.walk import lanes
+from spisim.transport.engine.walk import lanes_and_sampler
 from spisim.transport.reference import MAX_DEPTH, Renderer
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
@@ -44,7 +44,7 @@ class DualVolpath:
     def image(self, samples: int, seed: int) -> Floats:
         """Transport image (H, W) from `samples` paths per pixel."""
         camera = Projector.of(self._projector, samples)
-        lane, sampler = lanes(camera.lanes, seed)
+        lane, sampler = lanes_and_sampler(camera.lanes, seed)
         launch = camera.launch(lane, sampler)
         radiance = self._renderer.radiance(launch.origin, launch.direction, sampler).numpy()
         per_path = np.asarray(radiance, np.float64).reshape(samples, *self._projector.shape)
@@ -85,7 +85,7 @@ class TransientSpots:
         return np.array([self._spot(i, samples, seed) for i in range(len(self._rays))])
 
     def _spot(self, number: int, samples: int, seed: int) -> Floats:
-        _, sampler = lanes(samples, len(self._rays) * seed + number)
+        _, sampler = lanes_and_sampler(samples, len(self._rays) * seed + number)
         power, phasor = ImageTally(1), PhasorTally(1, (self._frequency_hz,))
 
         def add(radiance: Any, length_m: Any, wavelengths: Any, active: Any) -> None:

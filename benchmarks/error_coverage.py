@@ -15,7 +15,7 @@ from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.engine.estimator import spot_histogram, transport_image
-from spisim.transport.engine.sampling import MIN_LAUNCHES, ErrorMetric, Paths
+from spisim.transport.engine.sampling import MIN_LAUNCHES, ErrorMetric, PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
@@ -109,7 +109,7 @@ def images(
     world = build_world(case.scene)
     result = [
         transport_image(
-            world, projector, detector, Paths(case.paths), seed=np.random.SeedSequence(run)
+            world, projector, detector, PathBudget(case.paths), seed=np.random.SeedSequence(run)
         )
         for run in range(runs)
     ]
@@ -134,7 +134,7 @@ def spots(
         stated.append((mean.ravel(), error.ravel()))
         return float(np.linalg.norm(error))
 
-    budget = Paths(SPOT_PATHS, error_metric=ErrorMetric(readings, keep))
+    budget = PathBudget(SPOT_PATHS, error_metric=ErrorMetric(readings, keep))
     result = [
         spot_histogram(
             world, placed.beams, placed.tof, BINS, budget, seed=np.random.SeedSequence(run)

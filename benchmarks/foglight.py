@@ -19,7 +19,7 @@ from spisim.transport import NEAR_PATH_M
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
@@ -193,7 +193,7 @@ def _traced(
     placed, world = InstrumentView.placed(scene, instrument), build_world(scene)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(3)
     echo = spot_histogram(
-        world, placed.beams, placed.tof, BINS, Paths(paths, launches=1), seed=streams[0]
+        world, placed.beams, placed.tof, BINS, PathBudget(paths, min_launches=1), seed=streams[0]
     ).mean["histogram"]
     daylight = daylight_power(scene, instrument, world, placed.tof, seed=streams[1])
     patterns = projector_power(

@@ -34,7 +34,7 @@ from spisim.simulation.light import solve
 from spisim.transport.daylight import projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import Renderer, bucket_powers, pattern_emitter
 from spisim.transport.views import InstrumentView
@@ -163,7 +163,7 @@ def bucket_methods(
 
     def two_ended(seed: int) -> Floats:
         entropy = np.random.SeedSequence(seed)
-        estimate = transport_image(world, PROJECTOR, DETECTOR, Paths(pixel), seed=entropy)
+        estimate = transport_image(world, PROJECTOR, DETECTOR, PathBudget(pixel), seed=entropy)
         return expose(PLAN, estimate.mean["image"].reshape(PLAN.shape))
 
     return (
@@ -223,7 +223,7 @@ def spot_methods(scene: Scene, paths: int) -> tuple[Method, Method]:
 
     def two_ended(seed: int) -> Floats:
         entropy = np.random.SeedSequence(seed)
-        estimate = spot_histogram(world, PLACED.beams, tof, bins, Paths(half), seed=entropy)
+        estimate = spot_histogram(world, PLACED.beams, tof, bins, PathBudget(half), seed=entropy)
         histogram = estimate.mean["histogram"]
         phasor = histogram @ wave
         return np.stack([histogram.sum(axis=1), phasor.real, phasor.imag], axis=1)
@@ -348,7 +348,7 @@ def tracer() -> Callable[[int], Floats]:
     entropy = np.random.SeedSequence(0)
 
     def trace(paths: int) -> Floats:
-        estimate = transport_image(world, PROJECTOR, DETECTOR, Paths(paths), seed=entropy)
+        estimate = transport_image(world, PROJECTOR, DETECTOR, PathBudget(paths), seed=entropy)
         return estimate.mean["image"].reshape(PLAN.shape)
 
     trace(8)

@@ -24,7 +24,7 @@ from spisim.atmosphere import Atmosphere, Tabulated, fog
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.views import BeamView, DetectorView
@@ -115,7 +115,7 @@ def traced(medium: Atmosphere, range_m: float, paths: int, max_vertices: int) ->
             BeamView(np.zeros((count, 3)), ahead),
             DetectorView(positions, ahead, AREA_M2, float(np.arctan(TAN_HALF_FIELD))),
             BINS,
-            Paths(paths),
+            PathBudget(paths),
             seed=np.random.SeedSequence(repetition),
             max_vertices=max_vertices,
         )

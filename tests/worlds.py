@@ -6,7 +6,7 @@ import trimesh
 from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport.engine.estimator import spot_histogram, transport_image
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.reference import bucket_powers
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
@@ -114,14 +114,22 @@ def pixel_weights(view, weight, oversampling=16):
 
 def image(world, view, end, spp, seed, **options):
     """Transport image (H, W), in one launch: repetitions with other seeds tell its error."""
-    estimate = transport_image(world, view, end, Paths(spp, launches=1), seed=seed, **options)
+    estimate = transport_image(
+        world, view, end, PathBudget(spp, min_launches=1), seed=seed, **options
+    )
     return estimate.mean["image"].reshape(view.shape)
 
 
 def histogram(world, lasers, ends, bins, paths, seed, **options):
     """Path-length histograms (beams, bins); `bins` is (count, width in m)."""
     return spot_histogram(
-        world, lasers, ends, PathLengthBins(*bins), Paths(paths, launches=1), seed=seed, **options
+        world,
+        lasers,
+        ends,
+        PathLengthBins(*bins),
+        PathBudget(paths, min_launches=1),
+        seed=seed,
+        **options,
     ).mean["histogram"]
 
 

@@ -30,7 +30,7 @@ from spisim.scene.cache import SceneCache
 from spisim.simulation import Simulation, simulate
 from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
-from spisim.transport.exr import write_exr
+from spisim.transport.picture import write_exr
 
 _one_at_a_time = Lock()  # warnings are caught for the whole process
 _cache = SceneCache()  # of this process

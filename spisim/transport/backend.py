@@ -1,7 +1,5 @@
 """Choice of the Dr.Jit backend, made once, when the first scene is built."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -27,8 +25,8 @@ def activate() -> str:
     Raises
     ------
     InputError
-        If there is neither a CUDA device nor an LLVM library that works, or this process was
-        forked from one that uses CUDA.
+        If there is neither a CUDA device nor a working LLVM library, or this process was forked
+        from one that uses CUDA.
     """
     variant = mi.variant()
     if variant not in (CUDA_VARIANT, LLVM_VARIANT):
@@ -48,14 +46,14 @@ def has_cuda() -> bool:
 
 
 def use_threads(count: int) -> None:
-    """Trace light on this many threads of this process, on the CPU."""
+    """Set the number of CPU threads that trace light in this process."""
     dr.set_thread_count(count)
 
 
 def free_memory() -> None:
-    """Give back what Dr.Jit keeps: buffers, and compiled kernels that can be read from disk again.
+    """Free the memory that Dr.Jit caches: buffers, and compiled kernels that are also on disk.
 
-    Other kinds of surfaces and media need other kernels, and each is kept with its source.
+    Each kind of surface and medium needs its own kernel, which is cached with its source.
     """
     dr.flush_malloc_cache()
     if os.access(KERNELS, os.W_OK):
@@ -64,7 +62,7 @@ def free_memory() -> None:
 
 @contextmanager
 def compiling_timed(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Put down how long kernels are compiled that are not on disk yet, as `name` of `seconds`."""
+    """Record the time spent compiling kernels that are not on disk yet, as `name` of `seconds`."""
     dr.kernel_history_clear()
     with dr.scoped_set_flag(dr.JitFlag.KernelHistory):
         yield
@@ -73,17 +71,17 @@ def compiling_timed(seconds: dict[str, float], name: str) -> Iterator[None]:
 
 
 def _check_process() -> None:
-    """CUDA works in the process that began to use it, and in none that is forked from that."""
+    """Raise InputError in a forked process: CUDA works only in the process that first used it."""
     if _user_of_cuda.setdefault("pid", os.getpid()) != os.getpid():
         raise InputError(
-            "this process was forked from one that uses CUDA, and cannot use it too: start "
+            "this process was forked from one that uses CUDA and cannot use CUDA itself: start "
             "processes by 'spawn', as in DataLoader(…, multiprocessing_context=\"spawn\"), or read "
-            "samples that are made already"
+            "samples that already exist"
         )
 
 
 def _check_llvm() -> None:
-    """Dr.Jit has loaded a library by now, or found none; an old one may abort the process."""
+    """Check the LLVM library that Dr.Jit has loaded; an old one may abort the process."""
     loaded = "no LLVM"
     if dr.has_backend(dr.JitBackend.LLVM):
         version = dr.detail.llvm_version()
@@ -98,7 +96,7 @@ def _check_llvm() -> None:
 
 
 def with_backend(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate an entry point of this package: it may be the first to need Mitsuba."""
+    """Decorate an entry point of this package, which may be the first to need Mitsuba."""
 
     @wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> Any:

@@ -1,41 +1,39 @@
-"""Shapes that media fill: the part of a ray that lies in each, and whether a point does."""
-
-from __future__ import annotations
+"""Shapes that media fill, with the part of a ray inside each."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
+
+from spisim.transport.jit import Bool, Float, Matrix, Point, Ray
 
 
 class Bounds(Protocol):
     """A convex region."""
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Distances (near, far) between which a ray of length `far` is inside, if near < far."""
 
-    def contains(self, point: Any) -> Any:
+    def contains(self, point: Point) -> Bool:
         """Whether a point is inside."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ball:
-    """Around the whole scene."""
+    """A ball, which holds the fog around the scene."""
 
-    centre: Any
-    radius_m: Any
+    centre: Point
+    radius_m: Float
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
-        """See `Bounds`."""
-        offset = origin - self.centre
-        middle = -dr.dot(offset, direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        offset = ray.o - self.centre
+        middle = -dr.dot(offset, ray.d)
         squared = middle * middle + self.radius_m**2 - dr.squared_norm(offset)
         half = dr.select(squared > 0, dr.sqrt(dr.maximum(squared, 0)), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
-    def contains(self, point: Any) -> Any:
-        """See `Bounds`."""
+    def contains(self, point: Point) -> Bool:
         return dr.squared_norm(point - self.centre) <= self.radius_m**2
 
 
@@ -43,21 +41,20 @@ class Ball:
 class Ellipsoid:
     """The ball in the unit cube under an affine map."""
 
-    to_local: Any
+    to_local: Matrix
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
-        """See `Bounds`."""
-        offset = mi.Vector3f(self.to_local @ mi.Point3f(origin)) - 0.5
-        step = self.to_local @ mi.Vector3f(direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        offset = mi.Vector3f(self.to_local @ mi.Point3f(ray.o)) - 0.5
+        step = self.to_local @ mi.Vector3f(ray.d)
         squared = dr.squared_norm(step)
         middle = -dr.dot(offset, step) / squared
-        # From the point of the line next to the centre: no difference of large numbers.
+        # From the point of the line closest to the centre, which avoids the difference of large
+        # numbers.
         beside = dr.squared_norm(offset + middle * step)
         half = dr.select(beside < 0.25, dr.sqrt(dr.maximum(0.25 - beside, 0) / squared), -dr.inf)
         return dr.maximum(middle - half, 0), dr.minimum(middle + half, far)
 
-    def contains(self, point: Any) -> Any:
-        """See `Bounds`."""
+    def contains(self, point: Point) -> Bool:
         return dr.squared_norm(mi.Vector3f(self.to_local @ mi.Point3f(point)) - 0.5) <= 0.25
 
 
@@ -65,17 +62,15 @@ class Ellipsoid:
 class Box:
     """The unit cube under an affine map."""
 
-    to_local: Any
+    to_local: Matrix
 
-    def interval(self, origin: Any, direction: Any, far: Any) -> tuple[Any, Any]:
-        """See `Bounds`."""
-        start, step = self.to_local @ mi.Point3f(origin), self.to_local @ mi.Vector3f(direction)
+    def interval(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        start, step = self.to_local @ mi.Point3f(ray.o), self.to_local @ mi.Vector3f(ray.d)
         step = dr.select(dr.abs(step) < 1e-20, 1e-20, step)
         first, second = -start / step, (1 - start) / step
         near = dr.maximum(dr.max(dr.minimum(first, second)), 0)
         return near, dr.minimum(dr.min(dr.maximum(first, second)), far)
 
-    def contains(self, point: Any) -> Any:
-        """See `Bounds`."""
+    def contains(self, point: Point) -> Bool:
         local = self.to_local @ mi.Point3f(point)
         return dr.all((local >= 0) & (local <= 1))

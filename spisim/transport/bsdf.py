@@ -1,7 +1,5 @@
 """Materials as Mitsuba describes them, at one wavelength."""
 
-from __future__ import annotations
-
 import math
 from typing import Any
 
@@ -28,14 +26,14 @@ from spisim.scene.bsdf import (
 from spisim.transport.coat import body_scale, plastic
 from spisim.transport.retroreflector import retroreflector
 
-Quantity = float | NDArray[np.float32]  # everywhere the same, or a picture
+Quantity = float | NDArray[np.float32]  # one value everywhere, or a picture
 
 
 def bsdf_dict(material: Material) -> dict[str, Any]:
     """Mitsuba description of a material, pictures included; needs an active variant.
 
-    Surfaces that let no light in look alike from both sides: drone-scale meshes are often sheets
-    without thickness, or inside out.
+    Opaque surfaces look alike from both sides, because meshes at the scale of a drone are often
+    sheets without thickness, or inside out.
     """
     described = _model(material.bsdf, material)
     if not isinstance(material.bsdf, Clear):
@@ -95,7 +93,7 @@ def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
 
 
 def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
-    """Lobe and body, each drawn as often as it is bright."""
+    """Lobe and body, each drawn in proportion to its brightness."""
     total = bsdf.returned + material.reflectance
     white = _spectrum(total * _texture(material))
     return {

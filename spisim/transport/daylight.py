@@ -1,13 +1,11 @@
 """Steady light on the detectors: sun, sky and lamps, and the projector on the ranging detectors.
 
-The sun is parallel light, the sky a uniform upper hemisphere; both come through the fog like all
-light. They are nowhere close to a path, so that walks from the detectors alone find them with a
-finite variance, as those of `gather` do lamps. The projector is close, and its light is found like
-that of the image: summed along the detectors' rays where it is scattered once, and by all
-strategies where more often.
+The sun is parallel light and the sky a uniform upper hemisphere; the fog attenuates both. They are
+never close to a path, so walks from the detectors alone have a finite variance, as those of
+`gather` do for lamps. The projector is close. Its light is found like that of the image: summed
+along the detectors' rays where it is scattered once, and by all strategies where it is scattered
+more often.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,18 +32,18 @@ from spisim.transport.lamps import lamps_of
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
 
-#: Standard error of steady light, relative to it: half as much in the noise that it makes.
+#: Target standard error of steady light, relative to it; half as much in the noise that it causes.
 STEADY_ERROR = 0.05
-#: Independent estimates side by side in every launch, from which the error is told.
+#: Independent estimates in each launch, from which the error is taken.
 REPLICAS = 16
-#: Paths per detector in each of them: in the first launch, and when it is given up.
+#: Paths per detector and replica: in the first launch, and in total before giving up.
 FIRST_PATHS, MAX_PATHS = 2**7, 2**20
 
-#: The light of walks that end where they meet the sky differs by their weight alone; they are kept
-#: until they carry less than this share of it (5 times as efficient at an albedo of 0.99).
+#: Walks that end in the sky differ in their weight alone. Roulette keeps them until they carry less
+#: than this fraction of it (5 times as efficient at an albedo of 0.99).
 DAYLIGHT_ENDING = 0.25
 
-#: Traces paths of all detectors, `samples` each for so many replicas, and deposits their light.
+#: Traces `samples` paths per detector and replica, and deposits their light.
 Trace = Callable[[Detectors, int, Sequence[int], int, Deposit], None]
 
 
@@ -55,7 +53,7 @@ class Received:
 
     power_w: Floats
     error_w: Floats
-    dropped: int = 0  # contributions that were not finite numbers, and are left out
+    dropped: int = 0  # contributions that were not finite numbers and are left out
 
 
 def sun_of(scene: Scene, instrument: Instrument, world: World) -> Sun:
@@ -90,9 +88,9 @@ def daylight_power(
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
 ) -> Received:
-    """Power of sun, sky and lamps.
+    """Power of sun, sky and lamps on the detectors.
 
-    Its standard error is at most `target` of it and of `floor_w`, a light that is there anyway.
+    Its standard error is at most `target` times the sum of it and `floor_w`, other steady light.
     """
     lamps, outdoors = lamps_of(scene, instrument, world), has_daylight(scene)
     if not outdoors and lamps is None:
@@ -158,13 +156,9 @@ def projector_power(
 
 
 def _received(
-    trace: Trace,
-    view: DetectorView,
-    floor_w: float,
-    target: float,
-    seed: np.random.SeedSequence,
+    trace: Trace, view: DetectorView, floor_w: float, target: float, seed: np.random.SeedSequence
 ) -> Received:
-    """What each detector gets, of estimates side by side."""
+    """Power on each detector, from independent replicas."""
     detectors = len(view.positions_m)
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:

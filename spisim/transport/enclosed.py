@@ -1,76 +1,69 @@
-"""Media within closed meshes, which need not be convex and which light itself does not notice.
+"""Media within closed meshes, which need not be convex and are invisible to light.
 
-A ray crosses such a mesh inwards and outwards in turns. Where it begins does not have to be known:
-how far it is inside up to a distance d is the integral of the winding number, Σ s_k min(t_k, d)
-over all crossings beyond the start, with s = 1 for those that lead out and -1 for those that lead
-in, and the winding number at the start is Σ s_k. Where a mesh overlaps itself its medium counts as
-often as it wraps a place.
+A ray crosses such a mesh inwards and outwards in turn. Whether it starts inside need not be known:
+its length inside up to a distance d is the integral of the winding number, Σ s_k min(t_k, d) over
+all crossings beyond the start, with s = 1 for crossings outwards and -1 for crossings inwards. The
+winding number at the start is Σ s_k. Where a mesh overlaps itself, its medium counts as often as
+the mesh wraps around the point.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 import trimesh
 
+from spisim.transport.jit import Bool, Float, Object, Point, Ray, Sampler, UInt
 from spisim.transport.media import Grid
 from spisim.transport.meshes import mesh_shape
 
-#: A ray goes on so far beyond a crossing, relative to its coordinates: single precision tells 8
-#: times less. It does not see a wall that is thinner.
+#: Step beyond a crossing, relative to its coordinates: 8 times the resolution of single precision.
+#: Thinner walls are missed.
 NUDGE = 2.0**-20
-#: No triangle.
+#: Index of no triangle.
 NONE = 0xFFFFFFFF
-#: In which a point's winding number is counted: along no edge or plane of what people build.
+#: Direction in which a point's winding number is counted: along no edge or plane of usual models.
 SLANTED = (0.36235775, 0.47384721, 0.80258311)
 
 
 class _Crossing(NamedTuple):
-    """Where a ray meets the mesh next."""
+    """The next crossing of a ray with the mesh."""
 
-    met: Any
-    counts: Any  # it is another triangle than the last one
-    distance: Any
-    sign: Any  # 1 outwards, -1 inwards
-    triangle: Any
-    beyond: Any  # the distance from which to look for the next
+    met: Bool
+    counts: Bool  # on another triangle than the last one
+    distance: Float
+    sign: Float  # 1 outwards, -1 inwards
+    triangle: UInt
+    beyond: Float  # the distance from which to look for the next
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosed:
     """A medium within a closed mesh: homogeneous, or with the density of a grid around the mesh."""
 
-    surface: Any  # mi.Scene of the mesh alone
-    extinction_per_m: Any
-    albedo: Any
-    phase: Any
+    surface: Object  # mi.Scene of the mesh alone
+    extinction_per_m: Float
+    albedo: Float
+    phase: Object
     grid: Grid | None = None
 
     @property
     def in_closed_form(self) -> bool:
-        """Whether the transmittance is known."""
         return self.grid is None
 
     @dr.syntax
-    def flight(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any, left_m: Any
-    ) -> Any:
-        """Distance to the first collision, infinite where there is none before `far`.
-
-        Drawn from crossing to crossing: flights have no memory. Without a bias.
-        """
-        wraps, inside_m = self._sums(origin, direction, far, active)
+    def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
+        """Drawn afresh between crossings, because flights have no memory; without a bias."""
+        wraps, inside_m = self._sums(ray, far, active)
         result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
-            distance = self._collision(origin, direction, since, end, wraps, sampler, inside)
+            distance = self._collision(ray, since, end, wraps, sampler, inside)
             result = dr.select(inside & (distance < end), distance, result)
             wraps -= dr.select(crossing.counts, crossing.sign, 0)
             since = dr.select(going, end, since)
@@ -78,35 +71,31 @@ class Enclosed:
             going &= crossing.met & (crossing.distance < far) & (result == dr.inf)
         return result
 
-    def transmittance(
-        self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any
-    ) -> Any:
-        """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         if self.grid is None:
-            _, inside_m = self._sums(origin, direction, far, active)
+            _, inside_m = self._sums(ray, far, active)
             return dr.exp(-self.extinction_per_m * inside_m)
-        return self._tracked(origin, direction, far, sampler, active)
+        return self._tracked(ray, far, sampler, active)
 
-    def extinction_at(self, point: Any) -> Any:
-        """Extinction, 1/m."""
-        direction = mi.Vector3f(*SLANTED)
-        wraps, _ = self._sums(mi.Point3f(point), direction, mi.Float(0), mi.Bool(True))
+    def extinction_at(self, point: Point) -> Float:
+        slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))
+        wraps, _ = self._sums(slanted, mi.Float(0), mi.Bool(True))
         density = mi.Float(1) if self.grid is None else self.grid.density_at(point)
         return self.extinction_per_m * dr.maximum(wraps, 0) * density
 
     @dr.syntax
-    def _tracked(self, origin: Any, direction: Any, far: Any, sampler: Any, active: Any) -> Any:
+    def _tracked(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Ratio tracking, from crossing to crossing."""
         assert self.grid is not None
-        wraps, inside_m = self._sums(origin, direction, far, active)
+        wraps, inside_m = self._sums(ray, far, active)
         through, gone, since = mi.Float(1), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
-            through *= self.grid.tracked(origin, direction, since, end, wraps, sampler, inside)
+            through *= self.grid.tracked(ray, since, end, wraps, sampler, inside)
             wraps -= dr.select(crossing.counts, crossing.sign, 0)
             since = dr.select(going, end, since)
             gone, last = crossing.beyond, crossing.triangle
@@ -114,29 +103,22 @@ class Enclosed:
         return through
 
     def _collision(
-        self,
-        origin: Any,
-        direction: Any,
-        near: Any,
-        end: Any,
-        times: Any,
-        sampler: Any,
-        active: Any,
-    ) -> Any:
-        """Of the stretch from one crossing to the next."""
+        self, ray: Ray, near: Float, end: Float, times: Float, sampler: Sampler, active: Bool
+    ) -> Float:
+        """First collision on the stretch between two crossings."""
         if self.grid is not None:
-            return self.grid.collision(origin, direction, near, end, times, sampler, active)
+            return self.grid.collision(ray, near, end, times, sampler, active)
         rate = self.extinction_per_m * times
         return near - dr.log(1 - sampler.next_1d(active)) / rate
 
     @dr.syntax
-    def _sums(self, origin: Any, direction: Any, far: Any, active: Any) -> tuple[Any, Any]:
-        """Winding number at the origin, and how far the ray is inside up to `far`."""
+    def _sums(self, ray: Ray, far: Float, active: Bool) -> tuple[Float, Float]:
+        """Winding number at the origin, and the length of the ray inside up to `far`."""
         wraps, inside_m, gone = mi.Float(0), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = mi.Bool(active)
-        while dr.hint(going, exclude=[self, origin, direction, far]):
-            crossing = self._next(origin, direction, gone, last, going)
+        while dr.hint(going, exclude=[self, ray, far]):
+            crossing = self._next(ray, gone, last, going)
             wraps += dr.select(crossing.counts, crossing.sign, 0)
             reached = crossing.sign * dr.minimum(crossing.distance, far)
             inside_m += dr.select(crossing.counts, reached, 0)
@@ -144,23 +126,23 @@ class Enclosed:
             going &= crossing.met
         return wraps, dr.maximum(inside_m, 0)
 
-    def _next(self, origin: Any, direction: Any, gone: Any, last: Any, active: Any) -> _Crossing:
-        ray = mi.Ray3f(origin + gone * direction, direction)
-        si = self.surface.ray_intersect(ray, mi.RayFlags.Minimal, False, active)
+    def _next(self, ray: Ray, gone: Float, last: UInt, active: Bool) -> _Crossing:
+        rest = mi.Ray3f(ray.o + gone * ray.d, ray.d)
+        si = self.surface.ray_intersect(rest, mi.RayFlags.Minimal, False, active)
         met = active & si.is_valid()
         distance = dr.select(met, gone + si.t, dr.inf)
-        size = 1 + dr.max(dr.abs(origin)) + distance
+        size = 1 + dr.max(dr.abs(ray.o)) + distance
         return _Crossing(
             met,
             met & (si.prim_index != last),
             distance,
-            dr.select(dr.dot(si.n, direction) > 0, mi.Float(1), mi.Float(-1)),
+            dr.select(dr.dot(si.n, ray.d) > 0, mi.Float(1), mi.Float(-1)),
             dr.select(met, si.prim_index, last),
             dr.select(met, distance + NUDGE * size, gone),
         )
 
 
-def surface_scene(mesh: trimesh.Trimesh) -> Any:
+def surface_scene(mesh: trimesh.Trimesh) -> Object:
     """A closed mesh in a Mitsuba scene of its own."""
     null = mi.load_dict({"type": "null"})
     return mi.load_dict({"type": "scene", "bounds": mesh_shape([mesh], null, {})})

@@ -1,40 +1,38 @@
-"""The surfaces of a scene, and what gets past them."""
-
-from __future__ import annotations
+"""The surfaces of a scene and the light that gets past them; sampling along rays."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from reconstruction.base.arrays import Floats
+from spisim.transport.jit import Bool, Float, Hit, Matrix, Object, Point, Ray, Vector
+
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
     """Surfaces, and whether any of them lets light straight through."""
 
-    scene: Any  # mi.Scene
+    scene: Object  # mi.Scene
     see_through: bool
 
     def transmission(
-        self, si: Any, point: Any, direction: Any, gap: Any, in_fog: Any, active: Any
-    ) -> Any:
-        """Fraction of light that gets from a path vertex to a point `gap` away, fog apart.
-
-        The vertex is the surface interaction `si`, or `point` where it lies in fog.
-        """
-        ray = si.spawn_ray(direction)
+        self, si: Hit, point: Point, towards: Vector, gap: Float, in_fog: Bool, active: Bool
+    ) -> Float:
+        """Fraction of light that gets `gap` away from `si`, or `point` in fog, past surfaces."""
+        ray = si.spawn_ray(towards)
         ray.o = dr.select(in_fog, point, ray.o)
         return self.along(ray, gap, active)
 
-    def between(self, point: Any, direction: Any, gap: Any, active: Any) -> Any:
+    def between(self, point: Point, direction: Vector, gap: Float, active: Bool) -> Float:
         """The same from a point in fog."""
         return self.along(mi.Ray3f(point, direction), gap, active)
 
-    def along(self, ray: Any, gap: Any, active: Any) -> Any:
+    def along(self, ray: Ray, gap: Float, active: Bool) -> Float:
         """The same for a ray."""
         ray.maxt = gap * (1 - 10 * mi.math.ShadowEpsilon)
         if self.see_through:
@@ -42,11 +40,10 @@ class Geometry:
         return dr.select(active & ~self.scene.ray_test(ray, active), 1, 0)
 
     @dr.syntax
-    def up_to(self, there: Callable[[Any], Any], ray: Any, active: Any) -> tuple[Any, Any, Any]:
-        """Follow a ray through panes until `there` is true of the surface that it meets next.
-
-        The ray from there on, how far it went, and the fraction of light that got through.
-        """
+    def up_to(
+        self, there: Callable[[Hit], Bool], ray: Ray, active: Bool
+    ) -> tuple[Ray, Float, Float]:
+        """Ray beyond the panes before a surface that is `there`, its distance, the transmission."""
         through, gone_m = mi.Float(1), mi.Float(0)
         going, ray = mi.Bool(active), mi.Ray3f(ray)
         while dr.hint(going, exclude=[self, there]):
@@ -60,7 +57,7 @@ class Geometry:
         return ray, gone_m, through
 
     @dr.syntax
-    def _through_panes(self, ray: Any, active: Any) -> Any:
+    def _through_panes(self, ray: Ray, active: Bool) -> Float:
         through = mi.Float(1)
         going = mi.Bool(active)
         ray = mi.Ray3f(ray)
@@ -76,15 +73,43 @@ class Geometry:
         return through
 
 
-def transform(matrix: NDArray[np.floating[Any]]) -> Any:
+def transform(matrix: NDArray[np.floating[Any]]) -> Matrix:
     """A pose (4, 4) as an opaque Mitsuba transform."""
     result = mi.Transform4f(mi.Matrix4f(matrix.astype(np.float32)))
     dr.make_opaque(result)
     return result
 
 
-def direction_to(start: Any, stop: Any) -> tuple[Any, Any]:
+def rays_of(origins: Floats, directions: Floats) -> Ray:
+    """Rays from origins and unit directions, (3,) or (n, 3)."""
+    return mi.Ray3f(mi.Point3f(np.float32(origins.T)), mi.Vector3f(np.float32(directions.T)))
+
+
+def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
     """Unit vector and distance from one point to another."""
     offset = mi.Vector3f(stop - start)
     gap = dr.norm(offset)
     return offset * dr.rcp(gap), gap
+
+
+class EquiAngular(NamedTuple):
+    """Distances uniform in the angle seen from a point (Kulla & Fajardo, EGSR 2012)."""
+
+    foot: Float  # distance along the ray to the foot of the point
+    height: Float  # of the point above the ray
+    low: Float
+    high: Float
+
+    @classmethod
+    def about(cls, point: Point, ray: Ray, far: Float, near: Float = 0.0) -> Self:
+        offset = point - ray.o
+        foot = dr.dot(offset, ray.d)
+        height = dr.maximum(dr.norm(offset - foot * ray.d), 1e-6)
+        return cls(foot, height, dr.atan2(near - foot, height), dr.atan2(far - foot, height))
+
+    def sample(self, u: Float) -> Float:
+        return self.foot + self.height * dr.tan(dr.lerp(self.low, self.high, u))
+
+    def density(self, distance: Float) -> Float:
+        span = (self.high - self.low) * (self.height**2 + dr.square(distance - self.foot))
+        return self.height / span

@@ -1,53 +1,49 @@
-"""Lasers that mirrors throw straight into their detectors: light that the transport leaves out."""
-
-from __future__ import annotations
+"""Lasers that mirrors reflect straight into their detectors: light that the transport omits."""
 
 import warnings
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from spisim.transport.engine.sampling import TransportWarning
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Hit
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
-#: Mirrors and panes in a row that a beam is followed by.
+#: Maximum number of mirrors and panes along a beam.
 MAX_MIRRORS = 4
-#: A Gaussian beam counts as so many standard deviations wide.
+#: A Gaussian beam counts as this many standard deviations wide.
 BEAM_SIGMAS = 3.0
 
 
 def warn_of_glints(world: World, beams: BeamView, detectors: DetectorView) -> None:
-    """TransportWarning for beams that mirrors throw straight into their detectors."""
+    """Issue a TransportWarning for beams that mirrors reflect straight into their detectors."""
     if world.smooth is None:
         return
     lasers = np.flatnonzero(mirrored_beams(world, beams, detectors))
     if lasers.size:
         text = ", ".join(map(str, lasers))
         warnings.warn(
-            f"mirrors throw the beam of spot {text} straight into its detector: that light is left "
-            "out, though it would outshine all other",
+            f"mirrors reflect the beam of spot {text} straight into its detector: that light, "
+            "which would outshine all other, is left out",
             TransportWarning,
             stacklevel=3,
         )
 
 
-def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> Any:
-    """Whether mirrors throw each beam, as wide as it is by then, onto its aperture (beams,)."""
-    origins, positions = (
-        mi.Point3f(each.T.astype(np.float32)) for each in (beams.origins_m, detectors.positions_m)
-    )
-    directions, axes = (
-        mi.Vector3f(each.T.astype(np.float32)) for each in (beams.directions, detectors.axes)
-    )
-    ray: Any = mi.Ray3f(origins, directions)
+def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> NDArray[np.bool_]:
+    """Whether mirrors throw each beam (beams,), at its width there, onto its aperture."""
+    ray = rays_of(beams.origins_m, beams.directions)
+    apertures = rays_of(detectors.positions_m, detectors.axes)
+    positions, axes = apertures.o, apertures.d
     length_m = mi.Float(0)
-    going, result = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
+    going, hits = dr.full(mi.Bool, True, len(beams.origins_m)), mi.Bool(False)
     aperture_m, cosine = np.sqrt(detectors.area_m2 / np.pi), np.cos(detectors.half_angle_rad)
     for mirrors in range(MAX_MIRRORS + 1):
-        si: Any = world.geometry.scene.ray_intersect(ray, going)
+        si: Hit = world.geometry.scene.ray_intersect(ray, going)
         if mirrors > 0:
             along_m = dr.dot(positions - ray.o, ray.d)
             aside_m = dr.norm(positions - ray(along_m))
@@ -55,10 +51,10 @@ def mirrored_beams(world: World, beams: BeamView, detectors: DetectorView) -> An
             meets = (
                 (along_m > 0) & (along_m < si.t) & (aside_m < aperture_m + BEAM_SIGMAS * sigma_m)
             )
-            result |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
+            hits |= going & meets & (dr.dot(-ray.d, axes) >= cosine)
         going &= si.is_valid()
         sample, _ = si.bsdf().sample(mi.BSDFContext(), si, mi.Float(0), mi.Point2f(0.5), going)
         going &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
         length_m += dr.select(going, si.t, 0)
         ray = dr.select(going, si.spawn_ray(si.to_world(sample.wo)), ray)
-    return result.numpy()
+    return np.asarray(hits.numpy())

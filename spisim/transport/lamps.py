@@ -1,4 +1,4 @@
-"""The lamps of a scene as light transport takes them, in watts within the instrument's band."""
+"""The lamps of a scene as the light transport takes them, in watts within the band."""
 
 from collections.abc import Sequence
 
@@ -22,7 +22,7 @@ def lamps_of(scene: Scene, instrument: Instrument, world: World) -> Lamps | None
 
 
 def lamps_in_band(scene: Scene, watts_per_klm: float, world: World) -> Lamps:
-    """With the watts in a band that every kilolumen counts for."""
+    """All lamps, with the watts in the band that each kilolumen counts for."""
     far_m = 3 * world.radius_m
     around: list[Uniform | Surround] = []
     parallel: list[Parallel] = []

@@ -1,10 +1,8 @@
-"""The surfaces of a scene as Mitsuba holds them: one mesh for each material.
+"""The surfaces of a scene as Mitsuba meshes: one for each material.
 
-A few large meshes are built and traced much faster than many small ones: whatever a path meets is
-a call to one of all shapes and materials.
+A few large meshes are built and traced much faster than many small ones, because each surface that
+a path meets is a virtual call over all shapes and materials.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,93 +20,92 @@ from numpy.typing import NDArray
 from spisim.scene import SceneObject, texture_coordinates
 from spisim.scene.content import material_content, surface_content
 from spisim.transport.bsdf import bsdf_dict, is_null_transmitting
+from spisim.transport.jit import Bool, Hit, Int, Object, UInt
 
 
 @dataclass(frozen=True, eq=False)
 class Meshes:
-    """The meshes of some objects in a Mitsuba scene of their own, and which triangle is whose."""
+    """The meshes of some objects in a Mitsuba scene, and the owner of each triangle."""
 
-    scene: Any  # mi.Scene
+    scene: Object  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
-    _shapes: NDArray[np.int64]  # of each of Dr.Jit's numbers of a shape, -1 for those of others
-    _first: NDArray[np.int64]  # number of each shape's first triangle
-    _starts: NDArray[np.int64]  # and of each object's, in the order of the shapes
-    _objects: NDArray[np.int64]  # their numbers
+    _shapes: NDArray[np.int64]  # index by Dr.Jit's number of a shape, -1 for other scenes'
+    _first: NDArray[np.int64]  # index of each shape's first triangle
+    _starts: NDArray[np.int64]  # index of each object's first triangle, in the order of the shapes
+    _objects: NDArray[np.int64]  # indices of the objects in this order
 
     @classmethod
-    def of(cls, objects: Sequence[SceneObject]) -> Meshes:
-        """Those of objects; the last ones made of them, as long as nothing about them changed."""
+    def of(cls, objects: Sequence[SceneObject]) -> "Meshes":
+        """Meshes of objects, from the cache if nothing about the objects has changed."""
         key = str(mi.variant()).encode() + surface_content(objects)
-        content, retained = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
-        if retained is None or content != key:
+        content, cached = _CACHED.get(objects[0], (b"", None)) if objects else (b"", None)
+        if cached is None or content != key:
             _CACHED.clear()
-            retained = cls._made(objects)
+            cached = cls._made(objects)
             if objects:
-                _CACHED[objects[0]] = key, retained
-        return retained
+                _CACHED[objects[0]] = key, cached
+        return cached
 
     @classmethod
-    def _made(cls, objects: Sequence[SceneObject]) -> Meshes:
+    def _made(cls, objects: Sequence[SceneObject]) -> "Meshes":
         groups = _by_material(objects)
         in_order = [number for group in groups for number in group]
         starts = [0, *accumulate(len(objects[number].mesh.faces) for number in in_order)]
-        positions = [0, *accumulate(map(len, groups))]
+        firsts = [0, *accumulate(map(len, groups))]
         scene = mi.load_dict({"type": "scene", **shapes(objects)})
         numbers = [int(_registry_ids(mi.ShapePtr(shape))[0]) for shape in scene.shapes()]
-        given = np.full(max(numbers, default=0) + 1, -1)
-        given[numbers] = np.arange(len(numbers))
+        shape_of = np.full(max(numbers, default=0) + 1, -1)
+        shape_of[numbers] = np.arange(len(numbers))
         return cls(
             scene,
             any(is_null_transmitting(thing.material) for thing in objects),
-            given,
-            np.array([starts[position] for position in positions[:-1]], dtype=np.int64),
+            shape_of,
+            np.array([starts[first] for first in firsts[:-1]], dtype=np.int64),
             np.array(starts),
             np.array(in_order, dtype=np.int64),
         )
 
     @property
     def triangles(self) -> int:
-        """Of all objects together."""
+        """Number of triangles of all objects."""
         return int(self._starts[-1])
 
     def triangles_of(self, number: int) -> slice:
-        """The numbers that the triangles of an object have here, in their order."""
-        (position,) = np.flatnonzero(self._objects == number)
-        return slice(int(self._starts[position]), int(self._starts[position + 1]))
+        """Indices of an object's triangles, in their order."""
+        (index,) = np.flatnonzero(self._objects == number)
+        return slice(int(self._starts[index]), int(self._starts[index + 1]))
 
     @cached_property
-    def _first_of(self) -> Any:
-        """Number of the first triangle of each of Dr.Jit's numbers of a shape."""
+    def _first_of(self) -> UInt:
+        """Index of the first triangle of a shape, by Dr.Jit's number of it."""
         return mi.UInt32(np.where(self._shapes >= 0, self._first[self._shapes], 0))
 
-    def triangle(self, si: Any, active: Any) -> Any:
-        """Number of the triangle that each ray meets, in a kernel."""
-        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+    def triangle(self, si: Hit, active: Bool) -> UInt:
+        """Index of the triangle that each ray meets, in a kernel."""
+        shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
-    def object_ids(self, si: Any) -> NDArray[np.int64]:
-        """Number of the object that each ray meets, -1 for none."""
-        shape: Any = dr.reinterpret_array(mi.UInt32, si.shape)
+    def object_ids(self, si: Hit) -> NDArray[np.int64]:
+        """Index of the object that each ray meets, -1 for none."""
+        shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
         ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
         owner = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
-        result: Any = dr.select(ours, owner, -1)
-        return np.asarray(result.numpy(), dtype=np.int64)
+        return np.asarray(dr.select(ours, owner, -1).numpy(), dtype=np.int64)
 
     @cached_property
-    def _number_of(self) -> Any:
-        """Of each of Dr.Jit's numbers of a shape, -1 for those of others."""
+    def _number_of(self) -> Int:
+        """Index of a shape by Dr.Jit's number of it, -1 for other scenes'."""
         return mi.Int32(self._shapes.astype(np.int32))
 
     @cached_property
-    def _owners(self) -> Any:
-        """Number of the object of each triangle."""
+    def _owners(self) -> Int:
+        """Index of the object of each triangle."""
         return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
 
 
-#: The last ones that were made of objects, by the first of these: they last as long as it does.
-#: There are no more than these, for Dr.Jit makes a kernel for all shapes and materials that there
-#: are, of whatever scene.
+#: The most recent meshes, by their first object, with which they expire. Only one set is cached,
+#: because Dr.Jit compiles a kernel for all existing shapes and materials of all scenes.
 _CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, Meshes]] = WeakKeyDictionary()
 
 
@@ -121,7 +118,7 @@ def shapes(objects: Sequence[SceneObject]) -> dict[str, Any]:
 
 
 def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
-    """Numbers of the objects whose materials are alike."""
+    """Indices of the objects of each material."""
     contents = {id(thing.material): material_content(thing.material) for thing in objects}
     groups: dict[bytes, list[int]] = {}
     for number, thing in enumerate(objects):
@@ -129,11 +126,8 @@ def _by_material(objects: Sequence[SceneObject]) -> list[list[int]]:
     return list(groups.values())
 
 
-def shape(things: Sequence[SceneObject], **parts: Any) -> Any:
-    """All triangles of objects of one material as a Mitsuba mesh; `parts` are more of its plugins.
-
-    Such as the medium within it, or its light.
-    """
+def shape(things: Sequence[SceneObject], **parts: Any) -> Object:
+    """Merge objects of one material into a Mitsuba mesh; `parts` are further plugins of it."""
     material = things[0].material
     meshes = [thing.mesh for thing in things]
     with_uv = material.needs_texture_coordinates
@@ -143,13 +137,13 @@ def shape(things: Sequence[SceneObject], **parts: Any) -> Any:
 
 def mesh_shape(
     meshes: Sequence[trimesh.Trimesh],
-    bsdf: Any,
+    bsdf: Object,
     parts: Mapping[str, Any],
     *,
     name: str = "mesh",
     with_uv: bool = False,
-) -> Any:
-    """All triangles of some meshes as one of Mitsuba's."""
+) -> Object:
+    """Merge meshes into one of Mitsuba's."""
     properties = mi.Properties()
     properties["bsdf"] = bsdf
     for key, part in parts.items():
@@ -176,7 +170,7 @@ def mesh_shape(
     return mesh
 
 
-def _registry_ids(pointers: Any) -> Any:
-    """Dr.Jit's number of each shape that an array of pointers points to, (lanes,); 0 for none."""
-    numbers: Any = dr.reinterpret_array(mi.UInt32, pointers)
-    return numbers.numpy()
+def _registry_ids(pointers: Object) -> NDArray[np.uint32]:
+    """Dr.Jit's number of each shape in an array of pointers, (lanes,); 0 for none."""
+    numbers: UInt = dr.reinterpret_array(mi.UInt32, pointers)
+    return np.asarray(numbers.numpy())

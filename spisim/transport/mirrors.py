@@ -1,18 +1,14 @@
-"""Plane mirrors, by which light reaches an end that its last scattering does not see.
+"""Plane mirrors, panes and smooth coats, by which light reaches an end indirectly.
 
-Panes and smooth coats are among them.
-
-A path that meets a mirror next to both ends is found by no walk: each is a density of zero for the
-other. A plane mirror shows an end as an image behind it (the method of images), so that a vertex
-can be connected to the image as it is to the end itself, at the length of the unfolded path. A
-second mirror shows the image of that image.
+No walk finds a path that meets a mirror next to both ends, because its density is zero for each
+end. A plane mirror shows an end as an image behind it (the method of images). A vertex is connected
+to this image as to the end itself, at the length of the unfolded path. A second mirror shows the
+image of the image.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple, Self
 from weakref import WeakKeyDictionary
 
 import drjit as dr
@@ -24,34 +20,35 @@ from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.media import Media
 
-#: Largest planes (area x reflectance) that vertices are joined to an end by.
+#: Maximum number of planes, by area x reflectance, through which vertices are joined to an end.
 MAX_PLANES = 64
-#: And by which light is thrown straight from end to end: each triangle of curved mirrors is one.
+#: Maximum number of planes for light from end to end; each triangle of a curved mirror is one.
 MAX_FACETS = 4096
-#: Mirrors in a row next to an end.
+#: Maximum number of consecutive mirrors next to an end.
 MAX_FOLDS = 2
-#: Triangles lie in one plane if their normals and distances from the origin agree to this.
+#: Triangles share a plane if their normals and distances from the origin agree to this.
 SAME_NORMAL, SAME_POSITION_M = 2e-3, 1e-3
 
 
 class Plane(NamedTuple):
     """n · x = offset."""
 
-    normal: Any
-    offset_m: Any
+    normal: Vector
+    offset_m: Float
 
-    def image(self, point: Any) -> Any:
+    def image(self, point: Point) -> Point:
         """The mirror image of a point."""
         return point - 2 * (dr.dot(self.normal, point) - self.offset_m) * self.normal
 
-    def turned(self, direction: Any) -> Any:
+    def turned(self, direction: Vector) -> Vector:
         """The mirror image of a direction."""
         return direction - 2 * dr.dot(self.normal, direction) * self.normal
 
-    def holds(self, si: Any) -> Any:
-        """Whether a place on a surface belongs to the plane: it may cross others there."""
+    def holds(self, si: Hit) -> Bool:
+        """Whether a surface point belongs to the plane, which other planes may cross there."""
         near = dr.abs(dr.dot(self.normal, si.p) - self.offset_m) < 2 * SAME_POSITION_M
         return near & (dr.abs(dr.dot(self.normal, si.n)) > 1 - SAME_NORMAL**2)
 
@@ -60,23 +57,23 @@ class Fold(NamedTuple):
     """Planes in the order in which a vertex meets them on the way to an end."""
 
     planes: tuple[Plane, ...]
-    met: Any  # how many of them, by lane
-    probability: Any  # to have drawn these
+    met: UInt  # number of planes in use, by lane
+    probability: Float  # of drawing these planes
 
-    def image(self, end: Any) -> Any:
-        """An end's place, as the vertex sees it."""
+    def image(self, end: Point) -> Point:
+        """Image of an end, as the vertex sees it."""
         for number, plane in reversed(list(enumerate(self.planes))):
             end = dr.select(number < self.met, plane.image(end), end)
         return end
 
-    def image_of_vertex(self, vertex: Any) -> Any:
-        """The vertex's place, as the end sees it."""
+    def image_of_vertex(self, vertex: Point) -> Point:
+        """Image of the vertex, as the end sees it."""
         for number, plane in enumerate(self.planes):
             vertex = dr.select(number < self.met, plane.image(vertex), vertex)
         return vertex
 
-    def ray_of_vertex(self, ray: Any) -> Any:
-        """A ray through the vertex, as the end sees it."""
+    def ray_of_vertex(self, ray: Ray) -> Ray:
+        """Image of a ray through the vertex, as the end sees it."""
         direction = mi.Vector3f(ray.d)
         for number, plane in enumerate(self.planes):
             direction = dr.select(number < self.met, plane.turned(direction), direction)
@@ -86,16 +83,16 @@ class Fold(NamedTuple):
 class _Planes(NamedTuple):
     """Planes to draw from."""
 
-    normals: Any
-    offsets_m: Any
-    middles: Any
-    along: Any  # unit vectors in the planes
-    halves_m: Any  # along these and across, of rectangles that hold all mirrors of the planes
-    strengths: Any  # mi.DiscreteDistribution
-    count: Any
+    normals: Vector
+    offsets_m: Float
+    middles: Point
+    along: Vector  # unit vectors in the planes
+    halves_m: Point2  # half sides, along and across, of a rectangle around a plane's mirrors
+    strengths: Object  # mi.DiscreteDistribution
+    count: UInt
 
     @classmethod
-    def of(cls, planes: Floats, strength: Floats) -> _Planes:
+    def of(cls, planes: Floats, strength: Floats) -> Self:
         normals, offsets_m = mi.Normal3f(planes[:, :3].T), mi.Float(planes[:, 3])
         middles, along = mi.Point3f(planes[:, 4:7].T), mi.Vector3f(planes[:, 7:10].T)
         halves_m, weights = mi.Point2f(planes[:, 10:12].T), mi.Float(strength)
@@ -103,19 +100,18 @@ class _Planes(NamedTuple):
         strengths, count = mi.DiscreteDistribution(weights), dr.opaque(mi.UInt32, len(strength))
         return cls(normals, offsets_m, middles, along, halves_m, strengths, count)
 
-    def plane(self, number: Any) -> Plane:
-        """One for each lane."""
+    def plane(self, number: UInt) -> Plane:
+        """Plane `number`, by lane."""
         normal = mi.Vector3f(dr.gather(mi.Normal3f, self.normals, number))
         return Plane(normal, dr.gather(mi.Float, self.offsets_m, number))
 
-    def draw(self, uniform: Any) -> tuple[Plane, Any]:
-        """One for each lane, and its probability."""
+    def draw(self, uniform: Float) -> tuple[Plane, Float]:
+        """A random plane for each lane, and its probability."""
         number, probability = self.strengths.sample_pmf(uniform)
         return self.plane(number), probability
 
-    def show(self, number: Any, vertex: Any, image: Any) -> Any:
-        """Whether the way from a vertex to an image behind a plane leads about through its mirrors,
-        as it does if the plane shows it: most of those of a curved mirror do not."""
+    def shows(self, number: UInt, vertex: Point, image: Point) -> Bool:
+        """Whether the line from a vertex to an image crosses the rectangle of a plane's mirrors."""
         plane = self.plane(number)
         before_m = dr.dot(plane.normal, vertex) - plane.offset_m
         behind_m = plane.offset_m - dr.dot(plane.normal, image)
@@ -130,16 +126,16 @@ class _Planes(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
-    """Planes that reflect, drawn as often as they are large and bright."""
+    """Planes that reflect, drawn in proportion to area and reflectance."""
 
     largest: _Planes
     all: _Planes
-    again: Any  # how often a second one follows
-    maximum: int  # in a row
+    again: Float  # probability that a second one follows
+    maximum: int  # maximum number of consecutive planes
 
     @classmethod
-    def of(cls, things: Sequence[SceneObject]) -> Mirrors | None:
-        """Those of objects that mirror; None where there are none."""
+    def of(cls, things: Sequence[SceneObject]) -> Self | None:
+        """Mirrors among the objects; None where there are none."""
         planes, strength = _candidate_planes(things) if things else (np.zeros((0, 12)), np.zeros(0))
         if not strength.size:
             return None
@@ -151,20 +147,20 @@ class Mirrors:
             maximum=min(len(planes), MAX_FOLDS),
         )
 
-    def one(self, number: Any) -> Fold:
-        """One of the largest planes."""
+    def one(self, number: UInt) -> Fold:
+        """Plane `number` of the largest ones."""
         return Fold((self.largest.plane(number),), mi.UInt32(1), mi.Float(1))
 
-    def choose_two(self, sampler: Any) -> tuple[Fold, Any]:
-        """Two of the largest planes, and whether they are looked at, as the probability says."""
+    def choose_two(self, sampler: Sampler) -> tuple[Fold, Bool]:
+        """Two of the largest planes, and whether to use them, which has probability `again`."""
         looked = sampler.next_1d() < self.again
         planes, chances = zip(
             *(self.largest.draw(sampler.next_1d()) for _ in range(MAX_FOLDS)), strict=True
         )
         return Fold(planes, mi.UInt32(MAX_FOLDS), self.again * dr.prod(chances)), looked
 
-    def choose_any(self, uniform: Any, sampler: Any) -> Fold:
-        """The first by a number, of all, and whatever follows of the largest, for each lane."""
+    def choose_any(self, uniform: Float, sampler: Sampler) -> Fold:
+        """The first plane drawn from all by `uniform`, the following from the largest, by lane."""
         plane, probability = self.all.draw(uniform)
         planes, met, going = [plane], mi.UInt32(1), mi.Bool(True)
         for _ in range(1, self.maximum):
@@ -179,19 +175,10 @@ class Mirrors:
 
 
 def reflected(
-    geometry: Geometry,
-    media: Media,
-    fold: Fold,
-    ray: Any,
-    length_m: Any,
-    sampler: Any,
-    active: Any,
-) -> Any:
-    """Fraction of light that follows a ray from mirror to mirror, and from there to an end.
-
-    `length_m` is that of the whole path, unfolded.
-    """
-    left, rest_m = dr.select(active, mi.Float(1), 0), mi.Float(length_m)
+    geometry: Geometry, media: Media, fold: Fold, ray: Ray, far: Float, sampler: Sampler, lit: Bool
+) -> Float:
+    """Fraction of light that a fold reflects along a ray to an end, `far` in unfolded length."""
+    left, rest_m = dr.select(lit, mi.Float(1), 0), mi.Float(far)
     for number, plane in enumerate(fold.planes):
         here = (left > 0) & (number < fold.met)
         before, passed_m, through = ray, mi.Float(0), mi.Float(1)
@@ -205,23 +192,23 @@ def reflected(
             mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
         )
         met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-        retained = weight.x * sample.pdf * through
-        retained *= media.transmittance(ray.o, ray.d, gap_m, sampler, met)
-        left = dr.select(here, dr.select(met, left * retained, 0), left)
+        reflectance = weight.x * sample.pdf * through
+        reflectance *= media.transmittance(ray, gap_m, sampler, met)
+        left = dr.select(here, dr.select(met, left * reflectance, 0), left)
         rest_m -= dr.select(met, gap_m, 0)
         ray = dr.select(met, si.spawn_ray(si.to_world(sample.wo)), ray)
     left *= geometry.along(ray, rest_m, left > 0)
-    return left * media.transmittance(ray.o, ray.d, rest_m, sampler, left > 0)
+    return left * media.transmittance(ray, rest_m, sampler, left > 0)
 
 
 def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors | None]:
-    """Mirrors, smooth metal, glass and panes of a scene; and these and smooth coats."""
+    """Mirrors, smooth metal, glass and panes of a scene; and these together with smooth coats."""
     coats, mirrors = (
         [each for each in objects if isinstance(each.material.bsdf, kinds) and _is_whole(each)]
         for kinds in (Plastic, Mirror | Conductor | Dielectric | ThinPane)
     )
-    result = Mirrors.of(mirrors)
-    return result, Mirrors.of(coats + mirrors) if coats else result
+    without_coats = Mirrors.of(mirrors)
+    return without_coats, Mirrors.of(coats + mirrors) if coats else without_coats
 
 
 def _is_whole(thing: SceneObject) -> bool:
@@ -229,7 +216,7 @@ def _is_whole(thing: SceneObject) -> bool:
 
 
 def _reflectance(thing: SceneObject) -> float:
-    """At normal incidence; of plastic, that of its coat."""
+    """Reflectance at normal incidence; of plastic, that of its coat."""
     bsdf = thing.material.bsdf
     if isinstance(bsdf, Plastic):
         return Dielectric(bsdf.ior).fresnel_reflectance
@@ -237,7 +224,7 @@ def _reflectance(thing: SceneObject) -> float:
 
 
 def _again(mirrors: Sequence[SceneObject]) -> float:
-    """How often to look for a second mirror: what light keeps on average, to what it had before."""
+    """Probability of looking for a second mirror, in proportion to the light that is left."""
     reflectances = [_reflectance(thing) for thing in mirrors]
     areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
     retained = float(np.average(reflectances, weights=areas))
@@ -245,47 +232,43 @@ def _again(mirrors: Sequence[SceneObject]) -> float:
 
 
 def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """See `_planes`; those found last for the first of the objects, as long as none changed."""
+    """`_planes` of the mirrors, cached while none of them changes."""
     content = surface_content(mirrors)
-    given = _CACHED.get(mirrors[0])
-    if given is None or given[0] != content:
-        given = _CACHED[mirrors[0]] = content, _planes(mirrors)
-    return given[1]
+    cached = _CACHED.get(mirrors[0])
+    if cached is None or cached[0] != content:
+        cached = _CACHED[mirrors[0]] = content, _planes(mirrors)
+    return cached[1]
 
 
-#: The planes found last, by the first of the objects and with the content of all.
+#: The most recent planes, by the first of the objects and with the content of all.
 _CACHED: WeakKeyDictionary[SceneObject, tuple[bytes, tuple[Floats, Floats]]] = WeakKeyDictionary()
 
 
 def _planes(things: Sequence[SceneObject]) -> tuple[Floats, Floats]:
-    """Of the planes that triangles lie in: unit normal, offset, and the rectangle that they fill
-    (planes, 12), see `_rectangle`; area x reflectance (planes,)."""
+    """Unit normals, offsets and rectangles of planes (planes, 12); area x reflectance (planes,)."""
     triangles = np.concatenate([thing.mesh.triangles for thing in things])
     normals = np.concatenate([thing.mesh.face_normals for thing in things])
     strength = np.concatenate([thing.mesh.area_faces * _reflectance(thing) for thing in things])
-    result: list[Floats] = []
+    planes: list[Floats] = []
     total: list[float] = []
     free = strength > 0
     for largest in np.argsort(-strength, kind="stable"):
-        if not free[largest] or len(result) == MAX_FACETS:
+        if not free[largest] or len(planes) == MAX_FACETS:
             continue
         normal = normals[largest]
         offset = float(normal @ triangles[largest, 0])
         same = np.flatnonzero(free & (np.abs(normals @ normal) > 1 - SAME_NORMAL**2 / 2))
         flush = np.abs(triangles[same] @ normal - offset).max(axis=1) < SAME_POSITION_M
         same = same[flush | (same == largest)]
-        result.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
+        planes.append(np.array([*normal, offset, *_rectangle(triangles[same], normal)]))
         total.append(float(strength[same].sum()))
         free[same] = False
     strongest = np.argsort(-np.array(total), kind="stable")
-    return np.array(result)[strongest], np.array(total)[strongest]
+    return np.array(planes)[strongest], np.array(total)[strongest]
 
 
 def _rectangle(triangles: Floats, normal: Floats) -> Floats:
-    """Middle, direction, and half the length along it and across of what lies in a plane, (8,).
-
-    The direction is that of the longest edge.
-    """
+    """Rectangle around triangles: middle, direction of the longest edge, half sides, (8,)."""
     edges = (triangles - np.roll(triangles, 1, axis=1)).reshape(-1, 3)
     along = edges[np.argmax((edges**2).sum(axis=1))]
     along = along - (along @ normal) * normal

@@ -1,9 +1,9 @@
-"""Bins of path length for the light of the four spots: fine near by and around what is far.
+"""Path-length bins for the light of the four spots: fine near by and around far surfaces.
 
-Up to NEAR_PATH_M all are BIN_WIDTH_M wide. Beyond, where only surfaces return anything, they widen
-in proportion to the path, but around the path to whatever a laser meets, where they are fine again:
-a wall at 3 km takes a few thousand bins, not 300,000. Between two bins light is shared so that its
-mean path length is kept; beyond the last one it counts as there.
+Up to NEAR_PATH_M bins are BIN_WIDTH_M wide. Beyond, only surfaces return light, and bins widen in
+proportion to the path, except around the path to the surface that a laser meets, where they are
+fine again. A wall at 3 km takes a few thousand bins, not 300,000. Light between two bins is split
+so that its mean path length is exact; light beyond the last bin counts in the last bin.
 """
 
 import numpy as np
@@ -12,20 +12,20 @@ from reconstruction.base.arrays import Floats
 from spisim.transport.engine.tally import PathLengthBins
 
 BIN_WIDTH_M = 0.02
-#: Fog tails beyond this are nothing, and nothing is fine in them.
+#: Fog tails beyond this path length are negligible.
 NEAR_PATH_M = 80.0
-#: Width of the bins beyond, over their path length.
+#: Width of the bins beyond, relative to their path length.
 FAR_WIDTH = 0.01
-#: They are fine this far about a path to a surface and back: over what a spot covers of a slope.
+#: Half width of the fine bins about the path to a surface, over what a spot covers of a slope.
 AROUND_M = 10.0
-#: Longest path told apart: single precision knows it to 2 mm.
+#: Longest resolved path length, known to 2 mm in single precision.
 LONGEST_PATH_M = 20_000.0
 
 
 def spot_bins(spot_range_m: Floats, unambiguous_range_m: float) -> PathLengthBins:
-    """Bins for lasers whose axes meet something at these ranges, nan for nothing.
+    """Bins for lasers whose axes meet surfaces at these ranges, nan for none.
 
-    They reach to the longest path that the instrument tells apart, too.
+    They also cover the longest path that the instrument can tell apart.
     """
     lengths = 2 * np.asarray(spot_range_m, np.float64)
     lengths = lengths[(lengths > NEAR_PATH_M - AROUND_M) & (lengths < LONGEST_PATH_M - AROUND_M)]

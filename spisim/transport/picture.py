@@ -1,11 +1,15 @@
-"""What a camera at the instrument's wavelength would see."""
+"""Pictures of a camera at the instrument's wavelength, and OpenEXR files."""
 
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 
+from reconstruction.base.files import mark, write_atomically
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -14,7 +18,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light, transport_image
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone
@@ -22,7 +26,7 @@ from spisim.transport.lamps import lamps_of
 from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
-#: The camera sits this far above the pinhole: light and camera in one point would see no shading.
+#: Height of the camera above the pinhole: with light and camera in one point there is no shading.
 CAMERA_OFFSET_M = 0.05
 ABOVE_M = (0.0, -CAMERA_OFFSET_M, 0.0)
 
@@ -31,18 +35,39 @@ ABOVE_M = (0.0, -CAMERA_OFFSET_M, 0.0)
 def fine_view(
     scene: Scene, instrument: Instrument, *, refine: int = 4, spp: int = 16, seed: int = 0
 ) -> NDArray[np.float32]:
-    """Transport image (refine · H, refine · W) of `refine`² smaller pixels in each virtual one.
+    """Transport image with `refine`² smaller pixels in each virtual pixel.
 
-    What the instrument would see with that many pixels: quieter in fog than a camera's picture, as
-    light is traced from both ends. In units of the power that reaches the detector from a virtual
-    pixel's share of the light, so that the mean over the small ones is the transport image.
+    It is what the instrument would see with that many pixels. In fog it is less noisy than a
+    camera's picture, because light is traced from both ends.
+
+    Parameters
+    ----------
+    scene, instrument
+        What is seen, and by what.
+    refine
+        Small pixels per side of a virtual pixel.
+    spp
+        Paths per small pixel from either end.
+    seed
+        Seed of the random numbers.
+
+    Returns
+    -------
+    NDArray
+        Image (refine · H, refine · W): fraction of a virtual pixel's power on the detector, whose
+        mean over the small pixels is the transport image.
+
+    Raises
+    ------
+    InputError
+        If the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument)
     height, width = placed.projector.shape
     fine = replace(placed.projector, shape=(refine * height, refine * width))
     stream = np.random.SeedSequence(seed)
     world = build_world(scene)
-    image = transport_image(world, fine, placed.bucket, Paths(spp), seed=stream).mean["image"]
+    image = transport_image(world, fine, placed.bucket, PathBudget(spp), seed=stream).mean["image"]
     return image.reshape(fine.shape).astype(np.float32)
 
 
@@ -60,21 +85,39 @@ def camera_view(
     seed: int = 0,
     max_vertices: int = MAX_VERTICES,
 ) -> NDArray[np.float32]:
-    """In-band radiance (height, width), W m⁻² sr⁻¹: the lit pattern, sun, sky and lamps together.
+    """In-band radiance of the lit pattern, sun, sky and lamps together.
 
-    The projector's light is traced from both ends, as that of the transport image is; sun, sky and
-    lamps from the camera alone. Lamps without a size are not seen themselves, only what they light.
+    The projector's light is traced from both ends; sun, sky and lamps from the camera alone. Point
+    lamps are not seen themselves, only what they light.
 
     Parameters
     ----------
+    scene, instrument
+        What is seen, and the projector that lights it.
+    width, height
+        Number of pixels.
     fov_deg
         Full angle across the width, by default the projector's.
     pattern
-        (H, W) share of each virtual pixel's power, by default all on.
+        Fraction of each virtual pixel's power (H, W), by default all on.
     position_m
-        Of the camera in the optical frame; it looks along the optical axis.
+        Position of the camera in the optical frame; it looks along the optical axis.
+    spp
+        Paths per pixel from either end.
+    seed
+        Seed of the random numbers.
     max_vertices
         Light that is scattered more often is left out.
+
+    Returns
+    -------
+    NDArray
+        Radiance (height, width), W m⁻² sr⁻¹.
+
+    Raises
+    ------
+    InputError
+        If the scene was made for another wavelength.
     """
     placed = InstrumentView.placed(scene, instrument).projector
     world = build_world(scene)
@@ -87,7 +130,7 @@ def camera_view(
     sun = sun_of(scene, instrument, world)
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
-        camera = Projector.of(view, samples)  # a pixel sees along the rays that it would send out
+        camera = Projector.of(view, samples)  # a pixel sees along the rays that it would emit
         ours, rest = (Tallies(view.pixels, [ImageTally]) for _ in range(2))
         if total_w > 0:
             lamp = Lamp.of(placed, power_w, camera.lanes)
@@ -101,7 +144,7 @@ def camera_view(
         radiance = total_w * lit.values["image"] + sunny.values["image"]
         return Sums({"radiance": radiance}, lit.dropped + sunny.dropped)
 
-    radiance = repeat(launch, Paths(spp), view.pixels, np.random.SeedSequence(seed), None)
+    radiance = repeat(launch, PathBudget(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)
 
 
@@ -118,3 +161,22 @@ def camera_at(
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
     tan_half = projector.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
     return ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
+
+
+def write_exr(
+    path: str | Path,
+    kind: str,
+    channels: Mapping[str, NDArray[np.floating]],
+    attributes: Mapping[str, str] | None = None,
+) -> None:
+    """Write (H, W) channels as float32, with the `kind` of the file and text attributes.
+
+    The file appears whole or not at all. Raises OSError where it cannot be written.
+    """
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    maker = {"Software": mark(kind)}  # precedes all other names
+    pixels = {name: np.ascontiguousarray(image, np.float32) for name, image in channels.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
+        OpenEXR.File(header | maker | dict(attributes or {}), pixels).write(str(draft))
+        write_atomically(path, draft.read_bytes())

@@ -1,10 +1,7 @@
-"""A scene looked at without light: what lies along rays, and how its surfaces are shaded."""
+"""Ray casting without light: what lies along rays, and how its surfaces are shaded."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
@@ -12,22 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.scene import Scene
+from spisim.scene import Scene, SceneObject
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Float, Hit, Ray
 from spisim.transport.meshes import Meshes
 
-#: Whole surfaces, or panes, that a line of sight goes through at most.
+#: Maximum number of surfaces or panes along a line of sight.
 MAX_PANES = 8
-#: Of the light of a ray, what is worth being followed through a pane.
+#: Minimum fraction of a ray's light that is followed through a pane.
 MIN_LEFT = 0.02
-#: Rays that look for what keeps skylight off a point, and how far. Neighbours go on with one
-#: sequence, so that what a pixel averages over fills the sky evenly.
+#: Rays that sample how much of the sky is hidden, and their maximum range. Neighbours continue one
+#: sequence, so that the mean over nearby pixels samples the sky evenly.
 SKY_RAYS = 8
 SKY_MAX_RANGE_M = 2.0
-#: Steps of a sequence that fills the square evenly (Roberts' R2, of the plastic number), in 2^-32.
+#: Steps of Roberts' R2 sequence of the plastic number, which fills the square evenly, in 2^-32.
 PLASTIC = tuple(round(step * 2**32) for step in (0.7548776662, 0.5698402910))
-#: Rays at a time, which bounds the memory.
+#: Maximum number of rays at a time, which bounds the memory.
 RAYS_AT_A_TIME = 2**20
 
 
@@ -41,20 +40,39 @@ class Surfaces:
 
 @dataclass(frozen=True, eq=False)
 class RayCaster:
-    """The surfaces of a scene. Rays have origins and unit directions (n, 3), in the world."""
+    """The surfaces of a scene, for rays with origins and unit directions (n, 3) in the world.
+
+    Parameters
+    ----------
+    scene
+        Its objects are the surfaces.
+    meshes
+        The same surfaces as Mitsuba meshes; `RayCaster.of` builds them.
+    """
 
     scene: Scene
     meshes: Meshes
 
     @classmethod
     @with_backend
-    def of(cls, scene: Scene) -> RayCaster:
-        """Hand a scene's surfaces to Mitsuba."""
+    def of(cls, scene: Scene) -> Self:
+        """Build the ray caster of a scene."""
         return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
-        """What each ray meets first, panes included."""
-        si = self.meshes.scene.ray_intersect(_rays(origins, directions))
+        """First surface that each ray meets, panes included.
+
+        Parameters
+        ----------
+        origins, directions
+            Rays (n, 3) in the world, m and unit vectors.
+
+        Returns
+        -------
+        Surfaces
+            Ranges, m, and objects (n,).
+        """
+        si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(
             np.asarray(distance.numpy(), dtype=np.float64),
@@ -62,27 +80,38 @@ class RayCaster:
         )
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
-        """Brightness (n,) from 0 to 1 of what each ray sees; nan where it meets nothing.
+        """Brightness of what each ray sees, as a drawing without light transport.
 
-        A drawing, no light transport: reflectance under an even sky that near things hide, a little
-        darker where a surface is seen at a slant. Panes are looked through.
+        It is the reflectance under an even sky that near objects hide, darker where a surface is
+        seen at a slant. Rays pass through panes.
+
+        Parameters
+        ----------
+        origins, directions
+            Rays (n, 3) in the world, m and unit vectors.
+
+        Returns
+        -------
+        NDArray
+            Brightness (n,) from 0 to 1; nan where a ray meets nothing.
         """
         steps = MAX_PANES if any(map(_is_pane, self.scene.objects)) else 1
         reflectance = np.array([thing.material.reflectance for thing in self.scene.objects] + [0.0])
         parts = []
-        for start, stop in _chunks(len(origins)):
-            ray = _rays(origins[start:stop], directions[start:stop])
+        for start in range(0, len(origins), RAYS_AT_A_TIME):
+            part = slice(start, start + RAYS_AT_A_TIME)
+            ray = rays_of(origins[part], directions[part])
             parts.append(self._shade(ray, steps, reflectance))
         return np.concatenate(parts)
 
-    def _shade(self, ray: Any, steps: int, reflectance: Floats) -> NDArray[np.float32]:
+    def _shade(self, ray: Ray, steps: int, reflectance: Floats) -> NDArray[np.float32]:
         count = dr.width(ray.d)
         seen, weight, left = np.zeros(count), np.zeros(count), np.ones(count)
         lanes = np.arange(count)  # of the rays that are on their way
         for _ in range(steps):
             si = self.meshes.scene.ray_intersect(ray)
             ids = self.meshes.object_ids(si)
-            passed: Any = np.zeros(1)
+            passed = np.zeros(1)
             if steps > 1:
                 passed = si.bsdf().eval_null_transmission(si, si.is_valid()).x.numpy()
             through = np.where(ids >= 0, left[lanes] * passed, 0.0)
@@ -97,8 +126,8 @@ class RayCaster:
             ray = dr.gather(mi.Ray3f, si.spawn_ray(ray.d), mi.UInt32(going))
         return np.where(weight > 0.02, seen / np.maximum(weight, 0.02), np.nan).astype(np.float32)
 
-    def _sky(self, si: Any) -> Floats:
-        """Share of an even sky above each surface, seen from the side that is looked at."""
+    def _sky(self, si: Hit) -> Floats:
+        """Visible fraction of an even sky above each surface, on the side that is seen."""
         facing = dr.abs(si.wi.z)
         normal = dr.select(si.wi.z < 0, -si.n, si.n)
         frame = mi.Frame3f(normal)
@@ -110,21 +139,9 @@ class RayCaster:
             ray = si.spawn_ray(frame.to_world(towards))
             ray.maxt = SKY_MAX_RANGE_M
             free += dr.select(self.meshes.scene.ray_test(ray, si.is_valid()), 0, 1 / SKY_RAYS)
-        shade: Any = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
+        shade: Float = (0.25 + 0.75 * free) * (0.55 + 0.45 * facing)
         return np.asarray(shade.numpy(), dtype=np.float64)
 
 
-def _rays(origins: Floats, directions: Floats) -> Any:
-    return mi.Ray3f(
-        mi.Point3f(np.ascontiguousarray(origins.T, dtype=np.float32)),
-        mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32)),
-    )
-
-
-def _chunks(count: int) -> Iterator[tuple[int, int]]:
-    for start in range(0, count, RAYS_AT_A_TIME):
-        yield start, min(start + RAYS_AT_A_TIME, count)
-
-
-def _is_pane(thing: Any) -> bool:
+def _is_pane(thing: SceneObject) -> bool:
     return is_null_transmitting(thing.material)

@@ -1,10 +1,8 @@
 """Mitsuba's own integrators on the same scene: one render per pattern.
 
-Nothing here shares the two-ended estimator: `volpath` finds the light, Mitsuba's `projector`
-emits the patterns. That makes it the oracle of the tests and the baseline of the benchmarks.
+Nothing here shares code with the two-ended estimator: `volpath` finds the light, and Mitsuba's
+`projector` emits the patterns. It is the reference of the tests and the baseline of the benchmarks.
 """
-
-from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import combinations
@@ -23,20 +21,21 @@ from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.apertures import Detectors
+from spisim.transport.jit import Float, Point, Sampler, Vector
 from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
 
-#: Deep enough that what is cut off cannot be measured; roulette ends paths long before.
+#: What is cut off is below the noise; roulette ends paths long before.
 MAX_DEPTH = 256
 #: Mitsuba's cameras and projectors have x to the left and y up; the optical frame has neither.
 MITSUBA_FROM_OPTICAL = np.diag([-1.0, -1.0, 1.0, 1.0])
 
 
 class Renderer:
-    """A scene with its lamps and more emitters, lit and seen by Mitsuba's `volpath`.
+    """A scene with its lamps and further emitters, rendered by Mitsuba's `volpath`.
 
-    Mitsuba knows one medium at a place: fog everywhere, or volumes that do not overlap, with the
+    Mitsuba allows one medium at a point: fog everywhere, or volumes that do not overlap, with the
     instrument outside of them.
     """
 
@@ -50,12 +49,14 @@ class Renderer:
     ) -> None:
         fogs = [scene.atmosphere] if scene.atmosphere.extinction_per_m > 0 else []
         if len(fogs) > 0 and scene.volumes:
-            raise InputError("the reference engine takes one medium: fog or volumes, not both")
+            raise InputError(
+                "the scene has fog and volumes: the reference engine takes only one of them"
+            )
         for first, second in combinations(scene.volumes, 2):
             if share_space(first, second):
                 raise InputError(
                     f"volumes {first.name!r} and {second.name!r} overlap, which the reference "
-                    "engine cannot have"
+                    "engine does not support"
                 )
         description = {"type": "scene", **reference_scene(scene, watts_per_klm), **emitters}
         self._around = None  # the medium that the instrument is in
@@ -77,7 +78,7 @@ class Renderer:
         kind = "path" if clear else "volpath"
         self._integrator = mi.load_dict({"type": kind, "max_depth": max_depth})
 
-    def radiance(self, origin: Any, direction: Any, sampler: Any) -> Any:
+    def radiance(self, origin: Point, direction: Vector, sampler: Sampler) -> Float:
         """Radiance arriving at `origin` against `direction`, one sample per lane."""
         ray = mi.RayDifferential3f(mi.Ray3f(origin, direction))
         spectrum, _, _ = self._integrator.sample(self.scene, sampler, ray, self._around)

@@ -1,6 +1,4 @@
-"""A scene in the words of Mitsuba's own integrators: surfaces, volumes within bounds, emitters."""
-
-from __future__ import annotations
+"""A scene described for Mitsuba's own integrators: surfaces, bounded volumes, emitters."""
 
 from typing import Any
 
@@ -12,20 +10,18 @@ from scipy.ndimage import map_coordinates
 from spisim.atmosphere import Atmosphere
 from spisim.scene import Scene, Volume
 from spisim.scene.lamps import AreaLamp, DirectionalLamp, EnvironmentLamp, Lamp, PointLamp
+from spisim.transport.jit import Object
+from spisim.transport.media import phase_plugin
 from spisim.transport.meshes import mesh_shape, shape, shapes
-from spisim.transport.phase import phase_plugin
 
-#: Mitsuba's pictures of an environment have y up, and azimuths the other way round.
+#: Mitsuba's environment pictures have y up, and azimuths that run the other way.
 OURS_FROM_ENVIRONMENT = np.array([[0, 0, -1, 0], [-1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, 1.0]])
-#: Its rows lie on the edges of ours. So many times as many, linear between ours, say the same.
+#: Their rows lie on the edges of ours: resampled linearly to more rows and columns, they match.
 ROWS, COLUMNS = 8, 3
 
 
 def reference_scene(scene: Scene, watts_per_klm: float) -> dict[str, Any]:
-    """Surfaces, volumes and lamps by name; needs an active variant.
-
-    An object that bounds a volume or shines is a shape of its own.
-    """
+    """Surfaces, volumes and lamps by name; needs an active variant."""
     alone: dict[str, dict[str, Any]] = {}
     described: dict[str, Any] = {}
     for number, volume in enumerate(scene.volumes):
@@ -47,7 +43,7 @@ def reference_scene(scene: Scene, watts_per_klm: float) -> dict[str, Any]:
 
 
 def medium_dict(medium: Atmosphere, extinction: Any) -> dict[str, Any]:
-    """A medium, of the same extinction everywhere or of that of a grid."""
+    """A medium whose extinction is a number or the description of a grid."""
     return {
         "type": "heterogeneous" if isinstance(extinction, dict) else "homogeneous",
         "sigma_t": extinction,
@@ -71,8 +67,10 @@ def volume_dict(volume: Volume) -> dict[str, Any]:
     return medium_dict(volume.medium, extinction)
 
 
-def _bounded(volume: Volume, medium: Any) -> Any:
-    """Mitsuba's cube and sphere span [-1, 1]³; its grids, as ours, [0, 1]³."""
+def _bounded(volume: Volume, medium: Object) -> Any:
+    """Shape around a volume: Mitsuba's cube and sphere span [-1, 1]³, its grids and ours [0,
+    1]³.
+    """
     if volume.shape == "box" or volume.shape == "ball":
         pose = volume.to_world @ np.diag([0.5, 0.5, 0.5, 1.0])
         pose[:3, 3] += volume.to_world[:3, :3] @ [0.5, 0.5, 0.5]
@@ -122,7 +120,7 @@ def _emitter(lamp: Lamp, watts_per_klm: float) -> dict[str, Any]:
 
 
 def _resampled(picture: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Rows on the edges, columns from right to left."""
+    """Picture with rows on the edges, and columns from right to left."""
     height, width = picture.shape
     rows = np.arange(ROWS * height + 1) / ROWS - 0.5
     columns = (np.arange(COLUMNS * width) + 0.5) / COLUMNS - 0.5

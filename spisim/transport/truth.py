@@ -1,11 +1,8 @@
 """Ground truth from the projector's pinhole: what a perfect instrument would measure."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
-import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,13 +10,13 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
+from spisim.transport.geometry import rays_of
+from spisim.transport.jit import Hit, Vector
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
 
-#: Fields that a pixel without an image does not have.
-MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
-#: Fields that a pixel without an image does not have.
+#: Fields that are nan without an image.
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
@@ -29,20 +26,38 @@ SUBPIXELS = 4
 class GroundTruth:
     """Per virtual pixel, along the ray through its centre; nan (id -1) where nothing is hit.
 
-    `normal` is in the optical frame, towards the projector. `coverage` is the share of the pixel
-    that shows the same object as its centre: below 1 at edges and on thin things. Spots: the
-    surface each laser meets in clear air; nan and None for a beam that meets nothing.
+    Parameters
+    ----------
+    range_m
+        Range (H, W) from the pinhole along the ray, m.
+    depth_m
+        Depth (H, W) along the optical axis, m.
+    reflectance
+        Reflectance (H, W) at the instrument's wavelength.
+    normal
+        Unit normal (H, W, 3) in the optical frame, towards the projector.
+    object_id
+        Index (H, W) into `object_names`.
+    coverage
+        Fraction (H, W) of the pixel that the object at its centre covers: below 1 at edges and on
+        thin objects.
+    object_names
+        Names of the scene's objects.
+    spot_range_m
+        Range (spots,) of the surface that each laser meets in clear air, m; nan for none.
+    spot_object
+        Name (spots,) of its object; None for none.
     """
 
-    range_m: NDArray[np.float32]  # (H, W), from the pinhole along the ray
-    depth_m: NDArray[np.float32]  # (H, W), along the optical axis
-    reflectance: NDArray[np.float32]  # (H, W)
-    normal: NDArray[np.float32]  # (H, W, 3)
-    object_id: NDArray[np.int32]  # (H, W), index into `object_names`
-    coverage: NDArray[np.float32]  # (H, W)
+    range_m: NDArray[np.float32]
+    depth_m: NDArray[np.float32]
+    reflectance: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    object_id: NDArray[np.int32]
+    coverage: NDArray[np.float32]
     object_names: tuple[str, ...]
-    spot_range_m: Floats  # (spots,)
-    spot_object: tuple[str | None, ...]  # (spots,)
+    spot_range_m: Floats
+    spot_object: tuple[str | None, ...]
 
 
 @with_backend
@@ -51,7 +66,17 @@ def ground_truth(
 ) -> GroundTruth:
     """Trace the centre of every virtual pixel, the pixels' parts, and the four laser beams.
 
-    Coverage is counted from `subpixels` rays per side of a pixel; from one, it is not known.
+    Parameters
+    ----------
+    scene, instrument
+        The scene, with the pose of the drone, and the instrument that looks at it.
+    subpixels
+        Rays per side of a pixel from which its coverage is counted; nan coverage for 1.
+
+    Returns
+    -------
+    GroundTruth
+        Maps per virtual pixel, and ranges of the spots.
 
     Raises
     ------
@@ -70,7 +95,7 @@ def ground_truth(
     pictures: dict[str, Any] = {
         name: np.concatenate([band[name] for band in bands]) for name in bands[0]
     }
-    if not instrument.images:  # whose only pixel shows nothing
+    if not instrument.images:  # the only pixel is a placeholder
         pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
     return GroundTruth(
         **pictures,
@@ -82,10 +107,10 @@ def ground_truth(
 def _spots(
     scene: Scene, meshes: Meshes, placed: InstrumentView, names: tuple[str, ...]
 ) -> dict[str, Any]:
-    """The fields of `GroundTruth` of the lasers."""
+    """The fields of `GroundTruth` about the lasers."""
     if not len(placed.beams.directions):
         return {"spot_range_m": np.zeros(0), "spot_object": ()}
-    spots = _trace(meshes.scene, scene.drone_pose[:3, 3], placed.beams.directions)
+    spots = meshes.scene.ray_intersect(rays_of(scene.drone_pose[:3, 3], placed.beams.directions))
     met = np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan)
     return {
         "spot_range_m": met.astype(np.float64),
@@ -96,17 +121,13 @@ def _spots(
 
 
 def _band(
-    scene: Scene,
-    meshes: Meshes,
-    placed: InstrumentView,
-    rows: NDArray[np.int64],
-    subpixels: int,
+    scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64], subpixels: int
 ) -> dict[str, NDArray[Any]]:
-    """The fields of `GroundTruth` that are pictures, of these rows."""
+    """The maps of `GroundTruth`, for some rows of pixels."""
     shape = len(rows), placed.projector.shape[1]
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
     local = _pixel_rays(placed, rows, 1)
-    si = _trace(meshes.scene, origin, local @ rotation.T)
+    si = meshes.scene.ray_intersect(rays_of(origin, local @ rotation.T))
     hit = si.is_valid().numpy().reshape(shape)
     identity = meshes.object_ids(si).reshape(shape)
     ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
@@ -114,7 +135,9 @@ def _band(
     normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
     coverage = np.full(shape, np.nan)
     if subpixels > 1:
-        parts = _trace(meshes.scene, origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
+        parts = meshes.scene.ray_intersect(
+            rays_of(origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
+        )
         seen = meshes.object_ids(parts).reshape(shape[0], subpixels, shape[1], subpixels)
         coverage = (seen == identity[:, None, :, None]).mean(axis=(1, 3))
     return {
@@ -137,21 +160,13 @@ def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> 
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
 
 
-def _trace(geometry: Any, origin: Floats, directions: Floats) -> Any:
-    ray = mi.Ray3f(
-        mi.Point3f(origin.astype(np.float32)),
-        mi.Vector3f(directions.T.astype(np.float32)),
-    )
-    return geometry.ray_intersect(ray)
-
-
-def _reflectance(scene: Scene, si: Any, identity: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Of each pixel's material, its picture included."""
+def _reflectance(scene: Scene, si: Hit, identity: NDArray[np.int64]) -> NDArray[np.float32]:
+    """Reflectance of each pixel's material, its picture included."""
     plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
     values = plain[identity]
     textured = [n for n, thing in enumerate(scene.objects) if thing.material.texture is not None]
     if textured:
-        local: Any = si.bsdf().eval_diffuse_reflectance(si).x
+        local: Vector = si.bsdf().eval_diffuse_reflectance(si).x
         pictured = np.isin(identity, textured)
         values[pictured] = local.numpy().reshape(identity.shape)[pictured]
     return values.astype(np.float32)

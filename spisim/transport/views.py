@@ -1,4 +1,4 @@
-"""Where the ends of the light paths are in the world: plain numbers, no Mitsuba."""
+"""Positions of the ends of light paths in the world, as plain numbers without Mitsuba."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class ProjectorView:
 
     @property
     def pixel_area(self) -> float:
-        """Of a virtual pixel on the image plane at unit distance."""
+        """Area of a virtual pixel on the image plane at unit distance."""
         return 4 * self.tan_half_width * self.tan_half_height / self.pixels
 
 
@@ -43,7 +43,7 @@ class ProjectorView:
 class DetectorView:
     """Disc apertures in the world: positions and optical axes (detectors, 3), area and field.
 
-    `vignetting` m: inside its hard edge the field falls off with cos^m of the angle to the axis.
+    Inside its hard edge the field falls off with cos^m of the angle to the axis, m = `vignetting`.
     """
 
     positions_m: Floats
@@ -57,7 +57,7 @@ class DetectorView:
 class BeamView:
     """Laser beams in the world: origins and unit directions (beams, 3).
 
-    Gaussian in angle and in place, with standard deviations per axis; pencils without.
+    Gaussian in angle and position, with standard deviations per axis; by default pencils.
     """
 
     origins_m: Floats
@@ -68,7 +68,7 @@ class BeamView:
 
 NO_DETECTOR = DetectorView(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, 0.0)
 NO_BEAMS = BeamView(np.zeros((0, 3)), np.zeros((0, 3)))
-#: Lasers whose light is traced.
+#: Number of lasers whose light is traced.
 TRACED_SPOTS = 4
 
 
@@ -83,24 +83,24 @@ class InstrumentView:
 
     @classmethod
     def placed(cls, scene: Scene, instrument: Instrument) -> InstrumentView:
-        """Where the scene has its drone. InputError for a scene of another wavelength."""
+        """Place it at the scene's drone; InputError for a scene of another wavelength."""
         if scene.wavelength_nm != instrument.wavelength_nm:
             raise InputError(
-                f"wavelength_nm {instrument.wavelength_nm:g} of the instrument is not that of "
-                f"scene {scene.name!r}, {scene.wavelength_nm:g}: load the scene with "
+                f"wavelength_nm {instrument.wavelength_nm:g} of the instrument differs from "
+                f"{scene.wavelength_nm:g} of scene {scene.name!r}: load the scene with "
                 f"wavelength_nm={instrument.wavelength_nm:g}, or move the instrument with "
                 f"at_wavelength({scene.wavelength_nm:g})"
             )
         if instrument.ranges and instrument.ranging.spots != TRACED_SPOTS:
             raise InputError(
                 f"lasers.directions_deg has {instrument.ranging.spots} spots: light is traced for "
-                f"{TRACED_SPOTS}, or without lasers and tof for an image alone"
+                f"{TRACED_SPOTS}; use {TRACED_SPOTS}, or leave out lasers and tof for an image"
             )
         return cls.of(instrument, scene.drone_pose)
 
     @classmethod
     def of(cls, instrument: Instrument, pose: Floats) -> InstrumentView:
-        """`pose` (4, 4): world from optical frame. What an instrument lacks is empty."""
+        """Place it at `pose` (4, 4), world from optical frame; what it lacks is empty."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
         projector, bucket = ProjectorView(pose, (1, 1), 0.0, 0.0), NO_DETECTOR
         beams, tof = NO_BEAMS, NO_DETECTOR

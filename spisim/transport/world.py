@@ -1,9 +1,6 @@
-"""A scene as Mitsuba holds it: meshes with their reflectance, and the fog around them."""
-
-from __future__ import annotations
+"""A scene as Mitsuba holds it: meshes with their materials, mirrors, and media."""
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -17,17 +14,25 @@ from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.enclosed import Enclosed, surface_scene
-from spisim.transport.geometry import Geometry, transform
-from spisim.transport.media import Bias, Grid, Homogeneous, Media, Medium, density_texture
+from spisim.transport.geometry import Geometry, rays_of, transform
+from spisim.transport.jit import Float, Hit, Object, Ray
+from spisim.transport.media import (
+    Bias,
+    Grid,
+    Homogeneous,
+    Media,
+    Medium,
+    density_texture,
+    phase_plugin,
+)
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
-from spisim.transport.phase import phase_plugin
 from spisim.transport.views import BeamView
 
-#: The fog reaches this far beyond the scene: light scattered further out does not come back.
+#: Fog extends this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0
-#: Nor does it from so many optical depths away: where the horizon is farther, fog ends there, and
-#: daylight comes through no more of it.
+#: Nor does light from this optical depth: if the horizon is farther, fog and its effect on daylight
+#: end there.
 FOG_DEPTHS = 10.0
 
 
@@ -45,7 +50,7 @@ class World:
 
     @property
     def plain(self) -> bool:
-        """Clear air and diffuse surfaces: paths from the pixels alone find all light, and best."""
+        """Clear air and diffuse surfaces: paths from the pixels alone find all light best."""
         return self.diffuse and not self.media.parts
 
     @property
@@ -53,28 +58,23 @@ class World:
         """Fog, and surfaces none of which lets light straight through."""
         return bool(self.media.parts) and not self.geometry.see_through
 
-    def first_surface(self, ray: Any) -> tuple[Any, Any]:
-        """What a ray meets, and how far it goes; out of the ball if it meets nothing."""
+    def first_surface(self, ray: Ray) -> tuple[Hit, Float]:
+        """First surface on a ray and the distance to it; twice the radius if there is none."""
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
 
     def axis_distance_m(self, beams: BeamView) -> Floats:
-        """How far the axis of each beam goes until it meets something, (beams,); nan for none."""
-        origins, directions = (
-            mi.Vector3f(values.T.astype(np.float32))
-            for values in (beams.origins_m, beams.directions)
-        )
-        si: Any = self.geometry.scene.ray_intersect(mi.Ray3f(mi.Point3f(origins), directions))
-        met: Any = si.is_valid()
-        return np.where(met.numpy(), si.t.numpy(), np.nan)
+        """Distance along the axis of each beam to the first surface, (beams,); nan for none."""
+        si = self.geometry.scene.ray_intersect(rays_of(beams.origins_m, beams.directions))
+        return np.where(si.is_valid().numpy(), si.t.numpy(), np.nan)
 
 
 @with_backend
 def build_world(scene: Scene) -> World:
-    """Hand a scene to Mitsuba."""
-    mirrors, smooth = mirrors_of(scene.objects)
+    """Convert a scene to Mitsuba."""
+    meshes, (mirrors, smooth) = Meshes.of(scene.objects), mirrors_of(scene.objects)
     return World(
-        geometry=_geometry(scene),
+        geometry=Geometry(meshes.scene, meshes.see_through),
         media=_media(scene),
         mirrors=mirrors,
         smooth=smooth,
@@ -82,11 +82,6 @@ def build_world(scene: Scene) -> World:
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
         retroreflects=any(isinstance(each.material.bsdf, Retroreflector) for each in scene.objects),
     )
-
-
-def _geometry(scene: Scene) -> Geometry:
-    meshes = Meshes.of(scene.objects)
-    return Geometry(meshes.scene, meshes.see_through)
 
 
 def _media(scene: Scene) -> Media:
@@ -100,7 +95,7 @@ def _media(scene: Scene) -> Media:
 
 
 def _filled(volume: Volume) -> Medium:
-    """What a volume is filled with."""
+    """The medium of a volume."""
     to_local = transform(np.linalg.inv(volume.to_world))
     bounds: Bounds = Ellipsoid(to_local) if volume.shape == "ball" else Box(to_local)
     grid = None
@@ -119,7 +114,7 @@ def _homogeneous(bounds: Bounds, medium: Atmosphere) -> Homogeneous:
     return Homogeneous(bounds, *_optics(medium), Bias.of(medium.extinction_per_m))
 
 
-def _optics(medium: Atmosphere) -> tuple[Any, Any, Any]:
+def _optics(medium: Atmosphere) -> tuple[Float, Float, Object]:
     """Extinction, albedo and phase function as the tracer takes them."""
     return (
         dr.opaque(mi.Float, medium.extinction_per_m),

@@ -54,8 +54,7 @@ def transmittance(media, origins, directions, far, seed=0):
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(seed, len(far))
     through = media.transmittance(
-        mi.Point3f(np.float32(origins.T)),
-        mi.Vector3f(np.float32(directions.T)),
+        mi.Ray3f(mi.Point3f(np.float32(origins.T)), mi.Vector3f(np.float32(directions.T))),
         mi.Float(np.float32(far)),
         sampler,
         mi.Bool(True),

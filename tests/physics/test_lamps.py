@@ -22,7 +22,7 @@ from spisim.scene.lamps import (
 from spisim.transport.daylight import _received
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.gather import Gather
-from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.lamps import lamps_in_band
 from spisim.transport.world import build_world
@@ -49,7 +49,9 @@ def seen(position, view=NARROW, spp=2**13, **options):
         Gather(world, Projector.of(view, samples), lamps, tallies.add).run(seeds[0], **options)
         return tallies.read(1.0)
 
-    result = [repeat(launch, Paths(spp, launches=1), view.pixels, seed, None) for seed in SEEDS]
+    result = [
+        repeat(launch, PathBudget(spp, min_launches=1), view.pixels, seed, None) for seed in SEEDS
+    ]
     return np.array([each.mean["image"].reshape(view.shape) for each in result])
 
 

@@ -17,7 +17,7 @@ from spisim.scene.lamps import AreaLamp, EnvironmentLamp, PointLamp, Strength
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.gather import Gather
-from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.lamps import lamps_in_band
 from spisim.transport.reference import Renderer
@@ -90,7 +90,7 @@ def ours(position):
         return tallies.read(1.0)
 
     runs = worlds.seeds(PICTURES)
-    paths = Paths(OURS, launches=1)
+    paths = PathBudget(OURS, min_launches=1)
     result = [repeat(launch, paths, VIEW.pixels, seed, None) for seed in runs]
     return np.array([each.mean["image"] for each in result])
 

@@ -12,9 +12,9 @@ from spisim.atmosphere import Blend, HenyeyGreenstein, Isotropic, Tabulated, exp
 from spisim.scene import Volume
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.engine.walk import lanes
+from spisim.transport.engine.walk import lanes_and_sampler
 from spisim.transport.media import BIAS_DEPTH
 from spisim.transport.world import build_world
 
@@ -59,7 +59,7 @@ def test_constant_grid_is_homogeneous_fog():
     def moments(position):
         world, runs = build_world(position), []
         for seed in SEEDS:
-            paths = Paths(4096, launches=1)
+            paths = PathBudget(4096, min_launches=1)
             mean = transport_image(world, view, BASELINE, paths, seed=seed, outputs=outputs).mean
             cube = mean["histogram"].sum(axis=0)
             length = cube @ np.arange(500) * 0.1 / cube.sum()
@@ -177,7 +177,7 @@ def test_orders_of_scattering_add_up_and_unscattered_light_is_in_closed_form():
     world, runs = build_world(position), []
     for seed in SEEDS:
         mean = transport_image(
-            world, view, BASELINE, Paths(256, launches=1), seed=seed, outputs=outputs
+            world, view, BASELINE, PathBudget(256, min_launches=1), seed=seed, outputs=outputs
         ).mean
         np.testing.assert_allclose(mean["image_orders"].sum(axis=0), mean["image"], rtol=1e-9)
         runs.append(mean["image_orders"].sum(axis=1))
@@ -201,7 +201,7 @@ def test_sum_and_spectrum_of_the_cube_are_image_and_phasors():
     outputs = Outputs(frequencies_hz=(frequency,), bins=bins)
     view = worlds.projector(shape=(4, 4))
     mean = transport_image(
-        build_world(position), view, BASELINE, Paths(256, 1), seed=SEEDS[0], outputs=outputs
+        build_world(position), view, BASELINE, PathBudget(256, 1), seed=SEEDS[0], outputs=outputs
     ).mean
     np.testing.assert_allclose(mean["histogram"].sum(axis=1), mean["image"], rtol=1e-6)
     spectrum = mean["histogram"] @ np.exp(2j * np.pi * frequency / c * bins.centres_m)
@@ -218,17 +218,17 @@ def test_flights_that_leave_an_end_collide_more_often_and_weigh_less(left_m):
         worlds.scene(worlds.plane(20.0), volumes=[bank]), atmosphere=explicit(0.1, 1, HG)
     )
     media, count, far = build_world(position).media, 2**17, 6.0
-    origin, towards = mi.Point3f(0, 0, 0), mi.Vector3f(0, 0, 1)
+    ray = mi.Ray3f(mi.Point3f(0, 0, 0), mi.Vector3f(0, 0, 1))
     collision = media.flight(
-        mi.Ray3f(origin, towards),
+        ray,
         mi.Float(far),
-        lanes(count, 7)[1],
+        lanes_and_sampler(count, 7)[1],
         mi.Bool(True),
         mi.Float(left_m),
     )
     met = collision.distance < far
     density = media.flight_density(
-        origin, towards, dr.minimum(collision.distance, far), collision.medium, met, left_m
+        ray, dr.minimum(collision.distance, far), collision.medium, met, left_m
     )
     distance, medium = np.minimum(collision.distance.numpy(), far), collision.medium.numpy()
     weight = np.broadcast_to(1 / density.numpy(), count)

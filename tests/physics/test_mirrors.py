@@ -12,7 +12,7 @@ from spisim.scene.bsdf import Mirror, Plastic, ThinPane
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import transport_image
-from spisim.transport.engine.sampling import Paths, TransportWarning
+from spisim.transport.engine.sampling import PathBudget, TransportWarning
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.mirrors import _Planes
 from spisim.transport.reference import Renderer
@@ -113,9 +113,9 @@ def test_planes_that_are_passed_over_show_nothing(monkeypatch: pytest.MonkeyPatc
         return np.array([worlds.image(world, VIEW, NEAR, 256, seed) for seed in SEEDS])
 
     result = images()
-    monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(True))
+    monkeypatch.setattr(_Planes, "shows", lambda *arguments: mi.Bool(True))
     every = images()
-    monkeypatch.setattr(_Planes, "show", lambda *arguments: mi.Bool(False))
+    monkeypatch.setattr(_Planes, "shows", lambda *arguments: mi.Bool(False))
     none = images()
     assert abs(worlds.z_score(result.sum(axis=(1, 2)), every.sum(axis=(1, 2)))) < 4
     assert np.all(np.abs(worlds.z_score(result, every)[result.mean(axis=0) > 0]) < 5)
@@ -126,7 +126,7 @@ def test_errors_of_what_mirrors_show_are_as_told() -> None:
     """Estimates side by side each get their share of the light that only the mirror brings."""
     world = build_world(worlds.scene(*worlds.room(), mirror(3.0, 0.3, 0.7)))
     estimates = [
-        transport_image(world, VIEW, NEAR, Paths(8), seed=seed) for seed in worlds.seeds(24)
+        transport_image(world, VIEW, NEAR, PathBudget(8), seed=seed) for seed in worlds.seeds(24)
     ]
     scatter = np.var([each.mean["image"] for each in estimates], axis=0, ddof=1).sum()
     messages = np.mean([each.error["image"] ** 2 for each in estimates], axis=0).sum()

@@ -12,7 +12,7 @@ from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.simulation.light import solve
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
@@ -33,7 +33,7 @@ def split():
     """Whole sums, and the same paths' sums with parts."""
     world, view = build_world(foggy(worlds.scene(*worlds.room()))), worlds.projector(shape=(4, 4))
     return [
-        transport_image(world, view, END, Paths(256), seed=SEEDS[0], outputs=outputs).mean
+        transport_image(world, view, END, PathBudget(256), seed=SEEDS[0], outputs=outputs).mean
         for outputs in (EVERYTHING, replace(EVERYTHING, orders=True))
     ]
 
@@ -60,7 +60,9 @@ def test_every_part_of_phasors_and_cube_is_that_of_the_image(split):
 def spots(position, seed):
     beams = worlds.beams([0, 0, 1], [0.1, 0, 1])
     ends = worlds.detector([[0.05, 0, 0], [0.05, 0, 0]], area_m2=2e-6, half_angle_deg=14)
-    return spot_histogram(build_world(position), beams, ends, BINS, Paths(2**12), seed=seed).mean
+    return spot_histogram(
+        build_world(position), beams, ends, BINS, PathBudget(2**12), seed=seed
+    ).mean
 
 
 def test_in_clear_air_all_light_of_the_spots_is_unscattered():

@@ -6,11 +6,11 @@ import pytest
 import worlds
 from spisim.transport import media
 from spisim.transport.daylight import DAYLIGHT_ENDING
-from spisim.transport.engine import walk
+from spisim.transport.engine import walk_state
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.lights import Sun
 from spisim.transport.engine.tally import ImageTally, Tallies
-from spisim.transport.engine.walk import Walk
+from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone
 from spisim.transport.world import build_world
 
@@ -62,7 +62,7 @@ def test_no_path_carries_more_than_at_its_start(monkeypatch):
 
 def without_roulette(monkeypatch):
     """Paths then end where they leave the fog."""
-    monkeypatch.setattr(walk, "ROULETTE_VERTEX", walk.MAX_VERTICES)
+    monkeypatch.setattr(walk_state, "ROULETTE_VERTEX", MAX_VERTICES)
 
 
 def test_roulette_leaves_the_error_of_daylight_as_it_is(fog, monkeypatch):

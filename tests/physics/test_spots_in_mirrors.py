@@ -12,7 +12,7 @@ from spisim.atmosphere import HenyeyGreenstein, Isotropic, explicit
 from spisim.scene import Material, Volume
 from spisim.scene.bsdf import Conductor, Mirror, Plastic, ThinPane
 from spisim.transport.engine.estimator import spot_histogram
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
@@ -68,7 +68,9 @@ def spots(position, headings, eyes, paths, seeds=SEEDS, **options):
     ends = worlds.detector(eyes, area_m2=AREA, half_angle_deg=60)
     world = build_world(position)
     result = [
-        spot_histogram(world, lasers, ends, BINS, Paths(paths, launches=1), seed=seed, **options)
+        spot_histogram(
+            world, lasers, ends, BINS, PathBudget(paths, min_launches=1), seed=seed, **options
+        )
         for seed in seeds
     ]
     return np.array([each.mean["histogram_orders"].sum(axis=1) for each in result])

@@ -9,7 +9,7 @@ from error_coverage import LIMITS, coverage, student_coverage
 import worlds
 from spisim.atmosphere import fog
 from spisim.transport.engine.estimator import transport_image
-from spisim.transport.engine.sampling import MIN_LAUNCHES, Paths
+from spisim.transport.engine.sampling import MIN_LAUNCHES, PathBudget
 from spisim.transport.stated_error import BINS, PIXELS, image_error, moderated
 from spisim.transport.world import build_world
 
@@ -45,7 +45,7 @@ def test_as_many_estimates_lie_within_their_errors_as_by_student(visibility_m):
         position = replace(position, atmosphere=fog(visibility_m, "moderate-radiation"))
     world = build_world(position)
     result = [
-        transport_image(world, VIEW, END, Paths(MIN_LAUNCHES), seed=seed)
+        transport_image(world, VIEW, END, PathBudget(MIN_LAUNCHES), seed=seed)
         for seed in worlds.seeds(RUNS)
     ]
     images = np.array([each.mean["image"] for each in result])

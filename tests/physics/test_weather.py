@@ -13,7 +13,7 @@ from scipy.constants import c
 import worlds
 from spisim.atmosphere import Tabulated, fog
 from spisim.transport.engine.estimator import spot_histogram
-from spisim.transport.engine.sampling import Paths
+from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.world import build_world
 
@@ -33,7 +33,9 @@ def traced(world, detectors, bins, paths, seed, **options):
     """Of one laser along z for every detector."""
     count = len(detectors.positions_m)
     lasers = worlds.beams(*[[0, 0, 1]] * count)
-    return spot_histogram(world, lasers, detectors, bins, Paths(paths), seed=seed, **options).mean
+    return spot_histogram(
+        world, lasers, detectors, bins, PathBudget(paths), seed=seed, **options
+    ).mean
 
 
 @pytest.mark.parametrize("kind", NATURAL)

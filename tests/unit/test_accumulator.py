@@ -11,7 +11,7 @@ from reconstruction.base.errors import InputError
 from spisim.scene import Material
 from spisim.transport import TransportWarning
 from spisim.transport.backend import activate
-from spisim.transport.engine.sampling import Paths, repeat
+from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import (
     Contribution,
     HistogramTally,
@@ -85,7 +85,7 @@ def test_what_was_left_out_is_told_once() -> None:
     with pytest.warns(
         TransportWarning, match="^8 contributions of light were not finite"
     ) as reported:
-        result = repeat(launch, Paths(8), 2, SEED, None)
+        result = repeat(launch, PathBudget(8), 2, SEED, None)
     assert len(reported) == 1
     assert result.dropped == 8
     np.testing.assert_array_equal(result.mean["image"], [0, 0.5])

@@ -59,7 +59,7 @@ def test_henyey_greenstein_by_hand() -> None:
 @pytest.mark.parametrize("phase", PHASES, ids=lambda phase: type(phase).__name__)
 def test_mitsuba_agrees(phase: Phase) -> None:
     from spisim.transport.backend import activate
-    from spisim.transport.phase import phase_plugin
+    from spisim.transport.media import phase_plugin
 
     activate()
     import mitsuba as mi

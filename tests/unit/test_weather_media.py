@@ -48,7 +48,7 @@ def test_table_for_the_transport_keeps_asymmetry_and_echo(kind: str) -> None:
 def test_mitsuba_keeps_asymmetry_and_echo(kind: str) -> None:
     """Of its own interpolation: the mean cosine of its samples, by z-score, and its value back."""
     from spisim.transport.backend import activate
-    from spisim.transport.phase import phase_plugin
+    from spisim.transport.media import phase_plugin
 
     activate()
     import drjit as dr

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from reconstruction.base.files import mark, write_atomically
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
-from spisim.transport.exr import write_exr
+from spisim.transport.picture import write_exr
 from spisim.transport.truth import GroundTruth
 
 #: Of channels and arrays that are not plain numbers.

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.simulation.light.solve import Transport
-from spisim.transport.interpolation import Interpolation
+from spisim.transport.drops import Interpolation
 
 #: Coordinates are known to this share of a step, so that rounding asks for no further node.
 ROUNDING = 6

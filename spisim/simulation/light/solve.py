@@ -20,7 +20,7 @@ from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import (
     Estimate,
-    Paths,
+    PathBudget,
     SamplingBudget,
     TargetError,
 )
@@ -205,13 +205,13 @@ def _image(
     """Light of the projector on the bucket detector."""
     spp, noise_share = effort
     error_metric = image_error_metric(instrument, daylight_w)
-    budget: SamplingBudget = Paths(spp, error_metric=error_metric)
+    budget: SamplingBudget = PathBudget(spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(
             noise_share,
             error_metric,
             1 if placed.projector.pixels % 2 else MIN_PATHS,
-            launches=MIN_IMAGES,
+            min_launches=MIN_IMAGES,
             growth=GROWTH,
         )
     return transport_image(
@@ -246,7 +246,7 @@ def _spots(
         steady["spot_crosstalk_w"],
         2 * np.pi / longest_m * bins.centres_m,
     )
-    budget: SamplingBudget = Paths(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
+    budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
     result = spot_histogram(

@@ -33,7 +33,7 @@ from spisim.simulation.light.solve import Transport, steady_light
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import Estimate, Paths
+from spisim.transport.engine.sampling import Estimate, PathBudget
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
@@ -151,7 +151,7 @@ def _spots(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
     result = spot_histogram(
-        world, placed.beams, placed.tof, bins, Paths(SPOT_PATHS), seed=seed, max_vertices=1
+        world, placed.beams, placed.tof, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )
     surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
@@ -176,7 +176,7 @@ def image_once(
         world,
         placed.projector,
         placed.bucket,
-        Paths(PATHS),
+        PathBudget(PATHS),
         seed=seed,
         outputs=Outputs(orders=True, frequencies_hz=(*frequencies_hz, LONG_HZ)),
         max_vertices=1,

@@ -19,8 +19,7 @@ from spisim.simulation.measurement.electronics import (
     slow_part,
     with_carry_over,
 )
-from spisim.transport.drops import FallingDrops, on_buckets
-from spisim.transport.interpolation import Interpolation
+from spisim.transport.drops import FallingDrops, Interpolation, on_buckets
 
 #: Phases at which the windows of taps are tabulated for light of any path length.
 PHASES = 721

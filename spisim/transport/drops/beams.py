@@ -1,8 +1,8 @@
 """What falling drops change about the light of the lasers.
 
-Beams are Gaussian in angle and place. A drop of radius a at a distance ρ from the axis of a beam of
-standard deviation s meets the share P(χ'² < a²/s²) of it, χ'² being the noncentral one of two
-squares with centre ρ²/s².
+Beams are Gaussian in angle and position. A drop of radius a, at a distance ρ from the axis of a
+beam of standard deviation s, meets the fraction P(χ'² < a²/s²) of it, where χ'² is the noncentral
+chi-square variable of two degrees of freedom centred on ρ²/s².
 """
 
 from collections.abc import Callable, Sequence
@@ -17,18 +17,18 @@ from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
 
-#: Standard deviations of a beam beyond which nothing of it is left.
-REACH = 6.0
-#: Of a beam, over the radius of a drop: a narrower one is met all or not.
+#: Standard deviations from the axis beyond which a beam is negligible.
+MAX_SIGMAS = 6.0
+#: Minimum standard deviation of a beam over a drop's radius: narrower beams meet it all or not.
 MIN_WIDTH = 0.02
-#: Points of an aperture whose field is narrow.
+#: Points on an aperture whose field is narrow.
 APERTURE_POINTS = 16
 
 
 class SpotChange(NamedTuple):
     """Means over every frame, (frames, 4, bins) of the path length."""
 
-    passed: Floats  # share of the light of that path length that drops let pass
+    passed: Floats  # fraction of the light of that path length that drops let pass
     echo: Floats  # fraction of a laser's power that drops send onto its detector's aperture
 
 
@@ -41,22 +41,32 @@ class _Beam(NamedTuple):
     width_m: Callable[[Floats], Floats]  # standard deviation per axis, by distance from the start
 
 
-class _Met(NamedTuple):
+class _Hits(NamedTuple):
     """Drops in a beam."""
 
     drop: NDArray[np.intp]
     along_m: Floats
-    fraction: Floats  # of the light that comes so far
+    fraction: Floats  # of the beam that each drop meets
 
 
 def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange:
-    """Change of the spots' light, by bins (bins,) of the path length, ascending from 0.
+    """Change of the spots' light that drops cause.
 
-    `drops` are one or more entries of one recording.
-
-    A drop hides all light that goes further than itself. On the way back, that is the light of the
-    laser's spot; what fog scatters counts as coming back along with it. Footprint and aperture
+    A drop blocks all light that travels beyond it. On the way back, that is the light of the
+    laser's spot; light scattered by fog counts as coming back along with it. Footprint and aperture
     together count as Gaussian there.
+
+    Parameters
+    ----------
+    drops
+        One or more entries of one recording.
+    path_length_m
+        Bins (bins,) of the path length, m, ascending from 0.
+
+    Returns
+    -------
+    SpotChange
+        Fraction that passes, and fraction added by echoes, (frames, 4, bins).
     """
     times_s = drops[0].times_s
     passed = np.zeros((len(times_s), len(drops[0].view.beams.directions), len(path_length_m)))
@@ -64,7 +74,7 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     for frame, times in enumerate(times_s):
         max_range_m = drops[0].spot_range_m(frame).tolist()
         beams = [_out_and_back(drops[0], *spot) for spot in enumerate(max_range_m)]
-        fields = [_in_reach(one, beams, frame) for one in drops]
+        fields = [_nearby(one, beams, frame) for one in drops]
         for time_s in times:
             for number, beam in enumerate(beams):
                 changes = [
@@ -77,11 +87,11 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     return SpotChange(passed / exposures, echoes / exposures)
 
 
-def _in_reach(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
-    """The drops that may come into a beam in a frame."""
+def _nearby(drops: FallingDrops, beams: list[tuple[_Beam, _Beam]], frame: int) -> DropField:
+    """The drops that may enter a beam during a frame."""
     field, middle, moved = drops.in_frame(frame)
     near = [_near(beam, middle, field.diameters_mm, moved) for pair in beams for beam in pair]
-    return field.retained(np.any(near, axis=0))
+    return field.subset(np.any(near, axis=0))
 
 
 def _at(
@@ -92,9 +102,9 @@ def _at(
     number: int,
     lengths: Floats,
 ) -> tuple[Floats, Floats]:
-    """Logarithm (bins,) of what passes of a laser's light, and (bins,) the echo, at one time."""
+    """Logarithm (bins,) of the passing fraction of a laser's light, and its echo (bins,)."""
     positions, diameters = drops.at(field, time_s)
-    out, back = (_met(beam, positions, diameters) for beam in beams)
+    out, back = (_hits(beam, positions, diameters) for beam in beams)
     light = echo(
         positions[out.drop],
         diameters[out.drop],
@@ -133,16 +143,17 @@ def _out_and_back(drops: FallingDrops, number: int, max_range_m: float) -> tuple
 
 
 def _near(beam: _Beam, positions: Floats, diameters: Floats, moved_m: float) -> NDArray[np.bool_]:
-    """Which drops may come into a beam while they move by so much."""
+    """Which drops may enter a beam while they move by `moved_m`."""
     offset = positions - beam.start_m
     along = offset @ beam.direction
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     widest = beam.width_m(np.array([0.0, beam.length_m])).max()
-    reach = diameters.max(initial=0.0) * 0.5e-3 * (1 + REACH * MIN_WIDTH) + REACH * widest
-    return np.asarray(aside2 < (reach + moved_m) ** 2)
+    radius = diameters.max(initial=0.0) * 0.5e-3
+    max_aside = radius * (1 + MAX_SIGMAS * MIN_WIDTH) + MAX_SIGMAS * widest
+    return np.asarray(aside2 < (max_aside + moved_m) ** 2)
 
 
-def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
+def _hits(beam: _Beam, positions: Floats, diameters: Floats) -> _Hits:
     """The drops in a beam."""
     radius = diameters * 0.5e-3
     offset = positions - beam.start_m
@@ -150,22 +161,22 @@ def _met(beam: _Beam, positions: Floats, diameters: Floats) -> _Met:
     aside2 = np.einsum("dk,dk->d", offset, offset) - along**2
     inside = (along > 0) & (along < beam.length_m)
     width = np.maximum(beam.width_m(np.where(inside, along, 0.0)), MIN_WIDTH * radius)
-    drop = np.flatnonzero(inside & (aside2 < (radius + REACH * width) ** 2))
+    drop = np.flatnonzero(inside & (aside2 < (radius + MAX_SIGMAS * width) ** 2))
     scale = 1 / width[drop] ** 2
     fraction = chndtr(radius[drop] ** 2 * scale, 2, np.maximum(aside2[drop], 0) * scale)
-    return _Met(drop, along[drop], np.asarray(fraction))
+    return _Hits(drop, along[drop], np.asarray(fraction))
 
 
-def _beyond(lengths: Floats, met: _Met) -> Floats:
-    """Logarithm (bins,) of what passes the drops, of light that comes from beyond them."""
-    first = np.searchsorted(lengths, 2 * met.along_m)
-    passed = np.log1p(-np.minimum(met.fraction, 1 - 1e-12))
+def _beyond(lengths: Floats, hits: _Hits) -> Floats:
+    """Logarithm (bins,) of the fraction that passes the drops, of light from beyond them."""
+    first = np.searchsorted(lengths, 2 * hits.along_m)
+    passed = np.log1p(-np.minimum(hits.fraction, 1 - 1e-12))
     within = first < len(lengths)
     return np.cumsum(np.bincount(first[within], passed[within], minlength=len(lengths)))
 
 
 def _binned(lengths: Floats, at_m: Floats, light: Floats) -> Floats:
-    """Light (n,) in bins (bins,), shared between two so that its mean path length is kept."""
+    """Light (n,) in bins (bins,), split between two so that its mean path length is exact."""
     count = len(lengths)
     low = np.clip(np.searchsorted(lengths, at_m, side="right") - 1, 0, count - 2)
     upper = np.minimum((at_m - lengths[low]) / (lengths[low + 1] - lengths[low]), 1)

@@ -1,8 +1,10 @@
 """What falling drops change about the bucket readings."""
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
@@ -16,7 +18,46 @@ from spisim.transport.drops.discs import (
 from spisim.transport.drops.echo import echo
 from spisim.transport.drops.falling import FallingDrops
 from spisim.transport.drops.field import DropField
-from spisim.transport.interpolation import Interpolation
+
+
+class Interpolation(NamedTuple):
+    """Linear interpolation of light in time, between keys at which it is known.
+
+    Parameters
+    ----------
+    keys
+        Indices (frames, M, k) of the keys that each of a frame's M times lies between.
+    fractions
+        Their weights (frames, M, k).
+    """
+
+    keys: NDArray[np.intp]
+    fractions: Floats
+
+    def until(self, frames: int) -> Self:
+        """The interpolation of the first frames."""
+        return self._replace(keys=self.keys[:frames], fractions=self.fractions[:frames])
+
+    def means(self, values: Floats) -> Floats:
+        """Mean of values at the keys over each frame's times.
+
+        Parameters
+        ----------
+        values
+            Values (K, ...) at the keys.
+
+        Returns
+        -------
+        Floats
+            Means (frames, ...).
+        """
+        flat = values.reshape(len(values), -1)
+        times = self.keys.shape[1]
+        means = np.empty((len(self.keys), flat.shape[1]))
+        for frame, (keys, fractions) in enumerate(zip(self.keys, self.fractions, strict=True)):
+            keys_used, indices = np.unique(keys, return_inverse=True)
+            means[frame] = np.bincount(indices.ravel(), fractions.ravel()) / times @ flat[keys_used]
+        return means.reshape(-1, *values.shape[1:])
 
 
 def on_buckets(
@@ -26,12 +67,16 @@ def on_buckets(
     electrons: Floats,
     response: Callable[[Floats], Floats],
 ) -> Floats:
-    """Electrons (windows, frames, M) that drops add to every exposure, or take from it.
+    """Electrons that drops add to every exposure, or take from it.
+
+    All light of a pixel counts as going straight to its surface and straight back, which neglects
+    fog and interreflections. Drops are still during an exposure; rays out and back are blocked
+    independently.
 
     Parameters
     ----------
     drops
-        Of one recording; each entry's hide light independently of the others'.
+        Entries of one recording, which block light independently of each other.
     pictures
         Electrons of each fully lit pixel without drops, (windows, keys, H, W).
     between
@@ -39,11 +84,12 @@ def on_buckets(
     electrons
         Electrons per exposure if all of a pixel's power were on the detector, (H, W).
     response
-        Of light by its path length in metres (n,): share that each window collects, (windows, n).
+        Maps path lengths (n,), m, to the fraction that each window collects, (windows, n).
 
-    All light of a pixel counts as going out straight to the surface that it meets and from there
-    straight back, which it does but for fog and interreflections. Drops are still during an
-    exposure; rays out and back are hidden independently.
+    Returns
+    -------
+    Floats
+        Electrons (windows, frames, M).
     """
     changes = np.zeros((len(pictures), *between.keys.shape[:2]))
     if not drops:
@@ -56,14 +102,14 @@ def on_buckets(
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
             nearby = pictures[:, between.keys[frame, exposure]]
-            displayed = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
+            picture = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
             left = np.ones(lit.size)
             for one, field in zip(drops, fields, strict=True):
                 passed, met, echoed = _at(one, field, time_s, one.depth_m(frame), response)
                 left *= passed
                 light_on_drops = (lit * electrons.ravel())[met.pixel] * met.fraction
                 changes[:, frame, exposure] += echoed[:, met.point] @ light_on_drops
-            changes[:, frame, exposure] += displayed.reshape(len(pictures), -1) @ (lit * (left - 1))
+            changes[:, frame, exposure] += picture.reshape(len(pictures), -1) @ (lit * (left - 1))
     return changes
 
 
@@ -76,7 +122,7 @@ def _in_view(drops: FallingDrops, frame: int) -> DropField:
     widest = max(aside, projector.lens_radius_m) + field.diameters_mm.max(initial=0.0) * 1e-3
     seen = np.abs(x) < projector.tan_half_width * (z + moved) + widest + moved
     seen &= np.abs(y) < projector.tan_half_height * (z + moved) + widest + moved
-    return field.retained(seen)
+    return field.subset(seen)
 
 
 def _at(
@@ -86,7 +132,7 @@ def _at(
     depth_m: Floats,
     response: Callable[[Floats], Floats],
 ) -> tuple[Floats, Fractions, Floats]:
-    """What passes of each pixel's light, what meets drops, and (windows, points) its echo."""
+    """Passing fraction of pixels' light, fractions on drops, and echoes (windows, points)."""
     projector, bucket = drops.view.projector, drops.view.bucket
     positions, diameters = drops.at(field, time_s)
     pixel_rad = float(np.sqrt(projector.pixel_area))  # in the middle of the field
@@ -110,7 +156,7 @@ def _at(
 
 
 def _blur_m(drops: FallingDrops, depth_m: Floats) -> Floats:
-    """Width over which lens or aperture smear a drop's shadow."""
+    """Width over which lens or aperture blur a drop's shadow."""
     projector = drops.view.projector
     lens = projector.lens_radius_m * np.abs(1 - depth_m / projector.focus_m)
     return np.asarray(2 * np.maximum(lens, np.sqrt(drops.view.bucket.area_m2 / np.pi)))

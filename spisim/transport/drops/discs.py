@@ -1,8 +1,8 @@
-"""The disc that a drop shows, as points, and which virtual pixel's light goes through each of them.
+"""Discs of drops as points, and the virtual pixel whose light goes through each point.
 
-Far drops are smaller than a pixel and one point will do; close ones cover several pixels, or only
-part of a lens, and get many. Those of the disc lie on Vogel's spiral and are paired with points of
-lens and aperture of Richtmyer's sequence, the multiples of √2 and √3.
+Far drops are smaller than a pixel, and one point suffices. Close ones cover several pixels, or part
+of a lens, and get many: points on Vogel's spiral, paired with points of lens and aperture from
+Richtmyer's sequence, the multiples of √2 and √3.
 """
 
 from typing import NamedTuple
@@ -15,28 +15,28 @@ from spisim.transport.views import DetectorView, ProjectorView
 
 Ints = NDArray[np.intp]
 
-#: Points per side of a pixel that a drop covers, and per pixel over which a lens smears its shadow.
+#: Points per side of a pixel that a drop covers, and per pixel over which a lens blurs its shadow.
 ON_DISC, ON_LENS = 8, 2
-#: The most for one drop.
+#: Maximum number of points of one drop.
 MAX_POINTS = 4096
-#: Steps in which the surface behind a drop is found, along a ray that is not a pixel's.
+#: Steps of the search for the surface behind a drop, along a ray that is not a pixel's.
 SURFACE_STEPS = 3
 ROOTS = np.sqrt([2.0, 3.0])
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 class Points(NamedTuple):
-    """Points on the discs of drops, (points, ...): the first of a drop is its centre."""
+    """Points on the discs of drops, (points, ...): the first point of a drop is its centre."""
 
     drop: Ints
     position_m: Floats  # (points, 3)
     area_m2: Floats  # of the disc, that the point stands for
-    on_lens: Floats  # (points, 2) of a unit disc: where on lens or aperture its ray goes through
-    several: Ints  # the points that are not their drop's only one
+    on_lens: Floats  # (points, 2) of a unit disc: where its ray crosses lens or aperture
+    several: Ints  # the points of drops with more than one
 
 
 class Fractions(NamedTuple):
-    """Of the light of some pixels, the share that is met at some points."""
+    """Fractions of pixels' light that meet points."""
 
     point: Ints
     pixel: Ints  # row by row
@@ -46,9 +46,10 @@ class Fractions(NamedTuple):
 def disc_points(
     positions_m: Floats, diameters_mm: Floats, blur_m: Floats, pixel_rad: float
 ) -> Points:
-    """Points on drops (drops, 3) that all turn their discs to the pinhole.
+    """Points on drops (drops, 3) whose discs all face the pinhole.
 
-    `blur_m` (drops,) is how wide a lens smears a pixel's light there, `pixel_rad` a pixel's angle.
+    `blur_m` (drops,) is the width of a pixel's light blurred by the lens, `pixel_rad` a pixel's
+    angle.
     """
     diameters = diameters_mm * 1e-3
     pixel_m = positions_m[:, 2] * pixel_rad
@@ -58,24 +59,24 @@ def disc_points(
     position, on_lens = positions_m[drop], np.zeros((len(drop), 2))
     several = np.flatnonzero(counts[drop] > 1)
     rank = several - (np.cumsum(counts) - counts)[drop[several]]
-    reach = np.sqrt((rank + 0.5) / counts[drop[several]]) * diameters[drop[several]] / 2
+    radius = np.sqrt((rank + 0.5) / counts[drop[several]]) * diameters[drop[several]] / 2
     turn = rank * GOLDEN_ANGLE
     centre = position[several]
     sideways = np.cross(centre, [0.0, -1.0, 0.0])
     upwards = np.cross(centre, sideways)
-    for shift, way in ((reach * np.cos(turn), sideways), (reach * np.sin(turn), upwards)):
+    for shift, way in ((radius * np.cos(turn), sideways), (radius * np.sin(turn), upwards)):
         position[several] += (shift / length(way))[:, None] * way
     on_lens[several] = _unit_disc(np.mod(0.5 + rank[:, None] * ROOTS, 1))
     return Points(drop, position, (np.pi / 4 * diameters**2 / counts)[drop], on_lens, several)
 
 
 def length(vectors: Floats) -> Floats:
-    """Of vectors (n, 3)."""
+    """Lengths of vectors (n, 3)."""
     return np.asarray(np.sqrt(np.einsum("nk,nk->n", vectors, vectors)))
 
 
 def on_the_way_out(projector: ProjectorView, depth_m: Floats, points: Points) -> Fractions:
-    """Share of each pixel's power that would meet each point, in front of surfaces (H, W).
+    """Fraction of each pixel's power that would meet each point, in front of surfaces (H, W).
 
     A pixel of area a on the image plane at unit distance sends 1 / (a cos³θ) of its power per
     steradian, evenly from all of the lens, which is sharp at its focus.
@@ -93,7 +94,7 @@ def on_the_way_out(projector: ProjectorView, depth_m: Floats, points: Points) ->
 def on_the_way_back(
     projector: ProjectorView, aperture: DetectorView, number: int, depth_m: Floats, points: Points
 ) -> Fractions:
-    """Share of the light from each pixel's surface to an aperture that would meet each point.
+    """Fraction of the light from each pixel's surface to an aperture that would meet each point.
 
     The surface of a pixel counts as lying across the optical axis at its depth (H, W), and as
     sending the same light into all of the aperture.
@@ -118,9 +119,9 @@ def on_the_way_back(
 
 
 def passing(fractions: Fractions, points: Points, pixels: int) -> Floats:
-    """Share of each pixel's light that passes all drops, (pixels,).
+    """Fraction of each pixel's light that passes all drops, (pixels,).
 
-    Each drop lies anywhere in a pixel, whatever others do, so that what passes is a product.
+    Drops are independently distributed within a pixel, so the passing fractions multiply.
     """
     among = np.zeros(len(points.drop), dtype=np.bool_)
     among[points.several] = True
@@ -134,7 +135,7 @@ def passing(fractions: Fractions, points: Points, pixels: int) -> Floats:
 
 
 def _pixel(projector: ProjectorView, image: Floats) -> tuple[NDArray[np.bool_], Ints]:
-    """Whether points of the image plane (n, 2) are lit, and the number of the nearest pixel."""
+    """Whether points of the image plane (n, 2) are lit, and the index of the nearest pixel."""
     height, width = projector.shape
     column = np.floor((image[:, 0] / projector.tan_half_width + 1) * (width / 2))
     row = np.floor((image[:, 1] / projector.tan_half_height + 1) * (height / 2))
@@ -144,7 +145,7 @@ def _pixel(projector: ProjectorView, image: Floats) -> tuple[NDArray[np.bool_], 
 
 
 def _unit_disc(square: Floats) -> Floats:
-    """Points of the unit square (n, 2) on the disc; its centre is theirs (Shirley & Chiu 1997)."""
+    """Map points of the unit square (n, 2) to the disc, centre to centre (Shirley & Chiu 1997)."""
     x, y = (2 * square - 1).T
     wide = np.abs(x) > np.abs(y)
     radius = np.where(wide, x, y)

@@ -1,4 +1,4 @@
-"""Light that a drop sends back into a detector, once scattered."""
+"""Light that a drop scatters once, back into a detector."""
 
 from typing import NamedTuple
 
@@ -11,10 +11,10 @@ from spisim.transport.views import DetectorView
 
 
 class Echo(NamedTuple):
-    """Of the light on each place, the share on a detector's aperture, and the path it took."""
+    """Fraction of the light on drops that reaches a detector's aperture, and its path length."""
 
     fraction: Floats
-    length_m: Floats  # from the pinhole to the place and on to the detector
+    length_m: Floats  # from the pinhole to the drop and on to the detector
 
 
 def echo(
@@ -26,10 +26,10 @@ def echo(
     fog_per_m: float,
     aperture_points: int = 1,
 ) -> Echo:
-    """Echo of places (n, 3) on drops (n,) in detector `number`; fog lets exp(-σ L) of it pass.
+    """Echo of points (n, 3) on drops (n,) in detector `number`, attenuated by fog: exp(-σ L).
 
     Light comes from the pinhole. The edge of a narrow field is as wide as the lens, which then
-    takes several `aperture_points`.
+    needs several `aperture_points`.
     """
     back = detector.positions_m[number] - positions_m
     out_m, back_m = length(positions_m), length(back)
@@ -43,7 +43,7 @@ def echo(
 def _collection(
     positions_m: Floats, detector: DetectorView, number: int, aperture_points: int
 ) -> Floats:
-    """Solid angle of the aperture from each place, as far as that is in its field."""
+    """Solid angle of the aperture from each point, where the point lies in its field."""
     axis, minimum = detector.axes[number], np.cos(detector.half_angle_rad)
     total = np.zeros(len(positions_m))
     for point in _aperture(axis, np.sqrt(detector.area_m2 / np.pi), aperture_points):
@@ -56,14 +56,14 @@ def _collection(
 
 
 def _aperture(axis: Floats, radius_m: float, count: int) -> Floats:
-    """Points (count, 3) spread over a disc across `axis` (Vogel's spiral); one is its centre."""
+    """Points (count, 3) spread over a disc across `axis` (Vogel's spiral); its centre for one."""
     if count == 1:
         return np.zeros((1, 3))
     rank = np.arange(count) + 0.5
-    turn, reach = rank * np.pi * (3 - np.sqrt(5)), radius_m * np.sqrt(rank / count)
+    turn, radius = rank * np.pi * (3 - np.sqrt(5)), radius_m * np.sqrt(rank / count)
     sideways = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
     sideways /= np.linalg.norm(sideways)
     return np.asarray(
-        np.outer(reach * np.cos(turn), sideways)
-        + np.outer(reach * np.sin(turn), np.cross(axis, sideways))
+        np.outer(radius * np.cos(turn), sideways)
+        + np.outer(radius * np.sin(turn), np.cross(axis, sideways))
     )

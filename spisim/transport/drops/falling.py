@@ -1,4 +1,4 @@
-"""Drops together with everything they stand between: instrument, surfaces, fog."""
+"""Drops together with everything around them: instrument, surfaces, fog."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,34 +13,57 @@ from spisim.transport.drops.field import DropField, drop_field
 from spisim.transport.truth import GroundTruth
 from spisim.transport.views import InstrumentView
 
-#: Depth of what is never hit.
+#: Depth where there is no surface.
 FAR_AWAY_M = 1e6
-#: Beams to spots beyond this many times the depth up to which drops are followed, or to nothing,
-#: end there: light comes back along nearly the same cone.
-REACH = 2.0
+#: Beams end at this multiple of the maximum depth of drops, even if their spot is farther or
+#: missing: light comes back along nearly the same cone.
+MAX_DEPTHS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class FallingDrops:
     """The drops or the flakes of a recording, in the instrument's optical frame.
 
-    `fog_per_m` is the extinction of the air between the drops; boxes of fog do not weaken their
-    echo.
+    Parameters
+    ----------
+    field
+        Positions and motion of the drops.
+    precipitation
+        What the drops are, and between which depths they matter.
+    instrument, view
+        The instrument, and its ends in the optical frame.
+    depths_by_frame_m
+        Depths of the surfaces, m, (T, H, W): of each frame, or (1, H, W) of all.
+    spot_ranges_by_frame_m
+        Ranges of the spots, m, (T, 4); nan for nothing.
+    fog_per_m
+        Extinction of the air between the drops, 1/m; volumes of fog do not weaken their echo.
+    times_s
+        Middle of every exposure, s, (frames, M).
     """
 
     field: DropField
     precipitation: Precipitation
     instrument: Instrument
-    view: InstrumentView  # in the optical frame
-    depths_by_frame_m: Floats  # (T, H, W), of the surfaces; one of all frames, or each its own
-    spot_ranges_by_frame_m: Floats  # (T, 4), nan for nothing
+    view: InstrumentView
+    depths_by_frame_m: Floats
+    spot_ranges_by_frame_m: Floats
     fog_per_m: float
-    times_s: Floats  # (frames, M), middle of every exposure
+    times_s: Floats
 
     def in_frame(self, frame: int) -> tuple[DropField, Floats, float]:
-        """Drops of a frame, where they are in its middle, and how far any of them moves from there.
+        """Drops of a frame that are within the depths that matter.
 
-        Of all drops, those that come within the depths that are followed.
+        Parameters
+        ----------
+        frame
+            Index of the frame.
+
+        Returns
+        -------
+        tuple
+            Drops, their positions (drops, 3) in the middle of the frame, m, and how far any of them
+            moves from there at most, m.
         """
         first, last = self.times_s[frame, [0, -1]]
         middle = (first + last) / 2
@@ -51,27 +74,27 @@ class FallingDrops:
             for end in (first, last)
         )
         depth, (near, far) = positions[:, 2], self.depths_m
-        retained = (depth > near - moved) & (depth < far + moved)
-        return field.retained(retained), positions[retained], moved * np.sqrt(3)
+        near_enough = (depth > near - moved) & (depth < far + moved)
+        return field.subset(near_enough), positions[near_enough], moved * np.sqrt(3)
 
     def depth_m(self, frame: int) -> Floats:
-        """Depth (H, W) of the surfaces in a frame."""
+        """Depth (H, W) of the surfaces in a frame, m."""
         return np.asarray(self.depths_by_frame_m[min(frame, len(self.depths_by_frame_m) - 1)])
 
     def spot_range_m(self, frame: int) -> Floats:
-        """Ranges (4,) of the spots in a frame, REACH at most."""
+        """Ranges (4,) of the spots in a frame, m, up to MAX_DEPTHS times the depth of drops."""
         ranges = self.spot_ranges_by_frame_m
-        far_m = REACH * self.precipitation.far_m
+        far_m = MAX_DEPTHS * self.precipitation.far_m
         return np.asarray(np.fmin(ranges[min(frame, len(ranges) - 1)], far_m))
 
     @property
     def depths_m(self) -> tuple[float, float]:
-        """Nearest and farthest depth of a drop that matters."""
+        """Minimum and maximum depth of a drop that matters, m."""
         far = min(self.precipitation.far_m, float(self.depths_by_frame_m.max()))
         return self.precipitation.near_m, far
 
     def at(self, field: DropField, time_s: float) -> tuple[Floats, Floats]:
-        """Positions and diameters, at one time, of those of `field` that matter."""
+        """Positions (drops, 3) and diameters, at one time, of the drops of `field` that matter."""
         positions, (near, far) = field.positions_m(time_s), self.depths_m
         seen = (positions[:, 2] > near) & (positions[:, 2] < far)
         return positions[seen], field.diameters_mm[seen]
@@ -84,9 +107,28 @@ def falling_drops(
     frames: int,
     rng: np.random.Generator,
 ) -> tuple[FallingDrops, ...]:
-    """Draw the drops of a recording, one entry for each part of the scene's precipitation.
+    """Draw the drops of a recording.
 
-    `truths` are those of every frame, or one of all where nothing moves.
+    Parameters
+    ----------
+    scene, instrument
+        The scene and its precipitation, and the instrument.
+    truths
+        Ground truth of every frame, or one of all frames where nothing moves.
+    frames
+        Number of frames.
+    rng
+        Random generator.
+
+    Returns
+    -------
+    tuple of FallingDrops
+        One entry for each part of the scene's precipitation.
+
+    Raises
+    ------
+    InputError
+        If there are more drops than fit into memory.
     """
     return tuple(
         FallingDrops(

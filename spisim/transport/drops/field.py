@@ -1,10 +1,9 @@
-"""Where the drops are, as the instrument sees them, at any time."""
-
-from __future__ import annotations
+"""Positions of the drops, as the instrument sees them, at any time."""
 
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,9 @@ from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 
-#: Poses of the drone over a recording for which the box of drops has to hold the field.
+#: Poses of the drone over a recording at which the box of drops must contain the field.
 POSES = 9
-#: Drops of a recording: what fits into 4 GB.
+#: Maximum number of drops of a recording, which fits into 4 GB.
 MAX_DROPS = 10_000_000
 
 
@@ -34,10 +33,10 @@ class DropField:
     box: Floats
     pose_at: Callable[[float], Floats]  # of the instrument, (4, 4), seen from where it started
 
-    def full_at(self, time_s: float) -> DropField:
+    def full_at(self, time_s: float) -> Self:
         """The same air with the box full at that time.
 
-        What has left it on one side comes in on the other; the same drop is back only after it has
+        Drops that have left it on one side come in on the other; a drop returns only after it has
         crossed the box.
         """
         low, high = self.box
@@ -45,8 +44,8 @@ class DropField:
         boxes = np.floor((self.starts_m + travelled - low) / (high - low))
         return replace(self, starts_m=self.starts_m - boxes * (high - low))
 
-    def retained(self, which: NDArray[np.bool_]) -> DropField:
-        """Some of the drops."""
+    def subset(self, which: NDArray[np.bool_]) -> Self:
+        """The drops selected by a mask (drops,)."""
         return replace(
             self,
             starts_m=self.starts_m[which],
@@ -68,10 +67,31 @@ def drop_field(
     frames: int,
     rng: np.random.Generator,
 ) -> DropField:
-    """Draw the drops around an instrument for a recording: a Poisson number, uniform in place.
+    """Draw the drops around an instrument for a recording: a Poisson number, uniform in space.
 
-    The box holds the field of the instrument from one frame's middle to half a frame before and
-    after, whatever the drone does. Raises InputError for more than `MAX_DROPS`.
+    The box contains the field of the instrument from half a frame before to half a frame after one
+    frame's middle, however the drone moves.
+
+    Parameters
+    ----------
+    precipitation
+        Sizes, density and motion of the drops.
+    scene, instrument
+        The scene, with the motion of the drone, and the instrument.
+    frames
+        Number of frames.
+    rng
+        Random generator.
+
+    Returns
+    -------
+    DropField
+        The drops at the start of the recording.
+
+    Raises
+    ------
+    InputError
+        If more than `MAX_DROPS` are expected.
     """
     start = np.linalg.inv(scene.drone_pose)
 
@@ -90,8 +110,8 @@ def drop_field(
     if not expected <= MAX_DROPS:
         raise InputError(
             f"scene {scene.name!r}: about {expected:.2g} drops would cross the field in a frame of "
-            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; at most {MAX_DROPS:.0g}: "
-            "less wind, a slower drone, less precipitation or shorter frames"
+            f"{instrument.frame_time_s:.3g} s, at {speed:.3g} m/s; the maximum is "
+            f"{MAX_DROPS:.0g}: reduce wind, speed, precipitation or the frame time"
         )
     count = int(rng.poisson(expected))
     diameters = precipitation.diameters_mm(count, rng)
@@ -107,9 +127,9 @@ def drop_field(
 
 
 def _field_corners(instrument: Instrument, far_m: float) -> Floats:
-    """Points (n, 3), optical frame, whose hull holds all light out and back up to a depth.
+    """Points (n, 3), optical frame, whose hull contains all light out and back up to a depth.
 
-    Depths begin at the pinhole: what is behind it meets no light.
+    Depths begin at the pinhole, because drops behind it meet no light.
     """
     signs = np.array([(x, y) for x in (-1, 1) for y in (-1, 1)])
     ends, near = [], []

@@ -1,1 +1,1 @@
-"""The engine: walks from both ends of the light, strategies, their weights, and the sums."""
+"""The path-tracing engine: ends, walks, sampling strategies, their weights, and the tallies."""

@@ -1,65 +1,66 @@
 """Laser pencils: ends whose paths all begin on a line.
 
-No path from a detector ever meets a pencil by chance. Detector-side paths are therefore connected
-to a point chosen *along the beam*: the surface it hits, or a point in the fog drawn
-equi-angularly about the vertex that is to be connected (Kulla & Fajardo, EGSR 2012), which
-cancels the 1/distance² between the two.
+No path from a detector meets a pencil by chance. Such a path is therefore connected to a point
+chosen *along the beam*: the surface that the beam hits, or a point in the fog. The fog point is
+drawn equi-angularly about the vertex to be connected (Kulla & Fajardo, EGSR 2012), which cancels
+the 1/distance² between the two.
 
-The beam's first vertex x₁ plays the part of a point source whose lobe is the scattering at x₁;
-`walk` then numbers vertices from x₂ on. So does a pane that a pencil passes straight through,
-which is no vertex: no path from a detector is connected to what lies behind it.
+The first vertex x₁ on the beam acts as a point source whose lobe is the scattering at x₁, so `walk`
+numbers vertices from x₂ on. A pane that a pencil passes straight through acts the same way,
+although it is no vertex: no path from a detector is connected to what lies behind it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from spisim.transport.engine.ends import Connection, Launch
-from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.geometry import EquiAngular
+from spisim.transport.jit import Bool, Float, Frame, Hit, Object, Point, Ray, Sampler, UInt
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
 
 class _Beam(NamedTuple):
-    """One pencil of a laser: its ray, the surface it hits, and how far it stays in the scene."""
+    """One pencil of a laser: its ray, the surface it hits, and the distance to it."""
 
-    ray: Any
-    si: Any
-    reach: Any
+    ray: Ray
+    si: Hit
+    far: Float
 
 
 class _State(NamedTuple):
     beam: _Beam
-    rate: Any  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
-    in_fog: Any
-    distance: Any
+    density: (
+        Float  # samples x (density of x₁ along the beam) x (density of the direction leaving it)
+    )
+    in_fog: Bool
+    distance: Float
 
 
 @dataclass(frozen=True, eq=False)
 class Beams:
     """Lasers in a scene and its media; rows of the accumulator are beams.
 
-    A laser of finite width and divergence is a bundle of pencils, Gaussian in angle and place;
-    every path draws one of them.
+    A laser of finite width and divergence is a bundle of pencils, Gaussian in angle and position;
+    each path draws one of them.
     """
 
     world: World
-    frames: Any  # Frame3f whose n is the beam's axis
-    origins: Any
-    divergence_rad: Any  # standard deviation of the angle, per axis
-    waist_m: Any  # standard deviation of the place of exit, per axis
+    frames: Frame  # n is the beam's axis
+    origins: Point
+    divergence_rad: Float  # standard deviation of the angle, per axis
+    waist_m: Float  # standard deviation of the exit position, per axis
     count: int
     samples: int
-    rate: Any  # see `Projector`
+    samples_jit: Float  # see `Projector`
 
     @classmethod
-    def of(cls, world: World, view: BeamView, samples: int) -> Beams:
-        """`samples` paths per beam and launch."""
+    def of(cls, world: World, view: BeamView, samples: int) -> Self:
+        """Convert a view; `samples` paths per beam and launch."""
         origins = mi.Point3f(view.origins_m.T.astype(np.float32))
         frames = mi.Frame3f(mi.Vector3f(view.directions.T.astype(np.float32)))
         dr.make_opaque(origins, frames)
@@ -71,26 +72,26 @@ class Beams:
             waist_m=dr.opaque(mi.Float, view.waist_m),
             count=len(view.origins_m),
             samples=samples,
-            rate=dr.opaque(mi.Float, samples),
+            samples_jit=dr.opaque(mi.Float, samples),
         )
 
-    def times(self, factor: int) -> Beams:
-        """The same with so many times the paths."""
-        return replace(self, samples=factor * self.samples, rate=factor * self.rate)
+    def times(self, factor: int) -> Self:
+        """The same beams with `factor` times the paths."""
+        return replace(self, samples=factor * self.samples, samples_jit=factor * self.samples_jit)
 
     @property
     def lanes(self) -> int:
         return self.count * self.samples
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return lane % self.count
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         beam = self._beam(lane, sampler)
-        ray, si, reach = beam
-        collision = self.world.media.flight(ray, reach, sampler, mi.Bool(True))
-        in_fog = collision.distance < reach
-        distance = dr.select(in_fog, collision.distance, reach)
+        ray, si, far = beam
+        collision = self.world.media.flight(ray, far, sampler, mi.Bool(True))
+        in_fog = collision.distance < far
+        distance = dr.select(in_fog, collision.distance, far)
         on_surface = ~in_fog & si.is_valid()
         point = ray(distance)
 
@@ -110,12 +111,12 @@ class Beams:
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
             direction=dr.select(in_fog, scattered, outgoing.d),
-            beta=weight / self.rate,
+            beta=weight / self.samples_jit,
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             state=_State(
                 beam,
-                self.rate * self._arrival(ray, point, distance, in_fog) * density,
+                self.samples_jit * self._arrival(ray, point, distance, in_fog) * density,
                 in_fog,
                 distance,
             ),
@@ -123,22 +124,22 @@ class Beams:
             crossings=dr.select(straight, mi.UInt32(1), mi.UInt32(0)),
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         state = launch.state
-        ray, si, reach = state.beam
-        angular = EquiAngular.about(first_vertex, ray, reach)
+        ray, si, far = state.beam
+        angular = EquiAngular.about(first_vertex, ray, far)
         fog_fraction = self._fog_fraction(si)
         chosen = dr.select(
             state.in_fog, fog_fraction * angular.density(state.distance), 1 - fog_fraction
         )
-        return state.rate / chosen
+        return state.density / chosen
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        ray, si, reach = self._beam(lane, sampler)
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
+        ray, si, far = self._beam(lane, sampler)
         fog_fraction = self._fog_fraction(si)
         in_fog = sampler.next_1d() < fog_fraction
-        angular = EquiAngular.about(vertex, ray, reach)
-        distance = dr.select(in_fog, angular.sample(sampler.next_1d()), reach)
+        angular = EquiAngular.about(vertex, ray, far)
+        distance = dr.select(in_fog, angular.sample(sampler.next_1d()), far)
         chosen = dr.select(in_fog, fog_fraction * angular.density(distance), 1 - fog_fraction)
         point = ray(distance)
         towards = mi.Vector3f(vertex - point)
@@ -152,51 +153,47 @@ class Beams:
         lobe = dr.select(in_fog, self.world.media.albedo(medium) * phase, reflected.x)
         density = dr.select(in_fog, phase, density)
         seen = dr.rcp(squared * chosen)
-        through = self.world.media.transmittance(ray.o, ray.d, distance, sampler, mi.Bool(True))
+        through = self.world.media.transmittance(ray, distance, sampler, mi.Bool(True))
         strength = dr.select(in_fog, self.world.media.extinction_at(point), 1)
         return Connection(
             point=point,
             importance=seen * strength * through * lobe,
-            density=self.rate * seen * density * self._arrival(ray, point, distance, in_fog),
+            density=self.samples_jit * seen * density * self._arrival(ray, point, distance, in_fog),
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             cell=self.cell(lane),
         )
 
-    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+    def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """One pencil of the lane's laser, as a ray, and its weight."""
-        return self._pencil(lane, sampler), dr.rcp(self.rate)
+        return self._pencil(lane, sampler), dr.rcp(self.samples_jit)
 
-    def _pencil(self, lane: Any, sampler: Any) -> Any:
+    def _pencil(self, lane: UInt, sampler: Sampler) -> Ray:
         cell = self.cell(lane)
         frame = dr.gather(mi.Frame3f, self.frames, cell)
         tilt = mi.warp.square_to_std_normal(sampler.next_2d()) * self.divergence_rad
-        position = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
+        shift = mi.warp.square_to_std_normal(sampler.next_2d()) * self.waist_m
         origin = dr.gather(mi.Point3f, self.origins, cell)
         return mi.Ray3f(
-            mi.Point3f(origin + frame.s * position.x + frame.t * position.y),
+            mi.Point3f(origin + frame.s * shift.x + frame.t * shift.y),
             frame.to_world(dr.normalize(mi.Vector3f(tilt.x, tilt.y, 1))),
         )
 
-    def _beam(self, lane: Any, sampler: Any) -> _Beam:
+    def _beam(self, lane: UInt, sampler: Sampler) -> _Beam:
         ray = self._pencil(lane, sampler)
-        si, reach = self.world.first_surface(ray)
-        return _Beam(ray, si, reach)
+        return _Beam(ray, *self.world.first_surface(ray))
 
-    def _arrival(self, ray: Any, point: Any, distance: Any, in_fog: Any) -> Any:
-        """Density of x₁ in free flight, as far as it has a closed form.
-
-        Per metre in fog, a probability on the surface.
-        """
-        through = self.world.media.closed_form_transmittance(ray.o, ray.d, distance)
+    def _arrival(self, ray: Ray, point: Point, distance: Float, in_fog: Bool) -> Float:
+        """Closed-form factors of x₁'s density in flight: per metre in fog, else a probability."""
+        through = self.world.media.closed_form_transmittance(ray, distance)
         return dr.select(in_fog, self.world.media.extinction_at(point) * through, through)
 
-    def _fog_fraction(self, si: Any) -> Any:
-        """How often a detector-side path is connected to the fog rather than the surface."""
+    def _fog_fraction(self, si: Hit) -> Float:
+        """Probability of connecting a detector's path to the fog rather than to the surface."""
         if not self.world.media.parts:
             return mi.Float(0)
         return dr.select(si.is_valid(), 0.5, 1)
 
 
-def _context() -> Any:
+def _context() -> Object:
     return mi.BSDFContext(mi.TransportMode.Importance)

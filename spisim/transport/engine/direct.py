@@ -1,11 +1,10 @@
-"""Light scattered once: by the surface that a ray meets, and along its way through fog.
+"""Light scattered once, by the first surface on a ray or by the fog before it.
 
-Nothing about these paths is left to chance but the place on the ray: the transmittance to the
-surface is known, and the fog is sampled where the other end looks.
+The only random choice is the point on the ray: the transmittance to the surface is evaluated, and
+the fog is sampled where the other end looks.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import drjit as dr
@@ -14,33 +13,35 @@ import mitsuba as mi
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.line_of_sight import Mirrored, Straight
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
-from spisim.transport.geometry import direction_to
+from spisim.transport.geometry import EquiAngular, direction_to
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Ray, Sampler, UInt
 from spisim.transport.mirrors import reflected
 from spisim.transport.world import World
 
-#: Ends whose rays are followed, and ends that these are connected to.
+#: Ends whose rays are followed, and ends that the rays are connected to.
 Source = Projector | Beams | Detectors
 Sink = Detectors | Lamp
-#: Numbers, cells, replicas, and random numbers.
-Lanes = tuple[Any, Any, Any, Any]
+#: Lane indices, cells, replicas, and random numbers.
+Lanes = tuple[UInt, UInt, UInt, Points]
 
 
-#: How the other end is seen from there.
+#: How the ray's points see the other end.
 LineOfSight = Straight | Mirrored
+#: Deposits a value with its path length and number of scatterings, in some lanes.
+Add = Callable[[Float, Float, int, Bool], None]
 
 
 class Pencil(NamedTuple):
-    """A ray, the surface it meets, how far it goes, and which of the other ends looks at it."""
+    """A ray, the first surface it meets, the distance to it, and the index of the other end."""
 
-    ray: Any
-    si: Any
-    reach: Any
-    number: Any  # of the other end
+    ray: Ray
+    si: Hit
+    far: Float
+    number: UInt
 
 
 def direct_light(
@@ -48,8 +49,8 @@ def direct_light(
 ) -> None:
     """Deposit what each lane's ray sends to the other end by scattering once.
 
-    The ray is followed to the first surface, be it a pane or not. The end with the narrower field
-    is the one to follow rays from: they should lie in the field of the other.
+    The ray is followed to the first surface, pane or not. Follow rays from the end with the
+    narrower field, so that they lie in the field of the other.
     """
     lanes = low_discrepancy(this, replicas, seed)
     _along_rays(world, this, Straight(world, other), lanes, deposit)
@@ -58,13 +59,10 @@ def direct_light(
 def direct_light_in_mirrors(
     world: World, this: Beams, other: Detectors, seed: int, deposit: Deposit, *, replicas: int = 1
 ) -> None:
-    """Deposit what each lane's ray scatters once, as mirrors and smooth coats show it.
-
-    No path from the other end finds it: a mirror does not lead one onto a laser's ray.
-    """
+    """Deposit what a ray scatters once and mirrors show, which no path from the other end finds."""
     if world.smooth is None:
         return
-    lanes = low_discrepancy(this, replicas, seed ^ 3)  # others
+    lanes = low_discrepancy(this, replicas, seed ^ 3)  # another stream
     sampler = lanes[-1]
     fold = world.smooth.choose_any(sampler.next_1d(), sampler)
     _along_rays(world, this, Mirrored(world, other, fold), lanes, deposit)
@@ -79,16 +77,13 @@ def mirrored_light(
     *,
     replicas: int = 1,
 ) -> None:
-    """Deposit the light that plane mirrors throw from the source straight onto a detector.
-
-    The detector's response is taken in the direction of the middle of the source's lens.
-    """
+    """Deposit the light that plane mirrors throw from the source straight onto a detector."""
     if world.mirrors is None:
         return
-    lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # others
-    random: Any = mi.sample_tea_float32  # whose stubs take Python's numbers alone
+    lane, cell, replica, sampler = low_discrepancy(source, replicas, seed ^ 1)  # another stream
+    random: Any = mi.sample_tea_float32  # its stubs accept Python numbers alone
     turn = (mi.Float(lane) + 0.5) / source.lanes + random(replica, dr.opaque(mi.UInt32, seed))
-    fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # all planes in turn
+    fold = world.mirrors.choose_any(turn - dr.floor(turn), sampler)  # stratified over all planes
     number = detectors.choose(lane, sampler)
     end = Mirrored(world, detectors, fold).connect_to(number, source.middle, sampler)
     response = end.importance * dr.squared_norm(source.middle - end.point)
@@ -99,8 +94,8 @@ def mirrored_light(
     ray = mi.Ray3f(start.point, towards)
     value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
     lit &= carries_light(value)
-    position = cell if start.cell is None else start.cell
-    deposit(Contribution(value, position, length_m, mi.UInt32(0), lit, replica))
+    cell = cell if start.cell is None else start.cell
+    deposit(Contribution(value, cell, length_m, mi.UInt32(0), lit, replica))
 
 
 def _along_rays(
@@ -108,10 +103,9 @@ def _along_rays(
 ) -> None:
     lane, cell, replica, sampler = lanes
     ray, weight = this.pencil(lane, sampler)
-    si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, view.end.choose(lane, sampler))
+    pencil = Pencil(ray, *world.first_surface(ray), view.end.choose(lane, sampler))
 
-    def add(value: Any, length_m: Any, scatterings: int, lit: Any) -> None:
+    def add(value: Float, length_m: Float, scatterings: int, lit: Bool) -> None:
         order = mi.UInt32(scatterings)
         deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
 
@@ -120,32 +114,30 @@ def _along_rays(
         _off_fog(world, pencil, view, far_point, sampler, add)
 
 
-def _off_surface(world: World, pencil: Pencil, view: LineOfSight, sampler: Any, add: Any) -> Any:
-    """Light that the surface scatters; returns the place of the other end that it goes to."""
-    ray, si, reach, number = pencil
+def _off_surface(
+    world: World, pencil: Pencil, view: LineOfSight, sampler: Sampler, add: Add
+) -> Point:
+    """Deposit what the surface scatters; returns the point of the other end that it goes to."""
+    ray, si, far, number = pencil
     end = view.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
     context = surface_context(view.end)
     scattered = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
     value = scattered.x * end.importance
     lit = carries_light(value) & si.is_valid()
-    value *= world.media.transmittance(ray.o, ray.d, reach, sampler, lit)
+    value *= world.media.transmittance(ray, far, sampler, lit)
     value *= view.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
-    add(value, reach + gap, 0, lit)
+    add(value, far + gap, 0, lit)
     return end.point
 
 
 def _off_fog(
-    world: World, pencil: Pencil, view: LineOfSight, far_point: Any, sampler: Any, add: Any
+    world: World, pencil: Pencil, view: LineOfSight, far_point: Point, sampler: Sampler, add: Add
 ) -> None:
-    """Light that the fog scatters, at one point per lane where the other's field covers the ray.
-
-    Equi-angular about the other end, which is right near the instrument, or uniform, which is right
-    far away.
-    """
+    """Deposit what fog scatters where the other end looks, equi-angularly or uniformly drawn."""
     media = world.media
-    ray, si, reach, number = pencil
-    near, far = view.overlap(number, ray, reach)
+    ray, si, far, number = pencil
+    near, far = view.overlap(number, ray, far)
     angular = EquiAngular.about(far_point, ray, far, near)
     choice = sampler.next_1d()
     distance = dr.select(
@@ -159,23 +151,23 @@ def _off_fog(
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
-    value *= media.transmittance(ray.o, ray.d, distance, sampler, lit)
+    value *= media.transmittance(ray, distance, sampler, lit)
     value *= view.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
     add(value, distance + gap, 1, lit)
 
 
-def surface_context(other: Sink) -> Any:
-    """Light that goes to detectors leaves the surface; else it is followed against its way."""
+def surface_context(other: Sink) -> Object:
+    """Importance where light leaves for a detector, radiance where it is followed backwards."""
     outward = isinstance(other, Detectors)
     return mi.BSDFContext(mi.TransportMode.Importance if outward else mi.TransportMode.Radiance)
 
 
 def low_discrepancy(this: Source | Lamp, replicas: int, seed: int) -> Lanes:
-    """Lanes, their cells and replicas, and a low-discrepancy sequence for every one of these."""
-    number: Any = dr.arange(mi.UInt32, replicas * this.lanes)
-    beside = dr.opaque(mi.UInt32, replicas)
-    lane, replica = number // beside, number % beside
+    """Lanes, their cells and replicas, with a Sobol sequence for each cell and replica."""
+    number: UInt = dr.arange(mi.UInt32, replicas * this.lanes)
+    count = dr.opaque(mi.UInt32, replicas)
+    lane, replica = number // count, number % count
     cell = this.cell(lane)
     cells = this.lanes // this.samples
-    points = Points.of(lane // cells, cell * beside + replica, dr.opaque(mi.UInt32, seed))
+    points = Points.of(lane // cells, cell * count + replica, dr.opaque(mi.UInt32, seed))
     return lane, cell, replica, points

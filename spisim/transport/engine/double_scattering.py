@@ -1,23 +1,20 @@
-"""Light scattered once by fog and once by a surface: what blurs an image first, and most.
+"""Light scattered once by fog and once by a surface, which dominates the blur of an image.
 
-A walk finds it by chance: it seldom collides in thin fog, and one from the detector brings it to
-any pixel. Here rays of pixels and lasers are followed instead, and nothing is left to chance but
-where on its way, and by how much, the fog bends the light:
+Walks sample this light badly: they seldom collide in thin fog, and a walk from the detector brings
+it to any pixel. Here the rays of pixels and lasers are followed instead. The only random choices
+are where and by how much the fog bends the light:
 
-* **Behind the surface.** From the surface S that a ray meets, by way of the fog at X, to the other
-  end D. X lies at t along the line SD, so far beside it that light is bent by an angle of the
-  phase function's own (joint importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). What
-  the two inverse squared distances and the phase function would scatter then cancels: what is left
-  is at most π times what it is for a small bend anywhere on the line, times what the surface does.
-* **In front of it.** X anywhere on the ray, a bend drawn from the phase function, S what it meets.
+* **Behind the surface.** From the surface S that a ray meets, via the fog at X, to the other end D.
+  X lies at t along the line SD, offset so that the bend follows the phase function (joint
+  importance sampling: Georgiev et al., ACM TOG 32(6), 164 (2013)). This cancels the two inverse
+  squared distances and the phase function: the rest is at most π times its value for a small bend
+  anywhere on the line, times the BSDF of the surface.
+* **In front of it.** X is anywhere on the ray, the bend follows the phase function, and S is the
+  surface that the bent ray meets.
 
-The first takes X between the planes through S and D across their line. All other light of this kind
-is left to the walks.
+The first covers X between the planes through S and D across their line. All other light of this
+kind is left to the walks.
 """
-
-from __future__ import annotations
-
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -29,9 +26,10 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit import Bool, Float, Hit, Point, Sampler
 from spisim.transport.world import World
 
-#: Extinction below which a ray's fog counts as being the same all along, 1/m.
+#: Below this extinction (1/m) the fog of a ray counts as uniform.
 THIN_PER_M = 1e-4
 
 
@@ -45,31 +43,27 @@ def double_scattering_light(
     replicas: int = 1,
 ) -> None:
     """Deposit what each lane's ray sends to the other end by way of fog and a surface."""
-    lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # other numbers
+    lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # another stream
     ray, weight = this.pencil(lane, points)
-    si, reach = world.first_surface(ray)
-    pencil = Pencil(ray, si, reach, other.choose(lane, points))
+    pencil = Pencil(ray, *world.first_surface(ray), other.choose(lane, points))
     for light in (_behind_surface, _before_surface):
         value, length_m, lit = light(world, pencil, other, points)
         deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
 
 
-def estimated_along_rays(first: Any, second: Any, end: Any, surface_first: Any) -> Any:
-    """Whether `double_scattering_light` adds light of two vertices, ordered from the projector.
-
-    One of them is on a surface that scatters, the other in fog.
-    """
+def estimated_along_rays(first: Point, second: Point, end: Point, surface_first: Bool) -> Bool:
+    """Whether two vertices, one in fog and one on a surface, are covered by rays."""
     between = (dr.dot(second - first, end - first) > 0) & (dr.dot(second - end, first - end) > 0)
     return ~surface_first | between
 
 
 def _behind_surface(
-    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
-) -> tuple[Any, Any, Any]:
-    """Value, path length and lanes of what the surface sends on by way of the fog."""
-    ray, si, reach, number = pencil
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
+) -> tuple[Float, Float, Bool]:
+    """Value, path length and lanes of light that goes from the surface through the fog."""
+    ray, si, far, number = pencil
     media = world.media
-    aperture = points.again()  # the same place on it, from wherever
+    aperture = points.again()  # the same point on the aperture for both connections
     end = other.connect_to(number, si.p, points).point
     axis, length_m = direction_to(si.p, end)
     choice = points.next_1d()
@@ -100,45 +94,42 @@ def _behind_surface(
     lit &= (density > 0) & carries_light(value)
     value *= world.geometry.transmission(si, si.p, outgoing, first_m, mi.Bool(False), lit)
     value *= world.geometry.between(point, onward, second_m, lit)
-    value *= media.transmittance(ray.o, ray.d, reach, points, lit)
-    value *= media.transmittance(si.p, outgoing, first_m, points, lit)
-    value *= media.transmittance(point, onward, second_m, points, lit)
-    return value, reach + first_m + second_m, lit & carries_light(value)
+    value *= media.transmittance(ray, far, points, lit)
+    value *= media.transmittance(mi.Ray3f(si.p, outgoing), first_m, points, lit)
+    value *= media.transmittance(mi.Ray3f(point, onward), second_m, points, lit)
+    return value, far + first_m + second_m, lit & carries_light(value)
 
 
 def _before_surface(
-    world: World, pencil: Pencil, other: Detectors | Lamp, points: Any
-) -> tuple[Any, Any, Any]:
-    """The same of what the fog sends on by way of a surface."""
-    ray, _, reach, number = pencil
+    world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
+) -> tuple[Float, Float, Bool]:
+    """Value, path length and lanes of light that goes from the fog to a surface."""
+    ray, _, far, number = pencil
     media = world.media
-    distance, density = _anywhere(media.extinction_at(ray.o), reach, points)
+    distance, density = _anywhere(media.extinction_at(ray.o), far, points)
     point = mi.Point3f(ray(distance))
     medium = media.pick(point, points.next_1d())
     choice, square = points.next_1d(), points.next_2d()
     bent, scale, _ = media.scatter(medium, point, ray.d, choice, square, mi.Bool(True))
     value = media.albedo(medium) * media.extinction_at(point) * scale / density
     onward = mi.Ray3f(point, bent)
-    si: Any = world.geometry.scene.ray_intersect(onward, carries_light(value))
+    si: Hit = world.geometry.scene.ray_intersect(onward, carries_light(value))
     end = other.connect_to(number, si.p, points)
     towards, gap = direction_to(si.p, end.point)
     reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
     value *= reflected.x * end.importance
     lit = si.is_valid() & carries_light(value)
     value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
-    value *= media.transmittance(ray.o, ray.d, distance, points, lit)
-    value *= media.transmittance(point, bent, si.t, points, lit)
-    value *= media.transmittance(si.p, towards, gap, points, lit)
+    value *= media.transmittance(ray, distance, points, lit)
+    value *= media.transmittance(mi.Ray3f(point, bent), si.t, points, lit)
+    value *= media.transmittance(mi.Ray3f(si.p, towards), gap, points, lit)
     return value, distance + si.t + gap, lit & carries_light(value)
 
 
-def _anywhere(extinction_per_m: Any, reach: Any, points: Any) -> tuple[Any, Any]:
-    """A distance along a ray, and its density: uniform, or as light is lost where the ray begins.
-
-    The one is right where light goes on to a surface all the same, the other in thick fog.
-    """
+def _anywhere(extinction_per_m: Float, far: Float, points: Sampler) -> tuple[Float, Float]:
+    """A distance and its density: half uniform, half exponential, which suits thick fog."""
     rate = dr.maximum(extinction_per_m, THIN_PER_M)
-    lost = 1 - dr.exp(-rate * reach)
+    lost = 1 - dr.exp(-rate * far)
     choice, along = points.next_1d(), points.next_1d()
-    distance = dr.select(choice < 0.5, along * reach, -dr.log(1 - along * lost) / rate)
-    return distance, 0.5 * (dr.rcp(reach) + rate * dr.exp(-rate * distance) / lost)
+    distance = dr.select(choice < 0.5, along * far, -dr.log(1 - along * lost) / rate)
+    return distance, 0.5 * (dr.rcp(far) + rate * dr.exp(-rate * distance) / lost)

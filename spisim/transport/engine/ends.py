@@ -1,62 +1,61 @@
-"""The ends of every light path, and the projector; `apertures` and `lights` have more.
+"""The ends of light paths, and the projector; `apertures`, `beams` and `lights` have more ends.
 
 An end is described by its importance W(ω): a path p → x₁ → … → xₙ → y carries the fraction
 
     W_P(ω₀) · Π (scattering · transmittance / distance²) · W_D(ωₙ)
 
 of the emitted power onto unit detector area. Paths are launched with a number density (number of
-paths x density of the direction, 1/sr) that is proportional to W, or close to it. Seen like this
-all ends are alike, and one walk serves any pair of them.
+paths x density of the direction, 1/sr) in proportion to W, or close to it. In these terms all ends
+are alike, and one walk serves any pair of them.
 
-An end offers `launch`, which starts paths, and `density`, the number density with which it did;
-`connect`, where a path of the other side may end; or both.
+An end offers `launch`, which starts paths, and `density`, the number density of these launches; or
+`connect`, where a path from the other side may end; or both.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import drjit as dr
 import mitsuba as mi
 import numpy as np
 
 from spisim.transport.geometry import transform
+from spisim.transport.jit import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
 class Launch(NamedTuple):
-    """Paths that leave an end: where, whereto, and W / density."""
+    """Paths that leave an end: origin, direction, and W / density."""
 
-    origin: Any
-    direction: Any
-    beta: Any
-    length_m: Any  # optical path from the emitter to `origin`
-    scatterings: Any  # in fog, before `origin`
-    state: Any  # what `density` needs to know
-    cell: Any  # accumulator cell, None where the other end tells it
-    crossings: Any = 0  # surfaces passed straight through before `origin`
-    replica: Any = 0  # which of the estimates side by side the path is part of
+    origin: Point
+    direction: Vector
+    beta: Float
+    state: Any  # input of `density`
+    cell: UInt  # accumulator cell, None where the other end determines it
+    length_m: Float = 0.0  # optical path from the emitter to `origin`
+    scatterings: UInt = 0  # in fog, before `origin`
+    crossings: UInt = 0  # surfaces passed straight through before `origin`
+    replica: UInt = 0  # index of the replica that the path belongs to
 
 
 class Connection(NamedTuple):
     """An end seen from a path vertex."""
 
-    point: Any  # where the path ends
-    importance: Any  # W / distance² towards the vertex; 0 where the end does not look
-    density: Any  # number density / distance² with which the end itself launches paths that way
-    length_m: Any  # optical path from `point` on to the emitter
-    scatterings: Any  # in fog, from `point` on to the emitter
-    cell: Any  # accumulator cell, None where the other end tells it
+    point: Point  # where the path ends
+    importance: Float  # W / distance² towards the vertex; 0 outside the field
+    density: Float  # number density / distance² with which the end itself launches paths that way
+    length_m: Float  # optical path from `point` on to the emitter
+    scatterings: UInt  # in fog, from `point` on to the emitter
+    cell: UInt  # accumulator cell, None where the other end determines it
 
 
 class RandomRay(NamedTuple):
-    """A ray out of the whole field of an end."""
+    """A random ray from the whole field of an end."""
 
-    ray: Any
-    weight: Any  # W / density
-    launched: Any  # number density of paths that are launched, over this one
-    cell: Any  # accumulator cell, None where the other end tells it
+    ray: Ray
+    weight: Float  # W / density
+    launched: Float  # number density of launched paths, over this one
+    cell: UInt  # accumulator cell, None where the other end determines it
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,29 +63,25 @@ class Projector:
     """Lens whose virtual pixels emit unit power each, uniform over their image-plane area.
 
     W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
-    lens is a point, or a disc that is focused at a distance: a pixel's light then leaves all over
-    the disc towards the pixel's place in the focal plane. `samples` paths per pixel and launch, or
-    one from one of so `many` neighbours, at random.
+    lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
+    disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
+    one path per `group` of neighbours, from one of them at random.
     """
 
-    to_world: Any
-    to_optical: Any
+    to_world: Matrix
+    to_optical: Matrix
     shape: tuple[int, int]
-    half_width: Any
-    half_height: Any
-    lens_radius_m: Any
-    focus_m: Any
+    half_width: Float
+    half_height: Float
+    lens_radius_m: Float
+    focus_m: Float
     samples: int
-    many: int
-    rate: Any  # paths per pixel for kernels, which then do for any number
+    group: int
+    samples_jit: Float  # samples / group, opaque: one kernel serves any number
 
     @classmethod
-    def of(cls, view: ProjectorView, samples: float) -> Projector:
-        """Take a projector's place in the world from its numbers.
-
-        `samples` is a whole number, or one over another that divides the number of pixels.
-        """
-        many = max(1, round(1 / samples))
+    def of(cls, view: ProjectorView, samples: float) -> Self:
+        """Convert a view; `samples` is whole, or 1 / n with n a divisor of the number of pixels."""
         return cls(
             to_world=transform(view.pose),
             to_optical=transform(np.linalg.inv(view.pose)),
@@ -96,14 +91,14 @@ class Projector:
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
             samples=max(1, int(samples)),
-            many=many,
-            rate=dr.opaque(mi.Float, samples),
+            group=max(1, round(1 / samples)),
+            samples_jit=dr.opaque(mi.Float, samples),
         )
 
-    def times(self, factor: int) -> Projector:
-        """The same with so many times the paths: at least one of every pixel."""
-        samples = factor * self.samples // self.many
-        return replace(self, samples=samples, many=1, rate=dr.opaque(mi.Float, samples))
+    def times(self, factor: int) -> Self:
+        """The same projector with `factor` times the paths: at least one per pixel."""
+        samples = factor * self.samples // self.group
+        return replace(self, samples=samples, group=1, samples_jit=dr.opaque(mi.Float, samples))
 
     @property
     def pixels(self) -> int:
@@ -111,52 +106,50 @@ class Projector:
 
     @property
     def lanes(self) -> int:
-        return self.pixels * self.samples // self.many
+        return self.pixels * self.samples // self.group
 
     @property
-    def paths(self) -> Any:
-        """Paths of a launch that may reach one and the same detector."""
-        return self.pixels * self.rate
+    def paths(self) -> Float:
+        """Paths of a launch that may reach the same detector."""
+        return self.pixels * self.samples_jit
 
     @property
-    def middle(self) -> Any:
-        """Of the lens."""
+    def middle(self) -> Point:
+        """Centre of the lens, world."""
         return self.to_world @ mi.Point3f(0)
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return lane % self.pixels
 
-    def pencil(self, lane: Any, sampler: Any) -> tuple[Any, Any]:
+    def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """A ray through the lane's pixel, and its weight."""
-        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.rate)
+        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.samples_jit)
 
-    def _through(self, cell: Any, jitter: Any, sampler: Any) -> Any:
-        """A ray through a place in a pixel."""
+    def _through(self, cell: UInt, jitter: Point2, sampler: Sampler) -> Ray:
+        """A ray through a jittered point of a pixel."""
         height, width = self.shape
         x = (2 * (mi.Float(cell % width) + jitter.x) / width - 1) * self.half_width
         y = (2 * (mi.Float(cell // width) + jitter.y) / height - 1) * self.half_height
         return self._ray(x, y, sampler)
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         jitter = stratified(lane // self.pixels, self.samples, sampler)
-        many = dr.opaque(mi.UInt32, self.many)
-        among = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(many)), many - 1)
-        cell = self.cell(lane * many + among)
+        group = dr.opaque(mi.UInt32, self.group)
+        member = dr.minimum(mi.UInt32(sampler.next_1d() * mi.Float(group)), group - 1)
+        cell = self.cell(lane * group + member)
         ray = self._through(cell, jitter, sampler)
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=dr.rcp(self.rate),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
-            state=self.rate * self.importance_of(ray.d),
+            beta=dr.rcp(self.samples_jit),
+            state=self.samples_jit * self.importance_of(ray.d),
             cell=cell,
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         lens = self._lens_point(sampler)
         towards = mi.Vector3f((self.to_optical @ mi.Point3f(vertex)) - lens)
         focal = (lens + towards * (self.focus_m / towards.z)) / self.focus_m
@@ -171,37 +164,34 @@ class Projector:
         return Connection(
             point=self.to_world @ lens,
             importance=importance,
-            density=self.rate * importance,
+            density=self.samples_jit * importance,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
             cell=dr.select(inside, mi.UInt32(v) * width + mi.UInt32(u), 0),
         )
 
-    def random_ray(self, sampler: Any) -> RandomRay:
+    def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.ray_at(sampler.next_2d(), sampler)
         return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
 
-    def random_ray_density(self, direction: Any, lens: Any) -> Any:
-        """Of `random_ray`, 1/sr, for a ray that leaves the lens at a place (world)."""
+    def random_ray_density(self, direction: Vector, lens: Point) -> Float:
+        """Density of `random_ray`, 1/sr, for a ray that leaves the point `lens` (world)."""
         return self.importance_towards(direction, lens) / self.pixels
 
-    def ray_at(self, position: Any, sampler: Any) -> tuple[Any, Any]:
-        """The ray through a place of the field, a point of the unit square, and its pixel."""
+    def ray_at(self, square: Point2, sampler: Sampler) -> tuple[Ray, UInt]:
+        """The ray through a point of the field, given in the unit square, and its pixel."""
         height, width = self.shape
-        x, y = 2 * position.x - 1, 2 * position.y - 1
-        pixel = mi.UInt32(position.y * height) * width + mi.UInt32(position.x * width)
+        x, y = 2 * square.x - 1, 2 * square.y - 1
+        pixel = mi.UInt32(square.y * height) * width + mi.UInt32(square.x * width)
         ray = self._ray(x * self.half_width, y * self.half_height, sampler)
         return ray, dr.minimum(pixel, self.pixels - 1)
 
-    def overlap(self, ray: Any, reach: Any) -> tuple[Any, Any]:
-        """Part (near, far) of a ray that may be lit: within the four sides of the field.
-
-        |x| ≤ z tan α + r (1 + z / f) of a lens of radius r that is focused at f, and y likewise.
-        """
+    def overlap(self, ray: Ray, far: Float) -> tuple[Float, Float]:
+        """Part of a ray within the field: |x| ≤ z tan α + r (1 + z / f), and y likewise."""
         start = self.to_optical @ mi.Point3f(ray.o)
         step = self.to_optical @ mi.Vector3f(ray.d)
-        near, far = mi.Float(0), mi.Float(reach)
+        near, far = mi.Float(0), mi.Float(far)
         blur = self.lens_radius_m / self.focus_m
         for half, begin, slope in (
             (self.half_width, start.x, step.x),
@@ -216,18 +206,18 @@ class Projector:
                 far = dr.select(opening < 0, dr.minimum(far, crossing), far)
         return near, far
 
-    def _ray(self, x: Any, y: Any, sampler: Any) -> Any:
-        """From a point of the lens towards (x, y) on the image plane at unit distance."""
+    def _ray(self, x: Float, y: Float, sampler: Sampler) -> Ray:
+        """Ray from a random lens point through (x, y) on the image plane at unit distance."""
         lens = self._lens_point(sampler)
         local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
         return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
 
-    def importance_of(self, direction: Any) -> Any:
-        """W of a ray that was drawn: in the field, though rounding may put it on the edge."""
+    def importance_of(self, direction: Vector) -> Float:
+        """W of a drawn ray, which counts as in the field even if rounding puts it on the edge."""
         return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
-    def importance_towards(self, direction: Any, lens: Any) -> Any:
-        """W of the ray that leaves the lens at a place (world); 0 outside the field."""
+    def importance_towards(self, direction: Vector, lens: Point) -> Float:
+        """W of the ray that leaves the point `lens` (world); 0 outside the field."""
         local = self.to_optical @ mi.Vector3f(direction)
         origin = self.to_optical @ mi.Point3f(lens)
         focal = (origin + local * (self.focus_m / local.z)) / self.focus_m
@@ -238,17 +228,17 @@ class Projector:
         )
         return dr.select(inside, self.importance_at(local.z), 0)
 
-    def _lens_point(self, sampler: Any) -> Any:
+    def _lens_point(self, sampler: Sampler) -> Point:
         disc = mi.warp.square_to_uniform_disk_concentric(sampler.next_2d()) * self.lens_radius_m
         return mi.Point3f(disc.x, disc.y, 0)
 
-    def importance_at(self, cosine: Any) -> Any:
+    def importance_at(self, cosine: Float) -> Float:
         """W by the cosine to the axis, inside the field."""
         pixel_area = 4 * self.half_width * self.half_height / self.pixels
         return dr.rcp(pixel_area * cosine**3)
 
 
-def stratified(index: Any, count: int, sampler: Any) -> Any:
+def stratified(index: UInt, count: int, sampler: Sampler) -> Point2:
     """Jittered point of the unit square in stratum `index` of a grid of `count` strata."""
     across = next(side for side in range(int(np.sqrt(count)), 0, -1) if count % side == 0)
     rows, columns = (dr.opaque(mi.UInt32, side) for side in (across, count // across))

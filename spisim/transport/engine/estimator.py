@@ -1,10 +1,10 @@
 """Two-ended light transport: one image and one set of path-length histograms for all patterns.
 
-Paths from the projector and paths from the detector estimate the same light. Each strategy alone
-is unbiased, and noisy where a path scatters close to the opposite end; weighted against each
-other, and against a third that joins a detector's path to a ray of the projector, they cover each
-other's weakness (`walk`). Light that is scattered once only, or once by fog and once by a surface,
-needs no walk: it is summed along the projector's rays (`direct`, `double_scattering`).
+Paths from the projector and paths from the detector estimate the same light. Each strategy alone is
+unbiased, but noisy where a path scatters close to the opposite end. A third strategy joins a
+detector's path to a ray of the projector. Weighted against each other, the three cover each other's
+weaknesses (`walk`). Light scattered only once, or once by fog and once by a surface, needs no walk:
+it is summed along the projector's rays (`direct`, `double_scattering`).
 """
 
 from collections.abc import Callable, Sequence
@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from spisim.transport.engine import weights
 from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.direct import direct_light, direct_light_in_mirrors, mirrored_light
@@ -32,31 +33,24 @@ from spisim.transport.engine.tally import (
     Tallies,
 )
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.engine.weights import (
-    alone,
-    alone_second_on_or_behind_glass,
-    balanced,
-    second_on,
-    second_on_or_behind_glass,
-)
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
-#: Rays along which light scattered once is summed, for each path of a walk: a ray costs a tenth of
-#: a walk, and has a tenth to two times its variance.
+#: Rays per walk path along which singly scattered light is summed. A ray costs a tenth of a walk
+#: and has a tenth to two times its variance.
 DIRECT_RAYS = 8
-#: And light that fog and a surface scatter once each.
+#: Rays per walk path for light scattered once by fog and once by a surface.
 DOUBLE_SCATTERING_RAYS = 2
-#: Where something retro-reflects: most of what it sends back to the detector, fog scatters on the
-#: way, and few rays find that (twice as efficient for safety vests in fog of 40 m).
+#: The same where something retro-reflects: fog scatters most of its return on the way, and few rays
+#: find that (twice as efficient for safety vests in fog of 40 m).
 DOUBLE_SCATTERING_RAYS_TO_RETRO = 12
-#: The same for lasers, whose spots outshine what is scattered more often; as few rays do for what
-#: mirrors show.
+#: The same two numbers for lasers, whose spots outshine multiply scattered light. The second also
+#: applies to light by mirrors.
 SPOT_RAYS, SPOT_DOUBLE_SCATTERING_RAYS = 8, 2
 
 
 class Strategy(Enum):
-    """Which ends launch paths. `BOTH` is the estimator to use, the others are checks on it."""
+    """Which ends launch paths. `BOTH` is the estimator to use; the others are checks on it."""
 
     BOTH = "two-ended"
     PROJECTOR = "projector"
@@ -77,10 +71,9 @@ def transport_image(
 ) -> Estimate:
     """Fraction of each virtual pixel's power that reaches the detectors: `image` (H·W,).
 
-    Several detectors are alike, and their light is added up.
-    `budget` counts paths per virtual pixel from each end that takes part: from both, but where
-    the world is plain. Other
-    `outputs` come under the names of `spisim.transport.engine.tally`.
+    The light of several detectors, which are alike, is added up. `budget` counts paths per virtual
+    pixel from each end that takes part: both, except in a plain world. `outputs` adds values under
+    the names of `spisim.transport.engine.tally`.
     """
     pixels = projector.pixels
     replicas = 1 if outputs.bins is not None else replicas_of(pixels)  # cubes fill the memory
@@ -114,13 +107,13 @@ def image_light(
     bridged = strategy is Strategy.BOTH and bool(world.media.parts)
     rays, footprint = FogRays(world, near) if bridged else None, None
     double_scattering = strategy is Strategy.BOTH and world.hazy
-    outward = inward = alone
+    outward = inward = weights.alone
     if strategy is Strategy.BOTH:
-        outward, inward = second_on_or_behind_glass, second_on
+        outward, inward = weights.second_on_or_behind_glass, weights.second_on
         if world.plain:
-            strategy, outward = Strategy.PROJECTOR, alone_second_on_or_behind_glass
+            strategy, outward = Strategy.PROJECTOR, weights.alone_second_on_or_behind_glass
             if not world.geometry.see_through:
-                footprint, outward = Footprint(world, far), second_on
+                footprint, outward = Footprint(world, far), weights.second_on
         rays_alone = near.times(DIRECT_RAYS)
         direct_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
         mirrored_light(world, rays_alone, far, seeds[2], deposit, replicas=replicas)
@@ -162,8 +155,8 @@ def spot_histogram(
 ) -> Estimate:
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
-    `histogram_orders` (3, beams, bins) has it split by scattering. `budget` counts paths per beam
-    from each end.
+    `histogram_orders` (3, beams, bins) splits it by scattering. `budget` counts paths per beam from
+    each end.
     """
     count = len(beams.origins_m)
     replicas = replicas_of(count)
@@ -178,9 +171,9 @@ def spot_histogram(
         rays = near.times(SPOT_DOUBLE_SCATTERING_RAYS)
         direct_light_in_mirrors(world, rays, far, seeds[2], tallies.add, replicas=replicas)
         if max_vertices > 1 or world.geometry.see_through:
-            weight, double_scattering = alone, False
+            weight, double_scattering = weights.alone, False
             if strategy is Strategy.BOTH:
-                weight, double_scattering = balanced, world.hazy
+                weight, double_scattering = weights.balanced, world.hazy
             if double_scattering:
                 double_scattering_light(world, rays, far, seeds[2], tallies.add, replicas=replicas)
             walk = partial(

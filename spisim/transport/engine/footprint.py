@@ -1,13 +1,11 @@
 """In clear air: a projector's walk, connected to a surface that a detector sees.
 
-A walk rarely meets what a narrow field covers. Its vertices are therefore joined to the places
-that random rays of the detectors meet, too; only next to these places a walk gets there more often.
+A walk rarely meets what a narrow field covers. Its vertices are therefore also joined to the points
+that random rays of the detectors meet. Only close to these points does the walk itself arrive more
+often.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -16,19 +14,19 @@ from spisim.transport.engine.apertures import JointDetectors
 from spisim.transport.engine.ends import Connection
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit import Bool, Float, Point, Sampler
 from spisim.transport.world import World
 
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """Surfaces that paths which leave an end at random meet first."""
+    """First surfaces on random paths that leave an end."""
 
     world: World
     end: JointDetectors | Lamp
 
-    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
-        """A place, joined to a `vertex`; its density per area, over cosine / distance² of the way
-        between the two."""
+    def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
+        """A surface point joined to `vertex`; its density per area, over cosine / distance²."""
         number = dr.minimum(sampler.next_1d() * self.end.paths, self.end.paths - 1)
         lane = mi.UInt32(number)
         launch = self.end.launch(lane, sampler)
@@ -52,6 +50,6 @@ class Footprint:
         cosines = dr.abs(si.wi.z) / dr.maximum(dr.abs(local.z), 1e-7)
         return end, launched * cosines * dr.square(gap / si.t)
 
-    def density(self, end: Connection) -> Any:
-        """Number density / distance² with which it picks the vertex that the end is seen from."""
+    def density(self, end: Connection) -> Float:
+        """Number density / distance² of picking the vertex from which `end` is seen."""
         return end.density / self.end.paths

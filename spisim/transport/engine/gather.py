@@ -1,45 +1,44 @@
-"""Random walk from a sensor to lamps: each vertex joined to all kinds of them.
+"""Random walk from a sensor to lamps: each vertex is joined to every kind of lamp.
 
-Light of a lamp without a size that is scattered beside it meets a 1/d² that walks have no finite
-variance for. In fog it is therefore also looked for along each segment of the walk, at a point
-that is drawn equi-angularly about the lamp (Kulla & Fajardo, EGSR 2012), and weighted against the
-collision at which the segment ends by the balance heuristic.
+Light that is scattered close to a point lamp meets a 1/d², for which walks have no finite variance.
+In fog, each segment of the walk is therefore also sampled at a point drawn equi-angularly about the
+lamp (Kulla & Fajardo, EGSR 2012). The balance heuristic weighs it against the collision at which
+the segment ends.
 
-What reaches a point or parallel lamp by mirrors and smooth glass alone no walk of this kind finds.
+Light that reaches a point or parallel lamp only by mirrors and smooth glass is not found.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.apertures import Detectors
-from spisim.transport.engine.ends import Projector
-from spisim.transport.engine.equiangular import EquiAngular
+from spisim.transport.engine.ends import Launch, Projector
 from spisim.transport.engine.lamps import Lamps, Lit, Met
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Turn, Vertex
-from spisim.transport.engine.walk import MAX_CROSSINGS, MAX_VERTICES, ROULETTE_VERTEX, lanes
+from spisim.transport.engine.walk import MAX_VERTICES, lanes_and_sampler
+from spisim.transport.engine.walk_state import PathState
+from spisim.transport.geometry import EquiAngular
+from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
 from spisim.transport.world import World
 
-#: Paths are kept until they carry less than this share of their start.
+#: Roulette keeps paths until they carry less than this fraction of their start.
 ENDING = 0.25
 
 
-@dataclass
-class _Path:
-    """One path per lane, on its way to vertex number `vertex`."""
+#: Deposits a value in some lanes.
+Add = Callable[[Float, Bool], None]
 
-    ray: Any
-    beta: Any
-    vertex: Any
-    crossings: Any  # surfaces passed straight through
-    active: Any
-    before: Any  # last vertex, or the sensor
-    density: Any  # of leaving it, 1/sr; infinite where no join finds what lies there
+
+@dataclass
+class _State(PathState):
+    """A path of `Gather`."""
+
+    before: Point  # last vertex, or the sensor
+    density: Float  # of leaving it, 1/sr; infinite where no join finds what lies there
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,53 +49,51 @@ class Gather:
     sensor: Projector | Detectors
     lamps: Lamps
     deposit: Deposit
-    replicas: int = 1  # estimates side by side, which paths take turns to be part of
+    replicas: int = 1  # independent estimates, among which paths are dealt out
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit all light that it finds."""
-        number, sampler = lanes(self.replicas * self.sensor.lanes, seed)
+        number, sampler = lanes_and_sampler(self.replicas * self.sensor.lanes, seed)
         replicas = dr.opaque(mi.UInt32, self.replicas)
         lane, replica = number // replicas, number % replicas
         limit = dr.opaque(mi.UInt32, max_vertices)
         launch = self.sensor.launch(lane, sampler)
-        result = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+        template = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
+
+        def add(value: Float, active: Bool) -> None:
+            lit = active & carries_light(value)
+            self.deposit(template._replace(value=value, active=lit))
+
         if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
-            self._see(lane, result, sampler)
+            self._see(lane, add, sampler)
         path, scale = _start(launch), dr.rcp(launch.beta)
-        while dr.hint(path.active, exclude=[self, result, scale, limit]):
-            here, reach = self._fly(path, result, limit, sampler)
+        while dr.hint(path.active, exclude=[self, add, scale, limit]):
+            here, far = self._fly(path, add, limit, sampler)
             may_join = path.active & (path.vertex <= limit)
             for light in self.lamps.joined:
                 lit = light.seen_from(here.point, sampler)
-                self._join(here, lit, path, result, sampler, may_join)
+                self._join(here, lit, path, add, sampler, may_join)
             if dr.hint(self.lamps.points is not None, mode="scalar"):
-                self._join_points(here, reach, path, result, sampler, may_join)
+                self._join_points(here, far, path, add, sampler, may_join)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
-            self._roulette(turn, path, scale, limit, sampler)
+            path.roulette(turn, scale, ENDING, limit + 1, sampler)
 
-    def _fly(
-        self, path: _Path, result: Contribution, limit: Any, sampler: Any
-    ) -> tuple[Vertex, Any]:
-        """Follow the ray to a surface or a collision, and tell how far it could have gone.
-
-        Paths that meet neither end here.
-        """
+    def _fly(self, path: _State, add: Add, limit: UInt, sampler: Sampler) -> tuple[Vertex, Float]:
+        """Fly to a surface or a collision, else end; also returns the distance to the surface."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
         collision = media.flight(ray, si.t, sampler, path.active)
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
         for around in self.lamps.around:
-            self._meet(around.met(ray.d), path, result, path.active & ~in_fog & ~on_surface)
+            self._meet(around.met(ray.d), path, add, path.active & ~in_fog & ~on_surface)
         if self.lamps.areas is not None:
-            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, result, on_surface)
-        reach = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
+            self._meet(self.lamps.areas.met(path.before, si, on_surface), path, add, on_surface)
+        far = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
         if self.lamps.points is not None and media.parts:
-            self._join_along(
-                ray, reach, path, result, sampler, path.active & (path.vertex <= limit)
-            )
+            self._join_along(ray, far, path, add, sampler, path.active & (path.vertex <= limit))
         path.active &= in_fog | on_surface
         distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
@@ -112,64 +109,58 @@ class Gather:
             in_fog,
             on_surface,
         )
-        return here, reach
+        return here, far
 
-    def _meet(self, met: Met, path: _Path, result: Contribution, active: Any) -> None:
-        """Deposit light that the path has run into."""
+    def _meet(self, met: Met, path: _State, add: Add, active: Bool) -> None:
+        """Deposit light of a lamp that the path has hit."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
         value = path.beta * met.radiance * fraction
-        self.deposit(result._replace(value=value, active=active & carries_light(value)))
+        add(value, active)
 
     def _join(
         self,
         here: Vertex,
         lit: Lit,
-        path: _Path,
-        result: Contribution,
-        sampler: Any,
-        active: Any,
-        fraction: Any = 1,
+        path: _State,
+        add: Add,
+        sampler: Sampler,
+        active: Bool,
+        fraction: Float = 1,
     ) -> None:
-        """Deposit what a vertex sends on of a lamp's light."""
+        """Deposit a lamp's light that a vertex scatters."""
         lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
         balance = lit.density / (lit.density + lobe.forward)
         weight = dr.select(lit.density == dr.inf, fraction, balance)
         value = path.beta * lobe.value * lit.irradiance * weight
         lit_up = active & carries_light(value)
         value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
-        self.deposit(result._replace(value=value, active=lit_up & carries_light(value)))
+        add(value, lit_up)
 
     def _join_points(
-        self,
-        here: Vertex,
-        reach: Any,
-        path: _Path,
-        result: Contribution,
-        sampler: Any,
-        active: Any,
+        self, here: Vertex, far: Float, path: _State, add: Add, sampler: Sampler, active: Bool
     ) -> None:
-        """The same of lamps without a size."""
+        """Deposit the light of point lamps that a vertex scatters."""
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
         fraction = mi.Float(1)
         if media.parts:
             distance = dr.dot(here.point - path.ray.o, path.ray.d)
-            angular = EquiAngular.about(position, path.ray, reach).density(distance)
+            angular = EquiAngular.about(position, path.ray, far).density(distance)
             flown = self._flown(path.ray, distance, here.point)
             fraction = dr.select(here.in_fog, flown / (flown + angular), 1)
         lit = points.chosen_from(number, position, here.point)
-        self._join(here, lit, path, result, sampler, active, fraction)
+        self._join(here, lit, path, add, sampler, active, fraction)
 
     def _join_along(
-        self, ray: Any, reach: Any, path: _Path, result: Contribution, sampler: Any, active: Any
+        self, ray: Ray, far: Float, path: _State, add: Add, sampler: Sampler, active: Bool
     ) -> None:
-        """Deposit what fog on the way scatters of them, wherever the path's own flight ends."""
+        """Deposit point lamps' light that fog scatters along a ray, wherever the flight ends."""
         points, media = self.lamps.points, self.world.media
         assert points is not None
         number, position = points.choose(sampler)
-        angular = EquiAngular.about(position, ray, reach)
+        angular = EquiAngular.about(position, ray, far)
         distance = angular.sample(sampler.next_1d(active))
         point, density = mi.Point3f(ray(distance)), angular.density(distance)
         medium = media.pick(point, sampler.next_1d(active))
@@ -180,17 +171,17 @@ class Gather:
         value *= media.phase(medium, point, ray.d, lit.towards, active)
         value *= self.world.geometry.between(point, lit.towards, lit.gap_m, active)
         active &= carries_light(value)
-        value *= media.transmittance(ray.o, ray.d, distance, sampler, active)
-        value *= media.transmittance(point, lit.towards, lit.gap_m, sampler, active)
-        self.deposit(result._replace(value=value, active=active & carries_light(value)))
+        value *= media.transmittance(ray, distance, sampler, active)
+        value *= media.transmittance(mi.Ray3f(point, lit.towards), lit.gap_m, sampler, active)
+        add(value, active)
 
-    def _flown(self, ray: Any, distance: Any, point: Any) -> Any:
-        """Density with which a flight ends there by a collision, as far as it has a closed form."""
+    def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
+        """Closed-form factors of the density with which a flight ends there by a collision."""
         media = self.world.media
-        return media.extinction_at(point) * media.closed_form_transmittance(ray.o, ray.d, distance)
+        return media.extinction_at(point) * media.closed_form_transmittance(ray, distance)
 
-    def _see(self, lane: Any, result: Contribution, sampler: Any) -> None:
-        """Deposit the light that shines straight onto a detector from lamps that none runs into."""
+    def _see(self, lane: UInt, add: Add, sampler: Sampler) -> None:
+        """Deposit the direct light on a detector of lamps that no path can hit."""
         assert isinstance(self.sensor, Detectors)
         points = () if self.lamps.points is None else (self.lamps.points,)
         for light in (*self.lamps.parallel, *points):
@@ -198,37 +189,28 @@ class Gather:
             lit = light.seen_from(middle, sampler)
             position = mi.Point3f(middle + lit.towards * lit.gap_m)
             end = self.sensor.connect(lane, position, sampler)
-            value = lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.rate
+            value = (
+                lit.irradiance * end.importance * lit.gap_m * lit.gap_m / self.sensor.samples_jit
+            )
             active = carries_light(value)
             value *= self.world.geometry.between(middle, lit.towards, lit.gap_m, active)
-            value *= self.world.media.transmittance(middle, lit.towards, lit.gap_m, sampler, active)
-            self.deposit(result._replace(value=value, active=active & carries_light(value)))
+            value *= self.world.media.transmittance(
+                mi.Ray3f(middle, lit.towards), lit.gap_m, sampler, active
+            )
+            add(value, active)
 
-    def _leave(self, here: Vertex, turn: Turn, path: _Path) -> None:
+    def _leave(self, here: Vertex, turn: Turn, path: _State) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
         path.before = dr.select(turn.straight, path.before, here.point)
         density = dr.select(turn.specular, dr.inf, turn.forward)
         path.density = dr.select(turn.straight, path.density, density)
-        path.vertex += dr.select(turn.straight, 0, 1)
-        path.crossings += dr.select(turn.straight, 1, 0)
-        path.ray = turn.ray
-
-    def _roulette(self, turn: Turn, path: _Path, scale: Any, limit: Any, sampler: Any) -> None:
-        """End paths that carry little, without bias, and those that are too long."""
-        survival = dr.select(
-            (path.vertex <= ROULETTE_VERTEX) | turn.straight,
-            1,
-            dr.minimum(path.beta * scale / ENDING, 1),
-        )
-        path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
-        path.active &= (path.vertex <= limit + 1) & (path.crossings <= MAX_CROSSINGS)
-        path.beta *= dr.rcp(survival)
+        path.follow(turn)
 
 
-def _start(launch: Any) -> _Path:
+def _start(launch: Launch) -> _State:
     beta = mi.Float(launch.beta)
-    return _Path(
+    return _State(
         ray=mi.Ray3f(launch.origin, launch.direction),
         beta=beta,
         vertex=mi.UInt32(1),

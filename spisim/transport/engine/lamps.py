@@ -1,13 +1,11 @@
-"""Steady lamps, which paths from sensors are joined to, run into, or find where they leave.
+"""Steady lamps, which paths from sensors are joined to, hit, or meet on leaving the scene.
 
-A lamp that has a size is joined to a point of it, and met by chance: the balance heuristic weighs
-both ways by their densities per solid angle. Point and parallel lamps are joined alone.
+A lamp with a size is both joined at a random point and hit by chance; the balance heuristic weighs
+the two by their densities per solid angle. Point and parallel lamps can only be joined.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -16,81 +14,80 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit import Bool, Float, Hit, Matrix, Object, Point, Sampler, UInt, Vector
 from spisim.transport.meshes import Meshes
 
 
 class Lit(NamedTuple):
-    """A lamp as seen from a vertex, at a point drawn from all that shines."""
+    """A lamp as seen from a vertex, at a random point of it."""
 
-    towards: Any  # unit
-    gap_m: Any
-    irradiance: Any  # on a surface that faces it, W/m², over the density of the draw
-    density: Any  # of the draw, 1/sr; infinite where nothing else finds this light
+    towards: Vector  # unit
+    gap_m: Float
+    irradiance: Float  # on a surface that faces it, W/m², over the density of the draw
+    density: Float  # of the draw, 1/sr; infinite where nothing else finds this light
 
 
 class Met(NamedTuple):
-    """Light that a path runs into."""
+    """Light of a lamp that a path hits."""
 
-    radiance: Any  # W/(m² sr)
-    density: Any  # with which a join finds it, 1/sr
+    radiance: Float  # W/(m² sr)
+    density: Float  # with which a join finds it, 1/sr
 
 
 class Joined(Protocol):
     """Lamps that vertices are joined to."""
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
-        """One point of them, drawn at random."""
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
+        """One random point of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Parallel:
     """Light from one direction."""
 
-    irradiance: Any  # W/m²
-    direction: Any  # in which it goes, unit
-    distance_m: Any  # further than anything in the scene
+    irradiance: Float  # W/m²
+    direction: Vector  # of the light, unit
+    distance_m: Float  # beyond everything in the scene
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
-        """See `Joined`."""
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         return Lit(-self.direction, self.distance_m, self.irradiance, mi.Float(dr.inf))
 
 
 @dataclass(frozen=True, eq=False)
 class Points:
-    """Lamps without a size, drawn in proportion to their power."""
+    """Point lamps, drawn in proportion to their power."""
 
-    positions: Any
-    axes: Any
-    intensities: Any  # W/sr on the axis
-    beams: Any  # rad from the axis: whole up to there,
-    cutoffs: Any  # in proportion to the angle up to there
-    choice: Any  # DiscreteDistribution
+    positions: Point
+    axes: Vector
+    intensities: Float  # W/sr on the axis
+    beams: Float  # rad from the axis: full intensity up to here,
+    cutoffs: Float  # falling linearly to 0 at this angle
+    choice: Object  # mi.DiscreteDistribution
 
     @classmethod
     def of(
         cls, positions: Floats, axes: Floats, intensities: Floats, angles: Floats, powers: Floats
-    ) -> Points:
-        """Of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
+    ) -> Self:
+        """From arrays of n lamps: (n, 3), (n, 3), (n,), beams and cutoffs (n, 2), (n,)."""
         weights = mi.Float(np.float32(powers / powers.sum()))
-        indices, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
+        points, headings = mi.Point3f(np.float32(positions.T)), mi.Vector3f(np.float32(axes.T))
         strengths = mi.Float(np.float32(intensities))
         beams, cutoffs = (mi.Float(np.float32(each)) for each in angles.T)
-        dr.make_opaque(indices, headings, strengths, beams, cutoffs, weights)
+        dr.make_opaque(points, headings, strengths, beams, cutoffs, weights)
         choice = mi.DiscreteDistribution(weights)
-        return cls(indices, headings, strengths, beams, cutoffs, choice)
+        return cls(points, headings, strengths, beams, cutoffs, choice)
 
-    def choose(self, sampler: Any) -> tuple[Any, Any]:
-        """Number and position of a lamp."""
+    def choose(self, sampler: Sampler) -> tuple[UInt, Point]:
+        """Index and position of a lamp."""
         number = self.choice.sample(sampler.next_1d())
         return number, dr.gather(mi.Point3f, self.positions, number)
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
-        """See `Joined`."""
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         number, position = self.choose(sampler)
         return self.chosen_from(number, position, vertex)
 
-    def chosen_from(self, number: Any, position: Any, vertex: Any) -> Lit:
-        """The lamp that was chosen."""
+    def chosen_from(self, number: UInt, position: Point, vertex: Point) -> Lit:
+        """Lamp `number`, seen from a vertex."""
         towards, gap_m = direction_to(vertex, position)
         axis, intensity = (
             dr.gather(kind, values, number)
@@ -109,18 +106,18 @@ class Points:
 
 @dataclass(frozen=True, eq=False)
 class Areas:
-    """Triangles that shine on the side that they face, drawn in proportion to their power."""
+    """Triangles that shine on their front, drawn in proportion to their power."""
 
     meshes: Meshes
-    radiances: Any  # of every triangle of the meshes, W/(m² sr)
-    corners: Any  # of those that shine
-    edges: tuple[Any, Any]
-    choice: Any  # DiscreteDistribution
-    total: Any  # Σ radiance · area
+    radiances: Float  # of each triangle of the meshes, W/(m² sr)
+    corners: Point  # of the triangles that shine
+    edges: tuple[Vector, Vector]
+    choice: Object  # mi.DiscreteDistribution
+    total: Float  # Σ radiance · area
 
     @classmethod
-    def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Areas:
-        """Radiances of all triangles of the meshes, and corners (n, 3, 3) of those that shine."""
+    def of(cls, meshes: Meshes, radiances: NDArray[np.float32], triangles: Floats) -> Self:
+        """From radiances of all triangles, and corners (n, 3, 3) of those that shine."""
         corner, second, third = np.moveaxis(triangles, 1, 0)
         edges = second - corner, third - corner
         areas = np.linalg.norm(np.cross(*edges), axis=1) / 2
@@ -131,16 +128,15 @@ class Areas:
         sides = tuple(mi.Vector3f(np.float32(edge.T)) for edge in edges)
         dr.make_opaque(weights, table, points, *sides)
         total = dr.opaque(mi.Float, float(strengths.sum()))
-        return cls(meshes, table, points, (sides[0], sides[1]),
-                   mi.DiscreteDistribution(weights), total)  # fmt: skip
+        choice = mi.DiscreteDistribution(weights)
+        return cls(meshes, table, points, (sides[0], sides[1]), choice, total)
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
-        """See `Joined`."""
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         number = self.choice.sample(sampler.next_1d())
-        position = mi.warp.square_to_uniform_triangle(sampler.next_2d())
+        uv = mi.warp.square_to_uniform_triangle(sampler.next_2d())
         first, second = (dr.gather(mi.Vector3f, edge, number) for edge in self.edges)
         corner = dr.gather(mi.Point3f, self.corners, number)
-        towards, gap_m = direction_to(vertex, corner + first * position.x + second * position.y)
+        towards, gap_m = direction_to(vertex, corner + first * uv.x + second * uv.y)
         cosine = -dr.dot(dr.normalize(dr.cross(first, second)), towards)
         irradiance = dr.select(cosine > 0, self.total * cosine / (gap_m * gap_m), 0)
         fraction = self.choice.eval_pmf_normalized(number)
@@ -148,8 +144,8 @@ class Areas:
         density = fraction / area * gap_m * gap_m / dr.maximum(cosine, 1e-9)
         return Lit(towards, gap_m, irradiance, density)
 
-    def met(self, before: Any, si: Any, active: Any) -> Met:
-        """What shines where a path from a point meets a surface."""
+    def met(self, before: Point, si: Hit, active: Bool) -> Met:
+        """Light that a path from `before` hits at a surface."""
         number = self.meshes.triangle(si, active)
         facing = si.wi.z > 0
         radiance = dr.gather(mi.Float, self.radiances, number, active & facing)
@@ -160,35 +156,32 @@ class Areas:
 
 @dataclass(frozen=True, eq=False)
 class Uniform:
-    """The same from all around: found where paths leave, which no draw does better."""
+    """Uniform light from all around, met by paths that leave: no draw does better."""
 
-    radiance: Any
+    radiance: Float
 
-    def met(self, direction: Any) -> Met:
-        """What a path that leaves in a direction finds."""
+    def met(self, direction: Vector) -> Met:
+        """Light that a path meets on leaving in a direction."""
         return Met(self.radiance, mi.Float(0))
 
 
 @dataclass(frozen=True, eq=False)
 class Surround:
-    """A picture of all around: linear between its pixels, drawn pixel by pixel.
-
-    Rows from its own +z to -z, columns from x by y.
-    """
+    """A picture of all around: rows from its own +z to -z, columns from x by y."""
 
     shape: tuple[int, int]
-    picture: Any  # mi.Texture2f of a column more at either side
-    choice: Any  # DiscreteDistribution
-    to_world: Any
-    to_local: Any
-    distance_m: Any
+    picture: Object  # mi.Texture2f, padded by a column on either side
+    choice: Object  # mi.DiscreteDistribution
+    to_world: Matrix
+    to_local: Matrix
+    distance_m: Float
 
     @classmethod
-    def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Surround:
-        """Radiance (h, w); `to_world` (3, 3)."""
+    def of(cls, radiance: NDArray[np.floating], to_world: Floats, distance_m: float) -> Self:
+        """From the radiance (h, w) and axes (3, 3)."""
         height, width = radiance.shape
         padded = np.pad(radiance, ((0, 0), (1, 1)), mode="wrap").astype(np.float32)
-        texture: Any = mi.Texture2f
+        texture: Object = mi.Texture2f
         picture = texture(
             mi.TensorXf(padded[..., None]),
             wrap_mode=dr.WrapMode.Clamp,
@@ -203,21 +196,20 @@ class Surround:
         far = dr.opaque(mi.Float, distance_m)
         return cls((height, width), picture, choice, turn, back, far)
 
-    def seen_from(self, vertex: Any, sampler: Any) -> Lit:
-        """See `Joined`."""
+    def seen_from(self, vertex: Point, sampler: Sampler) -> Lit:
         height, width = self.shape
-        cell, position = self.choice.sample(sampler.next_1d()), sampler.next_2d()
+        cell, square = self.choice.sample(sampler.next_1d()), sampler.next_2d()
         top, below = (dr.cos(dr.pi / height * mi.Float(cell // width + k)) for k in (0, 1))
-        cosine = dr.lerp(top, below, position.y)
-        azimuth = dr.two_pi / width * (mi.Float(cell % width) + position.x)
+        cosine = dr.lerp(top, below, square.y)
+        azimuth = dr.two_pi / width * (mi.Float(cell % width) + square.x)
         sine, (up, along) = dr.safe_sqrt(1 - cosine * cosine), dr.sincos(azimuth)
         towards = self.to_world @ mi.Vector3f(sine * along, sine * up, cosine)
         met = self.met(towards)
         irradiance = dr.select(met.density > 0, met.radiance / met.density, 0)
         return Lit(towards, self.distance_m, irradiance, met.density)
 
-    def met(self, direction: Any) -> Met:
-        """What a path that leaves in a direction finds."""
+    def met(self, direction: Vector) -> Met:
+        """Light that a path meets on leaving in a direction."""
         height, width = self.shape
         local = self.to_local @ direction
         azimuth = dr.atan2(local.y, local.x) * dr.inv_two_pi
@@ -242,7 +234,7 @@ class Lamps:
 
     @property
     def joined(self) -> tuple[Joined, ...]:
-        """Those that vertices are joined to alike: all but points."""
+        """All lamps that vertices are joined to, except for points."""
         pictures = (each for each in self.around if isinstance(each, Surround))
         areas = () if self.areas is None else (self.areas,)
         return (*self.parallel, *areas, *pictures)

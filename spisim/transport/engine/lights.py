@@ -1,9 +1,7 @@
-"""Lights that detectors receive as a whole: what a projector shows on average, and the sun."""
-
-from __future__ import annotations
+"""Lights that detectors receive as a whole: a projector's mean picture, and the sun."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
@@ -11,54 +9,55 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
+from spisim.transport.jit import Float, Object, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.views import ProjectorView
 
 
 @dataclass(frozen=True, eq=False)
 class Lamp:
-    """A projector that shows one picture and emits unit power.
+    """A projector that displays one picture and emits unit power.
 
-    Paths are launched from pixels as often as they are bright: `samples` per launch, or as many for
-    each of the `cells`, detectors that the lane tells the number of, as it does in `Detectors`.
+    Pixels launch paths in proportion to their brightness: `samples` per launch, or `samples` for
+    each of `cells` detectors, which the lane numbers as in `Detectors`.
     """
 
     projector: Projector
-    fractions: Any  # of the power, by virtual pixel
-    pixels: Any  # drawn in proportion to it
+    fractions: Float  # of the power, by virtual pixel
+    pixels: Object  # mi.DiscreteDistribution of `fractions`
     samples: int
-    rate: Any  # see `Projector`
+    samples_jit: Float  # see `Projector`
     cells: int | None
 
     @classmethod
     def of(
         cls, view: ProjectorView, power: Floats, samples: int = 1, cells: int | None = None
-    ) -> Lamp:
-        """`power` (H, W) of each virtual pixel, in any unit."""
+    ) -> Self:
+        """From the power (H, W) of each virtual pixel, in any unit."""
         fractions = mi.Float((power / power.sum()).astype(np.float32).ravel())
         dr.make_opaque(fractions)
-        pixels, rate = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
-        return cls(Projector.of(view, 1), fractions, pixels, samples, rate, cells)
+        pixels, samples_jit = mi.DiscreteDistribution(fractions), dr.opaque(mi.Float, samples)
+        return cls(Projector.of(view, 1), fractions, pixels, samples, samples_jit, cells)
 
     @property
     def lanes(self) -> int:
         return self.samples * (self.cells or 1)
 
     @property
-    def paths(self) -> Any:
-        """Paths of a launch that may reach one and the same detector."""
-        return self.rate
+    def paths(self) -> Float:
+        """Paths of a launch that may reach the same detector."""
+        return self.samples_jit
 
     @property
-    def middle(self) -> Any:
-        """Of the lens."""
+    def middle(self) -> Point:
+        """Centre of the lens, world."""
         return self.projector.middle
 
-    def cell(self, lane: Any) -> Any:
+    def cell(self, lane: UInt) -> UInt:
         return None if self.cells is None else lane % self.cells
 
-    def launch(self, lane: Any, sampler: Any) -> Launch:
+    def launch(self, lane: UInt, sampler: Sampler) -> Launch:
         index = lane // (self.cells or 1)
-        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.rate)
+        pixel = self.pixels.sample((mi.Float(index) + sampler.next_1d()) / self.samples_jit)
         ray, _ = self.projector.pencil(pixel, sampler)
         importance = self.projector.importance_of(ray.d) * dr.gather(
             mi.Float, self.fractions, pixel
@@ -66,56 +65,49 @@ class Lamp:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=dr.rcp(self.rate),
-            length_m=mi.Float(0),
-            scatterings=mi.UInt32(0),
-            state=importance * self.rate,
+            beta=dr.rcp(self.samples_jit),
+            state=importance * self.samples_jit,
             cell=self.cell(lane),
         )
 
-    def density(self, launch: Launch, first_vertex: Any) -> Any:
+    def density(self, launch: Launch, first_vertex: Point) -> Float:
         return launch.state
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         end = self.projector.connect(lane, vertex, sampler)
         importance = end.importance * dr.gather(mi.Float, self.fractions, end.cell)
-        return end._replace(importance=importance, density=importance * self.rate, cell=None)
+        return end._replace(importance=importance, density=importance * self.samples_jit, cell=None)
 
-    def random_ray(self, sampler: Any) -> RandomRay:
+    def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.projector.ray_at(sampler.next_2d(), sampler)
         weight = dr.gather(mi.Float, self.fractions, pixel) * self.projector.pixels
-        return RandomRay(ray, weight, weight * self.rate, None)
+        return RandomRay(ray, weight, weight * self.samples_jit, None)
 
-    def random_ray_density(self, direction: Any, lens: Any) -> Any:
-        """See `Projector`."""
+    def random_ray_density(self, direction: Vector, lens: Point) -> Float:
         return self.projector.random_ray_density(direction, lens)
 
-    def choose(self, lane: Any, sampler: Any) -> Any:
+    def choose(self, lane: UInt, sampler: Sampler) -> UInt:
         """There is one lamp for all lanes."""
         return mi.UInt32(0)
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
-        """See `connect`."""
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return self.connect(number, vertex, sampler)
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
         """Part (near, far) of a ray that lies in the field."""
-        return self.projector.overlap(ray, reach)
+        return self.projector.overlap(ray, far)
 
 
 @dataclass(frozen=True, eq=False)
 class Sun:
-    """Parallel light; paths end in it, and are never launched from it.
+    """Parallel light, never close to a vertex; paths end in it, and are never launched from it."""
 
-    It is nowhere close, so that paths of the other side alone have a finite variance.
-    """
+    irradiance: Float  # W/m² on a surface that faces it
+    direction: Vector  # from the sun, unit
+    distance_m: Float  # beyond everything in the scene
 
-    irradiance: Any  # W/m² on a surface that faces it
-    direction: Any  # from the sun, unit
-    distance_m: Any  # further than anything in the scene
-
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return Connection(
             point=vertex - self.direction * self.distance_m,
             importance=mi.Float(self.irradiance),

@@ -1,44 +1,52 @@
-"""How the vertices of a path see an end: straight on, past panes, or in plane mirrors.
+"""How the vertices of a path see an end: straight, through panes, or in plane mirrors.
 
-Either way a vertex is connected to a point at the length of the path to it; only the fraction of
-light that gets there differs.
+In each case a vertex is connected to a point at the length of the path to it; only the fraction of
+light that arrives differs.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
+import mitsuba as mi
 
+from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.ends import Connection
+from spisim.transport.engine.lights import Lamp
+from spisim.transport.jit import Bool, Float, Hit, Point, Ray, Sampler, UInt, Vector
 from spisim.transport.mirrors import Fold, reflected
 from spisim.transport.world import World
 
 
 @dataclass(frozen=True, eq=False)
 class Straight:
-    """An end where it is."""
+    """An end at its own position."""
 
     world: World
-    end: Any
+    end: Detectors | Lamp
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
-        """See `Detectors`."""
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         end: Connection = self.end.connect_to(number, vertex, sampler)
         return end
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
-        """See `Detectors`."""
-        near, far = self.end.overlap(number, ray, reach)
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
+        near, far = self.end.overlap(number, ray, far)
         return near, far
 
     def transmission(
-        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
-    ) -> Any:
+        self,
+        si: Hit,
+        point: Point,
+        towards: Vector,
+        gap_m: Float,
+        in_fog: Bool,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
         """Fraction of light that gets from a vertex, `si` or a `point` in fog, to the end."""
         clear = self.world.geometry.transmission(si, point, towards, gap_m, in_fog, active)
-        return clear * self.world.media.transmittance(point, towards, gap_m, sampler, active)
+        return clear * self.world.media.transmittance(
+            mi.Ray3f(point, towards), gap_m, sampler, active
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,26 +54,30 @@ class Mirrored:
     """The image of an end behind the planes of a fold (the method of images)."""
 
     world: World
-    end: Any
+    end: Detectors | Lamp
     fold: Fold
 
-    def connect(self, lane: Any, vertex: Any, sampler: Any) -> Connection:
-        """See `ends`."""
+    def connect(self, lane: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return self._image(self.end.connect(lane, self.fold.image_of_vertex(vertex), sampler))
 
-    def connect_to(self, number: Any, vertex: Any, sampler: Any) -> Connection:
-        """See `Detectors`."""
+    def connect_to(self, number: UInt, vertex: Point, sampler: Sampler) -> Connection:
         return self._image(self.end.connect_to(number, self.fold.image_of_vertex(vertex), sampler))
 
-    def overlap(self, number: Any, ray: Any, reach: Any) -> tuple[Any, Any]:
-        """See `Detectors`."""
-        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), reach)
+    def overlap(self, number: UInt, ray: Ray, far: Float) -> tuple[Float, Float]:
+        near, far = self.end.overlap(number, self.fold.ray_of_vertex(ray), far)
         return near, far
 
     def transmission(
-        self, si: Any, point: Any, towards: Any, gap_m: Any, in_fog: Any, sampler: Any, active: Any
-    ) -> Any:
-        """See `Straight`; the planes reflect part of it."""
+        self,
+        si: Hit,
+        point: Point,
+        towards: Vector,
+        gap_m: Float,
+        in_fog: Bool,
+        sampler: Sampler,
+        active: Bool,
+    ) -> Float:
+        """Fraction of light that gets from a vertex to the end, reflected by the planes."""
         ray = si.spawn_ray(towards)
         ray.o = dr.select(in_fog, point, ray.o)
         geometry, media = self.world.geometry, self.world.media

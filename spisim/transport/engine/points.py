@@ -1,21 +1,20 @@
-"""Low-discrepancy random numbers: Owen-scrambled Sobol points, padded.
+"""Low-discrepancy random numbers: padded, Owen-scrambled Sobol points.
 
-Every dimension, or pair of them, is the (0, 2)-sequence of Sobol' in an order and a scrambling of
-its own (Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020). Each number is uniform,
-so that estimates stay unbiased, and independent streams have independent errors. They pay where
-the integrand is smooth and few numbers matter. Scrambling is by a hash, hence only as random as a
-hash.
+Each dimension, or pair of dimensions, is a Sobol (0, 2)-sequence with its own order and scrambling
+(Burley, "Practical hash-based Owen scrambling", JCGT 9(4), 2020). Each number is uniform, so
+estimates stay unbiased, and independent streams have independent errors. Such points pay off where
+the integrand is smooth and depends on few numbers. The scrambling is only as random as its hash.
 """
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Self
 
 import drjit as dr
 import mitsuba as mi
 
-#: Steps of Pascal's matrix modulo 2, which makes Sobol's second dimension of the first.
+from spisim.transport.jit import Bool, Float, Point2, UInt
+
+#: Steps of Pascal's matrix modulo 2, which turns the first Sobol dimension into the second.
 _PASCAL = ((1, 0x55555555), (2, 0x33333333), (4, 0x0F0F0F0F), (8, 0x00FF00FF), (16, 0x0000FFFF))
 _GOLDEN = 0x9E3779B9
 
@@ -24,25 +23,25 @@ _GOLDEN = 0x9E3779B9
 class Points:
     """One point per lane; takes the place of a Mitsuba sampler."""
 
-    number: Any  # of the lane's point in its sequence, bits reversed
-    stream: Any
-    dimension: Any
+    number: UInt  # of the lane's point in its sequence, bits reversed
+    stream: UInt
+    dimension: UInt
 
     @classmethod
-    def of(cls, number: Any, sequence: Any, seed: Any) -> Points:
+    def of(cls, number: UInt, sequence: UInt, seed: UInt) -> Self:
         """Point `number` of the lane's `sequence`; sequences and seeds are independent."""
         return cls(dr.brev(mi.UInt32(number)), _mix(sequence ^ _mix(seed)), mi.UInt32(0))
 
-    def again(self) -> Points:
-        """The same numbers from here on."""
-        return Points(self.number, self.stream, mi.UInt32(self.dimension))
+    def again(self) -> Self:
+        """A copy that repeats the numbers from here on."""
+        return replace(self, dimension=mi.UInt32(self.dimension))
 
-    def next_1d(self, active: Any = True) -> Any:
+    def next_1d(self, active: Bool = True) -> Float:
         """A number in [0, 1)."""
         key = self._next_key()
         return _unit(_scrambled(_shuffled(self.number, key), _mix(key + 1)))
 
-    def next_2d(self, active: Any = True) -> Any:
+    def next_2d(self, active: Bool = True) -> Point2:
         """A point of the unit square."""
         key = self._next_key()
         first = _shuffled(self.number, key)
@@ -53,13 +52,13 @@ class Points:
             _unit(_scrambled(first, _mix(key + 1))), _unit(_scrambled(second, _mix(key + 2)))
         )
 
-    def _next_key(self) -> Any:
+    def _next_key(self) -> UInt:
         self.dimension += 1
         return _mix(self.stream + self.dimension * _GOLDEN)
 
 
-def _shuffled(bits: Any, key: Any) -> Any:
-    """Each bit flipped or not as a hash of the bits below it says (Laine and Karras)."""
+def _shuffled(bits: UInt, key: UInt) -> UInt:
+    """Flip each bit by a hash of the bits below it (Laine and Karras)."""
     bits = bits ^ (bits * 0x3D20ADEA)
     bits = bits + key
     bits = bits * ((key >> 16) | 1)
@@ -67,12 +66,12 @@ def _shuffled(bits: Any, key: Any) -> Any:
     return bits ^ (bits * 0x53A22864)
 
 
-def _scrambled(bits: Any, key: Any) -> Any:
-    """Owen scrambling: each bit flipped or not as a hash of the bits above it says."""
+def _scrambled(bits: UInt, key: UInt) -> UInt:
+    """Owen scrambling: flip each bit by a hash of the bits above it."""
     return dr.brev(_shuffled(dr.brev(bits), key))
 
 
-def _mix(bits: Any) -> Any:
+def _mix(bits: UInt) -> UInt:
     """Hash of 32 bits (Wellons' lowbias32)."""
     bits = bits ^ (bits >> 16)
     bits = bits * 0x21F0AAAD
@@ -81,5 +80,5 @@ def _mix(bits: Any) -> Any:
     return bits ^ (bits >> 15)
 
 
-def _unit(bits: Any) -> Any:
+def _unit(bits: UInt) -> Float:
     return mi.Float(bits >> 8) * 2.0**-24

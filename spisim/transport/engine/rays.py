@@ -1,22 +1,19 @@
 """The third strategy: a detector's walk, connected to a point of a ray from the projector.
 
-Both a first vertex close to the projector and a last one close to the detector are then found
-where they lie: the one on a ray that leaves the projector, the other on the walk. Points on the
-ray are drawn equi-angularly about the vertex that is connected, which cancels the 1/d² between.
+It finds both a first vertex close to the projector, which lies on the projector's ray, and a last
+vertex close to the detector, which lies on the walk. Points on the ray are drawn equi-angularly
+about the vertex to be connected, which cancels the 1/d² between them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.engine.ends import Connection, Projector
-from spisim.transport.engine.equiangular import EquiAngular
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.geometry import direction_to
+from spisim.transport.geometry import EquiAngular, direction_to
+from spisim.transport.jit import Bool, Float, Point, Ray, Sampler
 from spisim.transport.world import World
 
 
@@ -27,8 +24,8 @@ class FogRays:
     world: World
     projector: Projector | Lamp
 
-    def connect(self, vertex: Any, sampler: Any, active: Any) -> tuple[Connection, Any]:
-        """A point in fog on a random ray, and the `density` of its place."""
+    def connect(self, vertex: Point, sampler: Sampler, active: Bool) -> tuple[Connection, Float]:
+        """A point in fog on a random ray, and the `density` with which it is picked."""
         media = self.world.media
         ray, weight, launched, cell = self.projector.random_ray(sampler)
         density = self.projector.random_ray_density(ray.d, ray.o)
@@ -41,27 +38,29 @@ class FogRays:
         inside = active & (extinction > 0)
         phase = media.phase(medium, point, ray.d, towards, inside)
         clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
-        through = media.transmittance(ray.o, ray.d, distance, sampler, clear > 0)
-        given = media.closed_form_transmittance(ray.o, ray.d, distance)
-        biased = media.flight_density(ray.o, ray.d, distance, medium, inside, mi.Float(0))
-        position = angular.density(distance)
+        through = media.transmittance(ray, distance, sampler, clear > 0)
+        given = media.closed_form_transmittance(ray, distance)
+        biased = media.flight_density(ray, distance, medium, inside, mi.Float(0))
+        picked = angular.density(distance)
         strength = (
-            clear * through * media.albedo(medium) * extinction * phase / (position * gap * gap)
+            clear * through * media.albedo(medium) * extinction * phase / (picked * gap * gap)
         )
         end = Connection(
             point=point,
             importance=dr.select(inside, weight * strength, 0),
-            density=launched * given * biased * extinction * phase / (position * gap * gap),
+            density=launched * given * biased * extinction * phase / (picked * gap * gap),
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,
         )
-        return end, density * position / (distance * distance * extinction)
+        return end, density * picked / (distance * distance * extinction)
 
-    def density(self, ray: Any, distance: Any, second: Any) -> Any:
-        """Number density with which `connect` picks the place `distance` along a ray, seen from
-        `second`, over that of a free flight's collision there, times distance²; 0 where no such
-        ray is."""
+    def density(self, ray: Ray, distance: Float, second: Point) -> Float:
+        """Number density with which `connect` picks the point `distance` along a ray.
+
+        Seen from `second`, over that of a free flight's collision there, times distance²; 0 where
+        no such ray exists.
+        """
         angular = EquiAngular.about(second, ray, mi.Float(dr.inf))
         towards = self.projector.random_ray_density(ray.d, ray.o)
         extinction = self.world.media.extinction_at(ray(distance))

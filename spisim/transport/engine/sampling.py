@@ -1,4 +1,4 @@
-"""How long to go on: a number of paths, or an error to reach."""
+"""Sampling budgets: a fixed number of paths, or a target error."""
 
 import math
 import warnings
@@ -12,23 +12,24 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.transport.engine.tally import Sums
 
-#: Independent repetitions from which a standard error is taken, at least.
+#: Minimum number of independent launches from which a standard error is taken.
 MIN_LAUNCHES = 8
-#: Lanes of one launch, per strategy: bounds memory.
+#: Maximum number of lanes per launch and strategy, which bounds the memory.
 MAX_LANES = 2**20
-#: And at least, on the way to an error, if not a third of all before: a launch has its price.
+#: Minimum number of lanes on the way to a target error, unless a third of all before is less: a
+#: launch has a fixed cost.
 MIN_LANES = 2**14
 
 
 class TransportWarning(UserWarning):
-    """Light that could not be summed."""
+    """Some light could not be summed, or is left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class ErrorMetric:
-    """How large errors are, in a measure that falls with one over the square root of the paths.
+    """A scalar measure of errors that falls as one over the square root of the number of paths.
 
-    `readings` turns what was estimated into the numbers that matter, such as decoded coefficients;
+    `readings` converts an estimate into the numbers that matter, such as decoded coefficients;
     `size` measures their standard errors, given their means.
     """
 
@@ -37,56 +38,52 @@ class ErrorMetric:
 
 
 @dataclass(frozen=True, eq=False)
-class Paths:
-    """A fixed number of paths per cell (virtual pixel, beam) and strategy.
+class PathBudget:
+    """A fixed number of paths: `samples` per cell (virtual pixel, beam) and strategy.
 
     One launch costs less than several, but gives no standard error.
     """
 
-    per_cell: int
-    launches: int = MIN_LAUNCHES  # at least
+    samples: int
+    min_launches: int = MIN_LAUNCHES
     error_metric: ErrorMetric | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class TargetError:
-    """Go on until errors are at most `target` by their metric, or there are `maximum` paths a cell.
+    """Stop when errors are at most `target` by their metric, or at `max_samples` per cell.
 
-    The first launch has `first` paths per cell, which may be less than one, the next as many as
-    seem to be missing, at most `growth` times those before: the first few may not tell.
+    The first launch has `first_samples` per cell, which may be less than one. The next ones have as
+    many as seem to be missing, at most `growth` times those before: early estimates are uncertain.
     """
 
     target: float
     error_metric: ErrorMetric
-    first: float = 1
-    maximum: int = 2**20
-    launches: int = MIN_LAUNCHES  # at least
+    first_samples: float = 1
+    max_samples: int = 2**20
+    min_launches: int = MIN_LAUNCHES
     growth: float = 1.0
 
 
-SamplingBudget = Paths | TargetError
-#: Paths per cell, seeds, and estimates side by side.
+SamplingBudget = PathBudget | TargetError
+#: Runs one launch with some samples per cell, seeds, and number of replicas.
 Launch = Callable[[float, Sequence[int], int], Sums]
 
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """Means over the launches, their standard errors, and what they cost."""
+    """Means over the launches, their standard errors, and their cost."""
 
     mean: Mapping[str, Floats]
     error: Mapping[str, Floats]
     launches: int
     paths: int
-    size: float  # of the errors, by their gauge; nan without
+    size: float  # of the errors, by their metric; nan without
     dropped: int  # contributions that were not finite numbers
 
 
 class _Running:
-    """Weighted mean of arrays that arrive one by one, and its standard error.
-
-    The weight of an array is what its variance is inversely proportional to: its number of paths.
-    (West 1979; without weights, Welford.)
-    """
+    """Weighted running mean and standard error (West 1979); the weight is the number of paths."""
 
     def __init__(self, error_metric: ErrorMetric | None = None) -> None:
         self.count = 0
@@ -113,7 +110,7 @@ class _Running:
         return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
 
     def size(self) -> float:
-        """Of the errors, by the gauge."""
+        """Size of the errors by the metric."""
         if self._error_metric is None or self._readings is None:
             return math.nan
         if self.count < 2:
@@ -132,29 +129,29 @@ def repeat(
     replicas: int = 1,
     ends: int = 2,
 ) -> Estimate:
-    """Repeat `launch(paths per cell, seeds, replicas)` with fresh seeds as long as `budget` says.
+    """Repeat `launch(samples, seeds, replicas)` with fresh seeds until `budget` is met.
 
-    Each launch makes `replicas` estimates side by side, the first axis of its values: they count
-    as so many launches, and cost one. Where fewer paths per cell than these are missing, it makes
-    as many. Paths are launched from so many `ends`.
-
-    TransportWarning tells how much of the light had to be left out.
+    Each launch makes `replicas` independent estimates, the first axis of its values. They count as
+    that many launches but cost one. When fewer samples per cell than replicas are missing, the
+    launch makes fewer. Paths are launched from `ends` ends. A TransportWarning states how many
+    contributions were left out.
     """
     maximum = max(1, MAX_LANES // (cells * replicas))
     running, dropped = _Running(budget.error_metric), 0
-    if isinstance(budget, Paths):
-        launches = replicas * -(-max(budget.launches, -(-budget.per_cell // maximum)) // replicas)
-        samples: float = max(1, round(budget.per_cell / launches))
+    if isinstance(budget, PathBudget):
+        launches = max(budget.min_launches, -(-budget.samples // maximum))
+        launches = replicas * -(-launches // replicas)
+        samples: float = max(1, round(budget.samples / launches))
     else:
-        launches = budget.launches
-        samples = min(budget.first, maximum)
-    done, beside = 0.0, min(replicas, launches)
+        launches = budget.min_launches
+        samples = min(budget.first_samples, maximum)
+    done, estimates = 0.0, min(replicas, launches)
     for step in count():
-        values, unsummed = launch(samples, _seeds(seed, step), beside)
+        values, unsummed = launch(samples, _seeds(seed, step), estimates)
         dropped += unsummed
-        for each in _split(values, beside):
+        for each in _split(values, estimates):
             running.add(each, samples)
-        if isinstance(budget, Paths):
+        if isinstance(budget, PathBudget):
             done = running.count / launches
         else:
             done = max(done, _fraction_done(budget, running))
@@ -165,15 +162,15 @@ def repeat(
         if isinstance(budget, TargetError) and running.count >= launches:
             minimum = min(running.weight / 3, MIN_LANES / cells)
             missing = max(running.weight * (1 / max(done, 1 / (1 + budget.growth)) - 1), minimum)
-            beside = min(replicas, max(1, math.ceil(missing / min(budget.first, 1))))
-            fraction = missing / beside
-            samples = (
-                budget.first if fraction <= budget.first < 1 else min(math.ceil(fraction), maximum)
-            )
+            estimates = min(replicas, max(1, math.ceil(missing / min(budget.first_samples, 1))))
+            wanted = missing / estimates
+            samples = min(math.ceil(wanted), maximum)
+            if wanted <= budget.first_samples < 1:
+                samples = budget.first_samples
     if dropped:
         warnings.warn(
-            f"{dropped} contributions of light were not finite numbers and are left out: a "
-            "material, medium or pose gives the light transport something it cannot calculate with",
+            f"{dropped} contributions of light were not finite numbers and were left out: "
+            "check the parameters of materials and media, and the poses",
             TransportWarning,
             stacklevel=2,
         )
@@ -182,18 +179,18 @@ def repeat(
 
 
 def replicas_of(cells: int) -> int:
-    """As many estimates side by side as make an error, or fit into a launch: a power of two."""
+    """Replicas that one launch makes: enough for an error, if they fit; a power of two."""
     fitting = max(1, MAX_LANES // cells)
     return min(MIN_LAUNCHES, 1 << (fitting.bit_length() - 1))
 
 
 def _fraction_done(budget: TargetError, running: _Running) -> float:
-    """Share of the paths that it will take, as far as is known."""
-    if running.weight >= budget.maximum:
+    """Estimated fraction of the paths that the target will take."""
+    if running.weight >= budget.max_samples:
         return 1.0
     fraction = (budget.target / max(running.size(), budget.target)) ** 2
-    if running.count < budget.launches:
-        return float(min(fraction, running.count / budget.launches))
+    if running.count < budget.min_launches:
+        return float(min(fraction, running.count / budget.min_launches))
     return float(fraction)
 
 

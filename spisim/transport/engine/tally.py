@@ -1,10 +1,8 @@
-"""What the light paths are summed into: images, phasors, histograms, cubes."""
-
-from __future__ import annotations
+"""Tallies that sum the light of paths: images, phasors, histograms, cubes."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import NamedTuple, Protocol, Self
 
 import drjit as dr
 import mitsuba as mi
@@ -14,42 +12,43 @@ from scipy.constants import c
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
+from spisim.transport.jit import Bool, Float, UInt
 
-#: Parts that the light can be split into, by how often it was scattered in fog.
+#: Parts that the light can be split into, by the number of scatterings in fog.
 ORDERS = ("unscattered", "single", "multiple")
 
 
 class Contribution(NamedTuple):
-    """Light on its way between the two ends, found at one vertex."""
+    """Light between the two ends, as one vertex contributes it."""
 
-    value: Any
-    cell: Any
-    length_m: Any  # whole optical path
-    scatterings: Any  # in fog, along the whole path
-    active: Any
-    replica: Any  # which of the estimates side by side it is part of
+    value: Float
+    cell: UInt
+    length_m: Float  # whole optical path
+    scatterings: UInt  # in fog, along the whole path
+    active: Bool
+    replica: UInt  # index of the replica that it belongs to
 
 
 Deposit = Callable[[Contribution], None]
 
 
-def carries_light(value: Any) -> Any:
-    """Lanes with light. Those with nan are among them, so that they are counted at the end."""
+def carries_light(value: Float) -> Bool:
+    """Lanes with light, nan included, so that it is counted in the end."""
     return ~(value <= 0)
 
 
 class Sums(NamedTuple):
-    """What one launch found: (replicas, ...), estimates side by side, independent of each other."""
+    """Sums of one launch, (replicas, ...), of independent replicas."""
 
     values: Mapping[str, Floats]
-    dropped: int = 0  # contributions that were not finite, and are not in the values
+    dropped: int = 0  # contributions that were not finite and are left out
 
 
 class Tally(Protocol):
-    """Sums contributions over one launch; its cells are those of all replicas, in turn."""
+    """Sums the contributions of one launch; its cells are those of all replicas in turn."""
 
     def add(self, light: Contribution) -> None:
-        """Take one contribution per lane."""
+        """Add one contribution per lane."""
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
         """Named sums (replicas, cells, ...), per unit detector area."""
@@ -62,11 +61,9 @@ class ImageTally:
         self._sum = Accumulator(cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         self._sum.add(light.value, light.cell, light.active)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         return {"image": self._sum.read().reshape(replicas, -1)}
 
 
@@ -80,25 +77,34 @@ class PhasorTally:
         self._sum = Accumulator(2 * len(frequencies_hz) * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         for number, wave_number in enumerate(self._wave_numbers):
             sine, cosine = dr.sincos(wave_number * light.length_m)
-            position = 2 * (light.cell * len(self._wave_numbers) + number)
-            self._sum.add(light.value * cosine, position, light.active)
-            self._sum.add(light.value * sine, position + 1, light.active)
+            index = 2 * (light.cell * len(self._wave_numbers) + number)
+            self._sum.add(light.value * cosine, index, light.active)
+            self._sum.add(light.value * sine, index + 1, light.active)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         shape = (replicas, -1, len(self._wave_numbers), 2)
         return {"phasors": self._sum.read().reshape(shape)}
 
 
 @dataclass(frozen=True)
 class PathLengthBins:
-    """`near` bins, bin k centred on the optical path length k · `width_m`, and those of `far_m`.
+    """Bins of the optical path length, fine near by and coarser beyond.
 
-    `far_m` are longer path lengths, ascending, with any distances between them. Raises InputError
-    for fewer than two bins, or a width that is not positive.
+    Parameters
+    ----------
+    near
+        Number of equal bins; bin k is centred on k · `width_m`. At least 2.
+    width_m
+        Width of the equal bins, m.
+    far_m
+        Centres of the bins beyond, m, ascending with any spacing.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two bins, or the width is not positive.
     """
 
     near: int
@@ -107,12 +113,12 @@ class PathLengthBins:
 
     def __post_init__(self) -> None:
         if not 0 < self.width_m < np.inf:
-            raise InputError(f"width_m {self.width_m:g}: the width of a bin is positive and finite")
+            raise InputError(f"width_m {self.width_m:g}: a bin's width must be positive and finite")
         if self.near < 2:
-            raise InputError(f"near {self.near}: at least 2 path-length bins are needed")
+            raise InputError(f"near {self.near}: at least 2 path-length bins are required")
 
     @classmethod
-    def up_to(cls, longest_m: float, width_m: float) -> PathLengthBins:
+    def up_to(cls, longest_m: float, width_m: float) -> Self:
         """Bins for path lengths from 0 to `longest_m`."""
         return cls(round(longest_m / width_m) + 1 if width_m > 0 else 0, width_m)
 
@@ -123,34 +129,33 @@ class PathLengthBins:
 
     @property
     def centres_m(self) -> Floats:
-        """Path lengths (bins,)."""
+        """Path lengths (bins,), m."""
         return np.append(np.arange(self.near) * self.width_m, self.far_m)
 
 
 class HistogramTally:
     """Transport per cell and path length: `histogram` (cells, bins).
 
-    A contribution is shared between its two neighbouring bins so that its path length is kept
-    exactly; what is longer than the last bin is counted there.
+    A contribution is split between its two neighbouring bins so that its mean path length is exact.
+    Light beyond the last bin is counted in the last bin.
     """
 
     def __init__(self, cells: int, bins: PathLengthBins) -> None:
         self._bins = bins
-        self._count = dr.opaque(mi.UInt32, bins.count)  # one kernel for however many there are
+        self._count = dr.opaque(mi.UInt32, bins.count)  # opaque: one kernel for any number
         self._sum = Accumulator(cells * bins.count)
         if bins.far_m:
             starts = np.append((bins.near - 1) * bins.width_m, bins.far_m)
-            size = 1 << len(bins.far_m).bit_length()  # more than there are: ends with infinity
+            size = 1 << len(bins.far_m).bit_length()  # longer than needed: padded with infinity
             self._starts = mi.Float(np.pad(np.float32(starts), (0, size), constant_values=np.inf))
             self._last = dr.opaque(mi.UInt32, len(bins.far_m) - 1)
             self._size = size
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         near = self._bins.near
-        position = dr.minimum(light.length_m / self._bins.width_m, near - 1)
-        low = dr.minimum(mi.UInt32(position), near - 2)
-        upper = position - mi.Float(low)
+        bin_ = dr.minimum(light.length_m / self._bins.width_m, near - 1)
+        low = dr.minimum(mi.UInt32(bin_), near - 2)
+        upper = bin_ - mi.Float(low)
         if self._bins.far_m:
             beyond = light.active & (light.length_m > (near - 1) * self._bins.width_m)
             between, fraction = self._far(light.length_m, beyond)
@@ -159,8 +164,8 @@ class HistogramTally:
         self._sum.add(light.value * (1 - upper), cell, light.active)
         self._sum.add(light.value * upper, cell + 1, light.active)
 
-    def _far(self, length_m: Any, active: Any) -> tuple[Any, Any]:
-        """The bin before a path length beyond the near ones, and how far it is to the next."""
+    def _far(self, length_m: Float, active: Bool) -> tuple[UInt, Float]:
+        """The bin below a path length beyond the near ones, and the fraction to the next bin."""
         above = dr.binary_search(
             0, self._size, lambda bin_: dr.gather(mi.Float, self._starts, bin_, active) <= length_m
         )
@@ -170,15 +175,14 @@ class HistogramTally:
         return low + (self._bins.near - 1), dr.minimum((length_m - start) / (stop - start), 1)
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         return {"histogram": self._sum.read().reshape(replicas, -1, self._bins.count)}
 
 
 class OrderTally:
     """Another tally split by how often the light was scattered in fog.
 
-    To each of its sums, which is that of the parts, comes `<name>_orders` (3, cells, ...), in the
-    order of `ORDERS`.
+    Each of its sums is followed by `<name>_orders` (3, cells, ...), its parts in the order of
+    `ORDERS`.
     """
 
     def __init__(self, cells: int, make: Callable[[int], Tally]) -> None:
@@ -186,12 +190,10 @@ class OrderTally:
         self._parts = make(len(ORDERS) * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         order = dr.minimum(light.scatterings, len(ORDERS) - 1)
         self._parts.add(light._replace(cell=order * self._cells + light.cell))
 
     def read(self, replicas: int) -> Mapping[str, Floats]:
-        """See `Tally`."""
         sums: dict[str, Floats] = {}
         for name, values in self._parts.read(len(ORDERS) * replicas).items():
             parts = values.reshape(len(ORDERS), replicas, *values.shape[1:]).swapaxes(0, 1)
@@ -200,7 +202,7 @@ class OrderTally:
 
 
 class Tallies:
-    """Everything that is summed in one launch, behind a check of what can be."""
+    """All tallies of one launch, behind a check of what can be summed."""
 
     def __init__(
         self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int = 1
@@ -210,14 +212,13 @@ class Tallies:
         self._check = Check(replicas * cells)
 
     def add(self, light: Contribution) -> None:
-        """See `Tally`."""
         cell = light.cell + light.replica * self._cells
         passed = self._check.passed(light.value, light.length_m, cell, light.active)
         for tally in self._tallies:
             tally.add(light._replace(cell=cell, active=passed))
 
     def read(self, area_m2: float) -> Sums:
-        """Sums over detectors of this area; InputError if one is too large to be exact."""
+        """Sums over detectors of this area; InputError if a sum is too large to be exact."""
         dropped = self._check.read()
         sums = (tally.read(self._replicas) for tally in self._tallies)
         values = {name: value * area_m2 for one in sums for name, value in one.items()}

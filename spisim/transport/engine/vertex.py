@@ -1,51 +1,50 @@
-"""A place where a path turns: on a surface or in fog."""
+"""A vertex of a path, on a surface or in fog."""
 
-from __future__ import annotations
-
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
 
 from spisim.transport.geometry import Geometry
+from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.media import Media
 
 
 class Lobe(NamedTuple):
-    """What a vertex does with light from one direction into another."""
+    """Scattering at a vertex from one direction into another."""
 
-    value: Any  # BSDF x cosine, or phase function, 1/sr
-    forward: Any  # density with which the walk would choose this direction, 1/sr
-    backward: Any  # density of the way back, had the walk come from there, 1/sr
-    cosines: Any  # |outgoing| / |incoming| cosine, 1 in fog
+    value: Float  # BSDF x cosine, or phase function, 1/sr
+    forward: Float  # density with which the walk would choose this direction, 1/sr
+    backward: Float  # density of the way back, had the walk come from there, 1/sr
+    cosines: Float  # |outgoing| / |incoming| cosine, 1 in fog
 
 
 class Turn(NamedTuple):
     """A direction drawn by the walk."""
 
-    ray: Any  # leaves the vertex
-    weight: Any  # value / density
-    forward: Any
-    backward: Any
-    cosines: Any
-    straight: Any  # passed through a surface that lets light through: no turn at all
-    specular: Any  # mirrored or refracted: densities are deltas
+    ray: Ray  # leaves the vertex
+    weight: Float  # value / density
+    forward: Float
+    backward: Float
+    cosines: Float
+    straight: Bool  # passed straight through a surface: no turn at all
+    specular: Bool  # mirrored or refracted: densities are deltas
 
 
 class Vertex(NamedTuple):
-    """Surface interaction, or a point in a medium reached along `incoming`."""
+    """A surface interaction, or a point in a medium, reached along `incoming`."""
 
     geometry: Geometry
     media: Media
-    context: Any
-    si: Any
-    medium: Any
-    point: Any
-    incoming: Any
-    in_fog: Any
-    on_surface: Any
+    context: Object
+    si: Hit
+    medium: UInt
+    point: Point
+    incoming: Vector
+    in_fog: Bool
+    on_surface: Bool
 
-    def lobe(self, towards: Any, active: Any) -> Lobe:
+    def lobe(self, towards: Vector, active: Bool) -> Lobe:
         """Scattering towards a direction (unit vector)."""
         bsdf, local = self.si.bsdf(), self.si.to_local(towards)
         phase = self.media.phase(
@@ -59,7 +58,7 @@ class Vertex(NamedTuple):
             cosines=self._cosines(local),
         )
 
-    def turn(self, choice: Any, square: Any) -> Turn:
+    def turn(self, choice: Float, square: Point2) -> Turn:
         """Draw a new direction."""
         scattered, phase_weight, phase_density = self.media.scatter(
             self.medium, self.point, self.incoming, choice, square, self.in_fog
@@ -83,17 +82,19 @@ class Vertex(NamedTuple):
             specular=specular & ~straight,
         )
 
-    def transmission(self, towards: Any, gap: Any, sampler: Any, active: Any) -> Any:
+    def transmission(self, towards: Vector, gap: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `gap` away, past surfaces and through media."""
         clear = self.geometry.transmission(self.si, self.point, towards, gap, self.in_fog, active)
-        through = self.media.transmittance(self.point, towards, gap, sampler, active & (clear > 0))
+        through = self.media.transmittance(
+            mi.Ray3f(self.point, towards), gap, sampler, active & (clear > 0)
+        )
         return clear * through
 
-    def _backward(self, local: Any, active: Any) -> Any:
+    def _backward(self, local: Vector, active: Bool) -> Float:
         mirrored = mi.SurfaceInteraction3f(self.si)
         mirrored.wi = local
         return self.si.bsdf().pdf(self.context, mirrored, self.si.wi, active)
 
-    def _cosines(self, local: Any) -> Any:
+    def _cosines(self, local: Vector) -> Float:
         ratio = dr.abs(local.z) / dr.maximum(dr.abs(self.si.wi.z), 1e-7)
         return dr.select(self.in_fog, 1, ratio)

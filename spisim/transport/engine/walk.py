@@ -1,23 +1,21 @@
-"""Random walk through surfaces and fog: three strategies that find light scattered twice or more.
+"""Random walks through surfaces and fog: three strategies for multiply scattered light.
 
 * **P** walks from the projector and joins every vertex to the detector.
 * **D** walks from the detector and joins every vertex to the projector.
-* The **bridge** goes along with D: it joins every vertex to a fog point of a ray that the projector
-  sends out (`rays`). A path whose first vertex is close to the projector and whose last is close to
-  the detector is bad for P and D: each end's connection meets a 1/d². The bridge builds it.
+* The **bridge** goes along with D and joins every vertex to a fog point on a ray of the projector
+  (`rays`). P and D sample a path badly if its first vertex is close to the projector and its last
+  close to the detector, because each end's connection meets a 1/d². The bridge builds such paths.
 
-A walk is followed vertex by vertex: fly to the next, join it, turn. Each light that is found has a
-weight by how densely each of the strategies would have built its path (`path`).
+A walk repeats three steps: fly to the next vertex, join it, turn. A contribution is weighted by how
+densely each strategy would have built its path (`walk_state`).
 
 Surfaces that let light pass straight on (panes, holes in a mask) are no vertices: a segment runs
-through them and is weakened, as in fog.
+through them and is attenuated, as in fog.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
@@ -29,49 +27,45 @@ from spisim.transport.engine.ends import Connection, Launch, Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.line_of_sight import Mirrored
-from spisim.transport.engine.path import Path, Ratio, quotient
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.engine.vertex import Lobe, Turn, Vertex
+from spisim.transport.engine.walk_state import Ratio, WalkState, quotient
 from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
+from spisim.transport.jit import Bool, Float, Sampler, UInt, Vector
 from spisim.transport.mirrors import Mirrors
 from spisim.transport.world import World
 
-#: Paths longer than this carry nothing worth following; roulette ends almost all of them earlier.
+#: Longer paths carry nothing worth following; roulette ends almost all of them earlier.
 MAX_VERTICES = 1024
-#: Russian roulette starts here; before, a path that carries little is still worth its cost.
-ROULETTE_VERTEX = 5
-#: Surfaces that a path passes straight through, all in all.
-MAX_CROSSINGS = 64
-
 
 #: Ends that launch paths, and ends that paths are connected to.
 Source = Projector | Lamp | Beams | Detectors
 Sink = Source | Sun
 #: Radiance from outside the scene, by direction of the leaving path.
-Sky = Callable[[Any], Any]
+Sky = Callable[[Vector], Float]
 
 
 class _Join(NamedTuple):
     """A vertex joined to a point."""
 
-    value: Any  # of the light that comes this way, unweighted
+    end: Connection
+    value: Float  # light along this path, unweighted
     ratio: Ratio  # R
     lobe: Lobe
-    gap_m: Any
-    known: Any  # transmittance of the gap, as far as it has a closed form
-    active: Any
+    gap_m: Float
+    known: Float  # closed-form factors of the transmittance of the gap
+    active: Bool
 
 
 @dataclass(frozen=True, eq=False)
 class Walk:
     """Paths from `this` end, each vertex of which is joined to the `other`.
 
-    `outward` paths start at an emitter, the others at a sensor. With `rays`, the bridge takes part;
-    a walk from a detector then carries it out. `mirrors` show the other end to paths that met one
-    first; these are for walks outwards. With a `sky`, paths that leave the scene find its
-    light.
+    `outward` paths start at an emitter, the others at a sensor. With `rays` the bridge takes part,
+    carried out by the walk from the detector. `mirrors`, for outward walks, show the other end to
+    paths that met a mirror first. With a `sky`, paths that leave the scene collect its light.
     """
 
     world: World
@@ -83,20 +77,20 @@ class Walk:
     rays: FogRays | None = None
     mirrors: Mirrors | None = None
     footprint: Footprint | None = None
-    double_scattering: bool = False  # light of `halo_light` is found by it alone
+    double_scattering: bool = False  # leave to `double_scattering_light` what it covers
     sky: Sky | None = None
-    ending: float = 1.0  # roulette may end paths that carry less than this share of their start
-    replicas: int = 1  # estimates side by side, which paths take turns to be part of
+    ending: float = 1.0  # roulette may end paths that carry less than this fraction of their start
+    replicas: int = 1  # independent estimates, among which paths are dealt out
 
     @dr.syntax
     def run(self, seed: int, max_vertices: int = MAX_VERTICES) -> None:
         """Launch one path per lane and deposit what each vertex sends to the other end."""
-        number, sampler = lanes(self.replicas * self.this.lanes, seed)
+        number, sampler = lanes_and_sampler(self.replicas * self.this.lanes, seed)
         replicas = dr.opaque(mi.UInt32, self.replicas)
         lane, replica = number // replicas, number % replicas
         launch = self.this.launch(lane, sampler)._replace(replica=replica)
         limit = dr.opaque(mi.UInt32, max_vertices) + launch.crossings
-        path, scale = Path.start(launch, limit), 1 / launch.beta
+        path, scale = WalkState.start(launch, limit), 1 / launch.beta
         while dr.hint(path.active, exclude=[self, launch, scale, limit]):
             here = self._fly(path, launch, sampler)
             self._join_other_end(here, path, launch, lane, sampler)
@@ -108,9 +102,9 @@ class Walk:
                 self._join_footprint(here, path, launch, limit, sampler)
             turn = here.turn(sampler.next_1d(path.active), sampler.next_2d(path.active))
             self._leave(here, turn, path)
-            self._roulette(turn, path, scale, limit, sampler)
+            path.roulette(turn, scale, self.ending, limit, sampler)
 
-    def _fly(self, path: Path, launch: Launch, sampler: Any) -> Vertex:
+    def _fly(self, path: WalkState, launch: Launch, sampler: Sampler) -> Vertex:
         """Follow the ray to a surface or a collision; paths that meet neither end here."""
         media, ray = self.world.media, path.ray
         si = self.world.geometry.scene.ray_intersect(ray, path.active)
@@ -119,20 +113,20 @@ class Walk:
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
         distance = dr.select(in_fog, collision.distance, si.t)
-        biased = media.flight_density(ray.o, ray.d, distance, collision.medium, in_fog, left_m)
+        biased = media.flight_density(ray, distance, collision.medium, in_fog, left_m)
         path.beta *= dr.rcp(biased)
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
-            position = (launch.cell, path.length_m, path.scatterings)
-            self.deposit(Contribution(light, *position, escaped, launch.replica))
+            reached = (launch.cell, path.length_m, path.scatterings)
+            self.deposit(Contribution(light, *reached, escaped, launch.replica))
         path.active &= in_fog | on_surface
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
         path.length_m += distance
         path.scatterings += dr.select(in_fog, 1, 0)
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
-        given = media.closed_form_transmittance(ray.o, ray.d, distance)
+        given = media.closed_form_transmittance(ray, distance)
         path.densities.go(distance, given * dr.select(path.active, biased, 1))
         path.densities.arrive_first(path.vertex == 1, self.this.density(launch, point))
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
@@ -149,7 +143,7 @@ class Walk:
         )
 
     def _join_other_end(
-        self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
+        self, here: Vertex, path: WalkState, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
         """P or D: deposit what a vertex sends to the other end."""
         end = self._flown(self.other.connect(lane, here.point, sampler), here)
@@ -167,9 +161,11 @@ class Walk:
             others += path.densities.bridge_inward(self.rays, end.point, here.point, here.in_fog)
         elif self.footprint is not None:
             others = path.densities.footprint(self.footprint.density(end) * join.lobe.cosines)
-        self._deposit(join, others, path.vertex, end, launch, path)
+        self._deposit_join(join, others, path.vertex, launch, path)
 
-    def _double_scattering(self, here: Vertex, end: Connection, path: Path, launch: Launch) -> Any:
+    def _double_scattering(
+        self, here: Vertex, end: Connection, path: WalkState, launch: Launch
+    ) -> Bool:
         """Whether `double_scattering_light` adds the light of a vertex joined to the other end."""
         begun = isinstance(self.this, Beams)  # paths from beams start at their first vertex
         if self.outward:
@@ -186,42 +182,41 @@ class Walk:
         return result & ~path.densities.met_mirror_first & (vertices == 2) & (scatterings == 1)
 
     def _flown(self, end: Connection, here: Vertex) -> Connection:
-        """The other end, with the density of its paths' first flights as they are drawn."""
+        """The other end, with its density multiplied by the bias of its first flights."""
         away, gap = direction_to(end.point, here.point)
         biased = self.world.media.flight_density(
-            end.point, away, gap, here.medium, here.in_fog, mi.Float(0)
+            mi.Ray3f(end.point, away), gap, here.medium, here.in_fog, mi.Float(0)
         )
         return end._replace(density=end.density * biased)
 
-    def _join_ray(self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any) -> None:
+    def _join_ray(
+        self, here: Vertex, path: WalkState, launch: Launch, limit: UInt, sampler: Sampler
+    ) -> None:
         """The bridge: deposit what a vertex sends on to a point of a ray."""
         assert self.rays is not None
-        end, position = self.rays.connect(here.point, sampler, path.active)
+        end, density = self.rays.connect(here.point, sampler, path.active)
         has_part = path.active & (path.vertex < limit)
         if self.double_scattering:
             has_part &= here.in_fog | (path.vertex > 1)
         join = self._join(here, end, path, has_part, sampler)
-        detectors = quotient(join.lobe.forward * join.known, position * join.gap_m * join.gap_m)
-        self._deposit(join, join.ratio.value + detectors, path.vertex + 1, end, launch, path)
+        detectors = quotient(join.lobe.forward * join.known, density * join.gap_m * join.gap_m)
+        self._deposit_join(join, join.ratio.value + detectors, path.vertex + 1, launch, path)
 
     def _join_footprint(
-        self, here: Vertex, path: Path, launch: Launch, limit: Any, sampler: Any
+        self, here: Vertex, path: WalkState, launch: Launch, limit: UInt, sampler: Sampler
     ) -> None:
-        """Deposit what a vertex sends to a place that the other end sees."""
+        """Deposit what a vertex sends to a surface point that the other end sees."""
         assert self.footprint is not None
-        end, position = self.footprint.connect(here.point, sampler, path.active)
+        end, density = self.footprint.connect(here.point, sampler, path.active)
         join = self._join(here, end, path, path.active & (path.vertex < limit), sampler)
-        walk = quotient(join.lobe.forward, position)
-        self._deposit(join, walk, path.vertex + 1, end, launch, path)
+        walk = quotient(join.lobe.forward, density)
+        self._deposit_join(join, walk, path.vertex + 1, launch, path)
 
     @dr.syntax
     def _join_by_mirror(
-        self, here: Vertex, path: Path, launch: Launch, lane: Any, sampler: Any
+        self, here: Vertex, path: WalkState, launch: Launch, lane: UInt, sampler: Sampler
     ) -> None:
-        """Deposit what a vertex sends to the other end's images: in each plane mirror, in any two.
-
-        Of paths that met a mirror first: all others the opposite end finds, which meets it first.
-        """
+        """Paths that met a mirror first: deposit what goes to the other end's images in mirrors."""
         mirrors = self.mirrors
         assert mirrors is not None
         assert isinstance(self.other, Detectors | Lamp)
@@ -231,8 +226,8 @@ class Walk:
         while dr.hint(each < count, exclude=[self, here, path, launch, mirrors, number, count]):
             view = Mirrored(self.world, self.other, mirrors.one(each))
             end = view.connect_to(number, here.point, sampler)
-            displayed = mirrors.largest.show(each, here.point, end.point) & (end.importance > 0)
-            if dr.hint(displayed, exclude=[self, here, path, launch, view, end]):
+            visible = mirrors.largest.shows(each, here.point, end.point) & (end.importance > 0)
+            if dr.hint(visible, exclude=[self, here, path, launch, view, end]):
                 self._deposit_mirrored(here, path, launch, view, end, sampler, mi.Bool(True))
             each += 1
         if dr.hint(mirrors.maximum > 1, mode="scalar"):
@@ -244,12 +239,12 @@ class Walk:
     def _deposit_mirrored(
         self,
         here: Vertex,
-        path: Path,
+        path: WalkState,
         launch: Launch,
         view: Mirrored,
         end: Connection,
-        sampler: Any,
-        active: Any,
+        sampler: Sampler,
+        active: Bool,
     ) -> None:
         towards, length_m = direction_to(here.point, end.point)
         lobe = here.lobe(towards, active & (end.importance > 0))
@@ -258,42 +253,35 @@ class Walk:
         value *= view.transmission(
             here.si, here.point, towards, length_m, here.in_fog, sampler, lit
         )
-        self.deposit(
-            Contribution(
-                value,
-                end.cell if launch.cell is None else launch.cell,
-                path.length_m + length_m + end.length_m,
-                path.scatterings + end.scatterings,
-                lit & carries_light(value),
-                launch.replica,
-            )
-        )
+        self._deposit(value, end, length_m, lit & carries_light(value), launch, path)
 
-    def _join(self, here: Vertex, end: Connection, path: Path, allowed: Any, sampler: Any) -> _Join:
+    def _join(
+        self, here: Vertex, end: Connection, path: WalkState, allowed: Bool, sampler: Sampler
+    ) -> _Join:
         towards, gap = direction_to(here.point, end.point)
         lobe = here.lobe(towards, path.active & (end.importance > 0))
         value = path.beta * end.importance * lobe.value
         connected = allowed & carries_light(value)
         value *= here.transmission(towards, gap, sampler, connected)
-        given = self.world.media.closed_form_transmittance(here.point, towards, gap)
+        given = self.world.media.closed_form_transmittance(mi.Ray3f(here.point, towards), gap)
         ratio = path.densities.other_end(lobe, end, given, path.vertex == 1)
-        return _Join(value, ratio, lobe, gap, given, connected & carries_light(value))
+        return _Join(end, value, ratio, lobe, gap, given, connected & carries_light(value))
+
+    def _deposit_join(
+        self, join: _Join, others: Float, vertex: UInt, launch: Launch, path: WalkState
+    ) -> None:
+        value = join.value * self.weight.fraction(others, vertex)
+        self._deposit(value, join.end, join.gap_m, join.active, launch, path)
 
     def _deposit(
-        self, join: _Join, others: Any, vertex: Any, end: Connection, launch: Launch, path: Path
+        self, value: Float, end: Connection, gap: Float, lit: Bool, launch: Launch, path: WalkState
     ) -> None:
-        self.deposit(
-            Contribution(
-                join.value * self.weight.fraction(others, vertex),
-                end.cell if launch.cell is None else launch.cell,
-                path.length_m + join.gap_m + end.length_m,
-                path.scatterings + end.scatterings,
-                join.active,
-                launch.replica,
-            )
-        )
+        cell = end.cell if launch.cell is None else launch.cell
+        length_m = path.length_m + gap + end.length_m
+        scatterings = path.scatterings + end.scatterings
+        self.deposit(Contribution(value, cell, length_m, scatterings, lit, launch.replica))
 
-    def _leave(self, here: Vertex, turn: Turn, path: Path) -> None:
+    def _leave(self, here: Vertex, turn: Turn, path: WalkState) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
         path.densities.leave(turn, here.in_fog, path.vertex == 1)
@@ -302,27 +290,11 @@ class Walk:
             path.densities.settle_bridge(turn, here.point, path.vertex == 2, allowed)
         elif self.footprint is not None:
             path.densities.before_forward = turn.forward
-        path.vertex += dr.select(turn.straight, 0, 1)
-        path.crossings += dr.select(turn.straight, 1, 0)
-        path.ray = turn.ray
-
-    def _roulette(self, turn: Turn, path: Path, scale: Any, limit: Any, sampler: Any) -> None:
-        """End paths that carry little, without bias, and those that are too long.
-
-        What survives carries `ending` of its start: no weight ever grows beyond that.
-        """
-        survival = dr.select(
-            (path.vertex <= ROULETTE_VERTEX) | turn.straight,
-            1,
-            dr.minimum(path.beta * scale / self.ending, 1),
-        )
-        path.active &= (sampler.next_1d(path.active) < survival) & carries_light(path.beta)
-        path.active &= (path.vertex <= limit) & (path.crossings <= MAX_CROSSINGS)
-        path.beta *= dr.rcp(survival)
+        path.follow(turn)
 
 
-def lanes(count: int, seed: int) -> tuple[Any, Any]:
-    """Lane numbers and a sampler for them."""
+def lanes_and_sampler(count: int, seed: int) -> tuple[UInt, Sampler]:
+    """Lane indices and a sampler for them."""
     sampler = mi.load_dict({"type": "independent"})
     sampler.seed(dr.opaque(mi.UInt32, seed), count)
     return dr.arange(mi.UInt32, count), sampler
