@@ -18,15 +18,15 @@ from spisim.scene.description import (
     DroneDescription,
     SceneDescription,
 )
-from spisim.scene.lamps import Lamp, make_lamp
+from spisim.scene.lamps import Lamp
 from spisim.scene.load_context import LoadContext
-from spisim.scene.model import Ambient, Scene, Volume
-from spisim.scene.placing import Meshes, radians
+from spisim.scene.make_lamp import make_lamp
+from spisim.scene.model import Ambient, Scene, SceneWarning, Volume
+from spisim.scene.placing import Meshes, placed_objects, radians
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.soundness import warn_of_odd_daylight, warn_of_odd_sizes, warn_of_unsound_meshes
 from spisim.scene.volumes import make_volume, warn_of_overlap
-from spisim.scene.warning import SceneWarning
 
 #: From forward, left, up (ROS REP 103) to right, down, forward.
 OPTICAL_FROM_BODY = np.array([[0, -1, 0, 0], [0, 0, -1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]])
@@ -58,7 +58,7 @@ def assemble(
         ambient = _ambient(described.ambient)
     with context.problems_at("drone"):
         pose = drone_pose(described.drone)
-    objects = context.cache.objects(described, context, meshes)
+    objects = placed_objects(described, context, meshes)
     volumes: list[Volume] = []
     for i, filled in enumerate(described.volumes):
         with context.problems_at(f"volumes[{i}] ({filled.name})"):

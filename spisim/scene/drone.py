@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.base.config import check_fields, read_mapping
+from spisim.base.config import check_fields, dump_yaml, load_yaml, read_mapping
 from spisim.scene.assemble import drone_pose
-from spisim.scene.cache import SceneCache
 from spisim.scene.description import DroneDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw
-from spisim.scene.load_context import LoadContext
+from spisim.scene.load_context import LoadContext, SceneCache
+from spisim.scene.model import Scene
 from spisim.scene.pose import look_at, moved_pose
 
 
@@ -58,3 +58,22 @@ class Drone:
             self.pose[:3, 3], self.velocity_m_s, self.angular_velocity_rad_s, seconds
         )
         return motion @ self.pose
+
+
+def at_drone_state(scene: Scene, moment: DroneState) -> Scene:
+    """The scene with objects and fog moved on by the moment's time, and the drone as it is then.
+
+    The scene's text gets a section `moment`, so that it loads as this very scene. Raises InputError
+    for a line of sight that is none.
+    """
+    x, y, z = np.radians(moment.angular_velocity_deg_s).tolist()
+    fields = load_yaml(scene.text, scene.name) | {"moment": moment.model_dump(mode="json")}
+    return replace(
+        scene,
+        objects=tuple(thing.at(moment.time_s) for thing in scene.objects),
+        volumes=tuple(volume.at(moment.time_s) for volume in scene.volumes),
+        drone_pose=look_at(moment.position_m, moment.look_at_m, moment.up),
+        drone_velocity_m_s=moment.velocity_m_s,
+        drone_angular_velocity_rad_s=(x, y, z),
+        text=dump_yaml(fields),
+    )

@@ -7,11 +7,10 @@ from typing import Any
 
 from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
-from spisim.scene.cache import SceneCache
 from spisim.scene.description import DrawnDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw
-from spisim.scene.drone_state import at_drone_state
-from spisim.scene.load_context import LoadContext
+from spisim.scene.drone import at_drone_state
+from spisim.scene.load_context import LoadContext, SceneCache
 from spisim.scene.model import Scene
 
 

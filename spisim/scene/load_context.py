@@ -1,12 +1,71 @@
-"""Where the description of a scene comes from."""
+"""What a scene is loaded with: where its files are, its wavelength, and a cache of its parts."""
 
-from collections.abc import Iterator
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from reconstruction.base.errors import InputError
-from spisim.scene.cache import SceneCache
+from spisim.scene.content import surface_content
+from spisim.scene.families import SceneBuilder
+from spisim.scene.model import SceneObject
+
+#: Scenes whose objects and draws are kept, and triangles of all of them; the last one stays,
+#: however many it has.
+MAX_SCENES = 32
+MAX_TRIANGLES = 250_000
+
+
+@dataclass(frozen=True, eq=False)
+class _Cached:
+    objects: tuple[SceneObject, ...]
+    content: bytes  # of the objects when they were made
+
+    @property
+    def triangles(self) -> int:
+        return sum(len(thing.mesh.faces) for thing in self.objects)
+
+
+class SceneCache:
+    """Objects and draws of the scenes made last.
+
+    They are found by all that they are made from, the content of files included. Scenes that are
+    made from one stock share the meshes of their objects; where somebody has changed one of these,
+    they are made anew.
+    """
+
+    def __init__(self) -> None:
+        self._objects: OrderedDict[bytes, _Cached] = OrderedDict()
+        self._builders: OrderedDict[str, SceneBuilder] = OrderedDict()
+
+    def objects(
+        self, key: bytes, make: Callable[[], tuple[SceneObject, ...]]
+    ) -> tuple[SceneObject, ...]:
+        """Objects cached under a key, made if they are missing or have been changed."""
+        cached = self._objects.pop(key, None)
+        if cached is None or surface_content(cached.objects) != cached.content:
+            objects = make()
+            cached = _Cached(objects, surface_content(objects))
+        self._objects[key] = cached
+        while len(self._objects) > 1 and self._is_full:
+            self._objects.popitem(last=False)
+        return cached.objects
+
+    def builder(self, key: str, make: Callable[[], SceneBuilder]) -> SceneBuilder:
+        """The draw of this key, made if it is not there."""
+        result = self._builders.pop(key, None)
+        self._builders[key] = make() if result is None else result
+        if len(self._builders) > MAX_SCENES:
+            self._builders.popitem(last=False)
+        return self._builders[key]
+
+    @property
+    def _is_full(self) -> bool:
+        triangles = sum(cached.triangles for cached in self._objects.values())
+        return len(self._objects) > MAX_SCENES or triangles > MAX_TRIANGLES
 
 
 @dataclass(frozen=True)

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.base.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
+from spisim.scene.lamps import Lamp
 from spisim.scene.materials import Material
-from spisim.scene.pose import moved_pose
-
-if TYPE_CHECKING:
-    from spisim.scene.lamps import Lamp
-
-Vector3: TypeAlias = tuple[float, float, float]
+from spisim.scene.pose import Vector3, moved_pose
 
 STILL: Vector3 = (0.0, 0.0, 0.0)
+
+
+class SceneWarning(UserWarning):
+    """A scene can be simulated but may not mean what its author intends."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,3 +245,12 @@ class Scene:
             volumes=tuple(volume.at(time_s) for volume in self.volumes),
             drone_pose=self.drone_pose_at(time_s),
         )
+
+
+def find_object(name: str, objects: Sequence[SceneObject]) -> SceneObject:
+    """InputError, naming the nearest, where none has this name."""
+    for thing in objects:
+        if thing.name == name:
+            return thing
+    candidate = nearest(name, [thing.name for thing in objects])
+    raise InputError(f"object {name!r} is not in the scene: {candidate}")

@@ -4,23 +4,22 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from hashlib import blake2b, file_digest
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import trimesh
 
 from reconstruction.base.errors import InputError
+from spisim.scene.content import mesh_content
 from spisim.scene.description import MeshObject, ObjectDescription, Pose, SceneDescription
+from spisim.scene.load_context import LoadContext
 from spisim.scene.materials import Material, find_material, make_material
-from spisim.scene.model import SceneObject, Vector3
-from spisim.scene.pose import pose_matrix
+from spisim.scene.model import SceneObject, SceneWarning
+from spisim.scene.pose import Vector3, pose_matrix
 from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
-from spisim.scene.warning import SceneWarning
-
-if TYPE_CHECKING:
-    from spisim.scene.load_context import LoadContext
 
 #: What a file has is hardly wider; of a horizon that is drawn, its sizes tell the unit.
 WIDEST_MESH_M = 300.0
@@ -30,13 +29,23 @@ MAX_COORDINATE_M = 1e6
 Meshes: TypeAlias = Mapping[str, trimesh.Trimesh]
 
 
-def placed(
+def placed_objects(
     described: SceneDescription, context: LoadContext, meshes: Meshes
 ) -> tuple[SceneObject, ...]:
-    """All objects of a description; `meshes` are mesh files that are in memory, by name.
+    """All objects of a description, from the cache if it has them.
 
-    Raises InputError, naming source and field.
+    `meshes` are mesh files in memory, by name. Raises InputError, naming source and field.
     """
+    try:
+        key = _key(described, context, meshes)
+    except OSError:  # a missing file, which `_placed` reports
+        return _placed(described, context, meshes)
+    return context.cache.objects(key, lambda: _placed(described, context, meshes))
+
+
+def _placed(
+    described: SceneDescription, context: LoadContext, meshes: Meshes
+) -> tuple[SceneObject, ...]:
     folder, wavelength_nm = context.folder, context.wavelength_nm
     materials: dict[str, Material] = {}
     for name, own in described.materials.items():
@@ -112,3 +121,25 @@ def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
     uv = texture_coordinates(mesh)
     visual = None if uv is None else trimesh.visual.TextureVisuals(uv=uv)
     return trimesh.Trimesh(points, np.array(mesh.faces), process=False, visual=visual)
+
+
+def _key(described: SceneDescription, context: LoadContext, meshes: Meshes) -> bytes:
+    """Of all that objects are made from."""
+    given = [sorted(own.model_fields_set) for own in described.materials.values()]
+    sections = described.objects, described.materials, described.material_swaps
+    result = blake2b(repr((*sections, given, context.wavelength_nm)).encode())
+    for name, mesh in meshes.items():
+        result.update(name.encode() + mesh_content(mesh))
+    for path in _files(described, context.folder, meshes):
+        if not path.is_file():  # there are pipes and devices without an end
+            raise FileNotFoundError(path)
+        with path.open("rb") as file:
+            result.update(file_digest(file, "blake2b").digest())
+    return result.digest()
+
+
+def _files(described: SceneDescription, folder: Path, meshes: Meshes) -> Iterator[Path]:
+    names: list[Any] = [row.mesh for row in described.objects if isinstance(row, MeshObject)]
+    yield from (folder / name for name in dict.fromkeys(names) if name not in meshes)
+    for own in described.materials.values():
+        yield from (folder / name for name in (own.texture, own.opacity) if isinstance(name, str))

@@ -1,11 +1,15 @@
 """Poses as 4 x 4 matrices."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+
+Vector3: TypeAlias = tuple[float, float, float]
 
 
 def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:

@@ -13,9 +13,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.model import Scene, SceneObject
+from spisim.scene.model import Scene, SceneObject, SceneWarning
 from spisim.scene.rays import winding_number
-from spisim.scene.warning import SceneWarning
 
 #: Narrower than this is nothing that a drone meets.
 THIN_M = 0.001

@@ -17,9 +17,9 @@ from reconstruction.base.errors import InputError, naming, nearest
 from reconstruction.ranging.weather import Weather
 from spisim.base.config import find_named, read_text, shipped
 from spisim.scene.description import DroneState
-from spisim.scene.model import Scene, Vector3
+from spisim.scene.model import Scene
 from spisim.scene.motion import MAX_TURN_RAD, check_steps, meeting_time
-from spisim.scene.pose import look_at
+from spisim.scene.pose import Vector3, look_at
 from spisim.scene.rays import enclosing_object
 
 #: What the quaternions of a file turn: the drone's body (x forward, y left, z up; ROS REP 103) or

@@ -20,13 +20,11 @@ from spisim.scene.description import (
     ObjectVolume,
     VolumeDescription,
 )
-from spisim.scene.lamps import find_object
-from spisim.scene.model import SceneObject, Volume
+from spisim.scene.model import SceneObject, SceneWarning, Volume, find_object
 from spisim.scene.pose import pose_matrix
 from spisim.scene.rays import winding_number
 from spisim.scene.shapes import load_mesh
 from spisim.scene.soundness import INVERTED, fault, is_closed
-from spisim.scene.warning import SceneWarning
 
 #: Boxes that overlap by less, relative to their size, only touch.
 TOUCHING = 1e-9

@@ -20,9 +20,8 @@ from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, is_marked, mark, require_outputs
 from reconstruction.base.folders import locked_name
 from spisim.scene.load import load_scene
-from spisim.scene.model import Scene
+from spisim.scene.model import Scene, SceneWarning
 from spisim.scene.shapes import texture_coordinates
-from spisim.scene.warning import SceneWarning
 
 #: Of the files of meshes, as their marks tell it.
 MESH = "mesh"
