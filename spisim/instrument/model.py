@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
@@ -16,16 +17,28 @@ from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.operators import NO_PATTERN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
-from spisim.base.config import Number, Positive, Section, dump_yaml, parse_model
+from spisim.base.config import (
+    Number,
+    Positive,
+    Section,
+    dump_yaml,
+    find_named,
+    parse_model,
+    read_text,
+)
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
-from spisim.instrument.fitting import BAND_POINTS, errors_of
+from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
-from spisim.instrument.tof import Tof
 from spisim.instrument.tofs import AnyTof
+from spisim.scene.layout import Needs
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
+PRESETS = Path(__file__).with_name("presets")
+DETECTOR_PARTS = Path(__file__).with_name("detector_parts.yaml")
+#: A spot's range is used up to this fraction of the unambiguous range: noise may exceed it.
+WITHIN_RANGE = 0.98
 #: Of daylight, as it is tabulated.
 MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM = 800, 1600
 Visibility = Annotated[Number, Field(ge=VISIBILITIES_M[0], le=VISIBILITIES_M[1])]
@@ -48,50 +61,6 @@ def _stated_weather(weather: Any) -> Any:
 def _pattern_period(fields: dict[str, Any]) -> float | None:
     projector: Projector | None = fields["projector"]
     return None if projector is None else 1.0 / projector.pattern_rate_hz
-
-
-class Imaging(NamedTuple):
-    """What an instrument makes its image with."""
-
-    projector: Projector
-    plan: Plan
-    detector: BucketDetector
-    exposure_time_s: float
-
-
-class Ranging(NamedTuple):
-    """What an instrument measures the ranges of its spots with."""
-
-    lasers: Lasers
-    tof: Tof
-
-    @property
-    def spots(self) -> int:
-        """Number of lasers."""
-        return len(self.lasers.directions_deg)
-
-    @property
-    def shared(self) -> bool:
-        """Whether one photodiode is for several spots."""
-        return len(self.tof.detector.positions_m) < self.spots
-
-    @property
-    def frame_time_s(self) -> float:
-        """Time of the ranges of a frame; with one photodiode the lasers fire in turn."""
-        return self.tof.frame_time_s * (self.spots if self.shared else 1)
-
-    @property
-    def detector_positions_m(self) -> Floats:
-        """Position (spots, 3) of each spot's photodiode."""
-        positions = self.tof.detector.positions_m
-        return np.asarray(np.broadcast_to(positions, (self.spots, 3)), dtype=np.float64)
-
-    @property
-    def detector_axes(self) -> Floats:
-        """Unit vectors (spots, 3) along which the photodiodes look."""
-        if self.shared:
-            return np.tile([0.0, 0.0, 1.0], (self.spots, 1))
-        return self.lasers.directions
 
 
 class Instrument(Section):
@@ -271,9 +240,7 @@ class Instrument(Section):
     @property
     def pattern_period_s(self) -> float:
         """From one pattern to the next; without an image the time of a frame's ranges."""
-        return (
-            1 / self.imaging.projector.pattern_rate_hz if self.images else self.ranging.frame_time_s
-        )
+        return self.imaging.pattern_period_s if self.images else self.ranging.frame_time_s
 
     @property
     def frame_time_s(self) -> float:
@@ -379,7 +346,13 @@ class Instrument(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> Instrument:
-        errors = errors_of(self)
+        errors = missing_parts(dict(self)) or misfits(
+            self.filter,
+            self.wavelength_nm,
+            self.imaging if self.images else None,
+            self.ranging if self.ranges else None,
+            lambda: self.pattern_plans,
+        )
         if errors:
             raise ValidationError.from_exception_data(
                 "Instrument",
@@ -389,3 +362,34 @@ class Instrument(Section):
                 ],
             )
         return self
+
+
+def list_presets() -> list[str]:
+    """Names of the shipped instruments."""
+    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+
+
+def load_instrument(name_or_path: str | Path) -> Instrument:
+    """Instrument from a YAML file, or a shipped one by its name ("paper").
+
+    Raises InputError, naming file, field, value and what is allowed, for a file or preset that is
+    missing, YAML that does not parse, and fields that are unknown, missing or out of range.
+    """
+    file = find_named(str(name_or_path), PRESETS, "instrument")
+    return parse_model(read_text(file), Instrument, file, file.parent)
+
+
+def needs(instrument: Instrument) -> Needs:
+    """Field, beams and detectors that a scene has to suit; see `layout_problem`."""
+    projector, (lasers, tof) = instrument.imaging.projector, instrument.ranging
+    return Needs(
+        half_field_deg=(
+            math.degrees(math.atan(projector.tan_half_width)),
+            math.degrees(math.atan(projector.tan_half_height)),
+        ),
+        beams=lasers.directions,
+        farthest_spot_m=WITHIN_RANGE * tof.unambiguous_range_m,
+        min_spots=1,
+        detectors_m=instrument.ranging.detector_positions_m,
+        lens_ring_m=math.sqrt(tof.detector.aperture_area_m2 / (2 * math.pi)),
+    )

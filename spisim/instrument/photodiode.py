@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,8 @@ from scipy.constants import c, elementary_charge, h
 from reconstruction.base.arrays import Floats
 from spisim.instrument.sensor import (
     Each,
+    FrontEnd,
+    PulseTiming,
     Random,
     Readings,
     Sensor,
@@ -19,10 +21,6 @@ from spisim.instrument.sensor import (
     spectral_value,
 )
 from spisim.instrument.stamping.threshold import Threshold
-
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Detector
-    from spisim.instrument.tofs.dtof import DirectTof
 
 #: At which data sheets of avalanche diodes tell a responsivity.
 USUAL_GAIN = 100.0
@@ -77,7 +75,7 @@ class Photodiode(Sensor):
 
     def read(
         self,
-        detector: Detector,
+        detector: FrontEnd,
         electrons: Floats,
         time_s: Each,
         rng: Random,
@@ -109,7 +107,7 @@ class Photodiode(Sensor):
         )
 
     def warnings(
-        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+        self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float
     ) -> list[str]:
         """Sentences about charge that the converter has no room for; see `Sensor.warnings`."""
         assert detector.adc is not None
@@ -128,7 +126,7 @@ class Photodiode(Sensor):
             ]
         return []
 
-    def stamping(self, tof: DirectTof) -> Threshold:
+    def stamping(self, tof: PulseTiming) -> Threshold:
         return Threshold(tof)
 
 

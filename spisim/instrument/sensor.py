@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,12 +17,8 @@ from scipy.constants import c, h
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from spisim.base.config import Number, Positive, Section
-
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Detector
-    from spisim.instrument.stamping import Stamping
-    from spisim.instrument.tofs.dtof import DirectTof
+from spisim.base.config import Number, Positive, Section, Vector
+from spisim.instrument.electronics import Adc, Amplifier
 
 Random = np.random.Generator | None
 Each = float | Floats
@@ -73,6 +69,89 @@ class Readings:
         """What the counts of a converter stand for, as fields of `Charge`."""
         names = ("electrons_per_count", "offset_counts", "noise_electrons", "excess_noise_factor")
         return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What one reading of a ranging detector collects: for how long light, echo and amplifier.
+
+    `echo_s` is the time for which a laser that is on would have to shine to leave as much.
+    """
+
+    name: str  # as "tap"
+    steady_s: float
+    echo_s: float
+    amplifier_s: float
+    converted: bool = True  # by an ADC
+
+
+class FrontEnd(Protocol):
+    """The detector around a sensor, as the sensor's readings need it."""
+
+    @property
+    def sensor(self) -> Sensor: ...
+    @property
+    def amplifier(self) -> Amplifier | None: ...
+    @property
+    def adc(self) -> Adc | None: ...
+    @property
+    def positions_m(self) -> tuple[Vector, ...]: ...
+    def amplifier_noise_electrons(self, time_s: ArrayLike) -> Any: ...
+    def electronics_noise_electrons(self, time_s: ArrayLike) -> Any: ...
+
+
+class PulseTiming(Protocol):
+    """Pulse, gate and detector of direct time of flight, as time stamps need them."""
+
+    @property
+    def detector(self) -> FrontEnd: ...
+    @property
+    def pulses(self) -> int: ...
+    @property
+    def pulse_sigma_s(self) -> float: ...
+    @property
+    def bins(self) -> int: ...
+    @property
+    def bin_width_s(self) -> float: ...
+    @property
+    def gate_s(self) -> float: ...
+    @property
+    def threshold_sigma(self) -> float | None: ...
+
+
+class Stamping(Protocol):
+    """A way of stamping, with the settings of one instrument."""
+
+    @property
+    def piles_up(self) -> bool:
+        """Whether the first of many photons ends a cycle, and hides those that come later."""
+
+    @property
+    def dead_time_s(self) -> float:
+        """How long the detector is blind after a stamp."""
+
+    @property
+    def response_sigma_s(self) -> float:
+        """Standard deviation of light and time stamp together; nan where it varies."""
+
+    @property
+    def reading(self) -> Reading:
+        """What one reading collects."""
+
+    def check(self) -> None:
+        """Raise InputError where the settings do not fit this way."""
+
+    def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
+        """Chance (bins,) of a cycle's time stamp in each bin of the gate.
+
+        `echo_per_s` (path bins,) is the rate while the laser is on.
+        """
+
+    def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
+        """Standard deviation (...) of the delays measured, in closed form."""
+
+    def warnings(self, steady_per_s: float) -> list[str]:
+        """Sentences about what steady light does to it."""
 
 
 class Sensor(Section, ABC):
@@ -126,7 +205,7 @@ class Sensor(Section, ABC):
     @abstractmethod
     def read(
         self,
-        detector: Detector,
+        detector: FrontEnd,
         electrons: Floats,
         time_s: Each,
         rng: Random,
@@ -141,7 +220,7 @@ class Sensor(Section, ABC):
 
     @abstractmethod
     def warnings(
-        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+        self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float
     ) -> list[str]:
         """Sentences about readings of `time_s` that so many mean electrons overwhelm.
 
@@ -149,7 +228,7 @@ class Sensor(Section, ABC):
         """
 
     @abstractmethod
-    def stamping(self, tof: DirectTof) -> Stamping:
+    def stamping(self, tof: PulseTiming) -> Stamping:
         """How it stamps the times of single arrivals."""
 
 

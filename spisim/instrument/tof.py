@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-
-if TYPE_CHECKING:
-    from reconstruction.capture import Spots
-    from reconstruction.capture.spots import SpotOptics
-    from spisim.instrument.detector import TofDetector
+from reconstruction.capture import Spots
+from reconstruction.capture.spots import SpotOptics
+from spisim.instrument.detector import TofDetector
+from spisim.instrument.sensor import Reading
 
 #: Bins of the light's path lengths that resolve a pulse.
 BINS_PER_PULSE = 4
@@ -34,20 +33,6 @@ class SpotLight:
     echo_per_s: Floats
     steady_per_s: Floats
     laser_power_w: float
-
-
-@dataclass(frozen=True)
-class Reading:
-    """What one reading of a ranging detector collects: for how long light, echo and amplifier.
-
-    `echo_s` is the time for which a laser that is on would have to shine to leave as much.
-    """
-
-    name: str  # as "tap"
-    steady_s: float
-    echo_s: float
-    amplifier_s: float
-    converted: bool = True  # by an ADC
 
 
 class Emission(NamedTuple):

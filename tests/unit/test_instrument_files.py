@@ -8,7 +8,7 @@ import yaml
 from instruments import PAPER, load_text
 from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument, load_instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 
 
 def test_text_loads_as_the_same_instrument(paper: Instrument, tmp_path: Path) -> None:

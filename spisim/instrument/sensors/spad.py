@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,8 @@ from spisim.base.config import NonNegative, Number
 from spisim.instrument.sensor import (
     FWHM_PER_SIGMA,
     Each,
+    FrontEnd,
+    PulseTiming,
     Random,
     Readings,
     Sensor,
@@ -22,10 +24,6 @@ from spisim.instrument.sensor import (
     spectral_value,
 )
 from spisim.instrument.stamping.first_photons import PILE_UP, FirstPhotons
-
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Detector
-    from spisim.instrument.tofs.dtof import DirectTof
 
 #: Mean counts above which the normal limit of the renewal process stands for its distribution.
 LARGE_COUNT = 1000.0
@@ -89,7 +87,7 @@ class Spad(Sensor):
 
     def read(
         self,
-        detector: Detector,
+        detector: FrontEnd,
         electrons: Floats,
         time_s: Each,
         rng: Random,
@@ -159,7 +157,7 @@ class Spad(Sensor):
         return counts
 
     def warnings(
-        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+        self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float
     ) -> list[str]:
         """Sentences about a counter that is blind too often; see `Sensor.warnings`."""
         blind = whole / len(detector.positions_m) / time_s * self.dead_time_s
@@ -170,7 +168,7 @@ class Spad(Sensor):
             f"below {PILE_UP:g} they would not"
         ]
 
-    def stamping(self, tof: DirectTof) -> FirstPhotons:
+    def stamping(self, tof: PulseTiming) -> FirstPhotons:
         """The first detection of a gate."""
         jitter_s = self.jitter_fwhm_s / FWHM_PER_SIGMA
         return FirstPhotons(tof, jitter_s, self.dead_time_s, self.afterpulse_probability)

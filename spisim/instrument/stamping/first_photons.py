@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.constants import c
@@ -12,11 +12,8 @@ from scipy.interpolate import CubicSpline
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
-from spisim.instrument.tof import Reading
-
-if TYPE_CHECKING:
-    from spisim.instrument.tofs.dtof import DirectTof
 
 #: Iterations for the after-pulses, which shrink by their probability every time.
 ROUNDS = 20
@@ -32,7 +29,7 @@ class FirstPhotons:
 
     piles_up: ClassVar[bool] = True
 
-    tof: DirectTof
+    tof: PulseTiming
     jitter_sigma_s: float
     dead_time_s: float
     afterpulse_probability: float

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.constants import c, elementary_charge
@@ -13,12 +13,9 @@ from scipy.special import ndtr
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.electronics import Amplifier
+from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
-from spisim.instrument.tof import Reading
-
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Amplifier
-    from spisim.instrument.tofs.dtof import DirectTof
 
 
 @dataclass(frozen=True)
@@ -33,7 +30,7 @@ class Threshold:
     dead_time_s: ClassVar[float] = 0.0
     response_sigma_s: ClassVar[float] = math.nan  # it varies with the height of the pulse
 
-    tof: DirectTof
+    tof: PulseTiming
 
     @property
     def reading(self) -> Reading:

@@ -18,7 +18,8 @@ from reconstruction.ranging import unambiguous_path_m
 from spisim.base.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, overflow
+from spisim.instrument.sensor import Reading
+from spisim.instrument.tof import Emission, SpotLight, check_charge, overflow
 
 #: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
 BINS_PER_PERIOD = 20

@@ -16,9 +16,8 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.sensor import FWHM_PER_SIGMA
-from spisim.instrument.stamping import Stamping
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
+from spisim.instrument.sensor import FWHM_PER_SIGMA, Reading, Stamping
+from spisim.instrument.tof import Emission, SpotLight, check_pulse
 
 #: Where more cycles than this end with a photon, too few are left to tell late light from early.
 MAX_FRACTION_OF_CYCLES = 0.99

@@ -15,7 +15,8 @@ from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse, overflow
+from spisim.instrument.sensor import Reading
+from spisim.instrument.tof import Emission, SpotLight, check_charge, check_pulse, overflow
 
 #: Points of a pulse's wave form per window.
 WAVE_POINTS = 2000
