@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from reconstruction.base.errors import InputError
@@ -67,12 +68,24 @@ class Atmosphere:
         }
 
 
+#: mm/h of water. Heavier rain is not known to last for minutes.
+HEAVIEST_MM_PER_H: Mapping[str, float] = MappingProxyType({"rain": 300.0, "snow": 20.0})
 #: Ten times that of milk: light goes a tenth of a millimetre.
 MAX_EXTINCTION_PER_M = 1e4
 
 CLEAR = Atmosphere(
     extinction_per_m=0.0, albedo=1.0, phase=Isotropic(), kind="clear", water_g_per_m3=0.0
 )
+
+
+def check_rate(kind: str, rate_mm_per_h: float) -> None:
+    """InputError for a rate of "rain" or "snow" that is not above 0 or more than the heaviest."""
+    heaviest = HEAVIEST_MM_PER_H[kind]
+    if not 0 < rate_mm_per_h <= heaviest:
+        raise InputError(
+            f"rate_mm_per_h of {kind} should be greater than 0 and at most {heaviest:g}; found "
+            f"{rate_mm_per_h:g}"
+        )
 
 
 def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere:

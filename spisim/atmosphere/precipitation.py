@@ -18,10 +18,9 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
-from spisim.atmosphere.medium import DB_PER_NEPER
+from spisim.atmosphere.medium import DB_PER_NEPER, check_rate
 from spisim.atmosphere.rain import rain_sizes
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.snow import MELTWATER_KG_PER_M3, flake_albedo, melted_sizes
 from spisim.atmosphere.visibility import visibility
 

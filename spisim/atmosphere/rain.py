@@ -16,10 +16,9 @@ from scipy.special import gammainc
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
-from spisim.atmosphere.medium import Atmosphere
+from spisim.atmosphere.medium import Atmosphere, check_rate
 from spisim.atmosphere.phase import Tabulated
 from spisim.atmosphere.rain_table import EDGES_MM, RainTable, rain_table
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.table import NODES, tabulate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 

@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.indices import check_wavelength, refractive_index
-from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere
+from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere, check_rate
 from spisim.atmosphere.phase import henyey_greenstein
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 
 #: Nobody has measured these at 1550 nm. Ice absorbs three times as much as water there, and flakes

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
-from spisim.base.config.hdr import read_hdr_red
+from spisim.base.config.linear import read_hdr_red
 from spisim.scene import load_scene
 
 HEAD = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n"

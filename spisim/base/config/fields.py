@@ -1,16 +1,18 @@
 """Fields that configuration files are made of, and the base of their sections."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, Union, get_args
 
 from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
+    GetPydanticSchema,
     ModelWrapValidatorHandler,
     ValidationError,
     model_validator,
@@ -24,6 +26,7 @@ from pydantic_core import (
 from pydantic_core.core_schema import ErrorType
 
 from reconstruction.base.errors import nearest
+from reconstruction.base.registry import Registry
 from spisim.base.config.json_schema import add_descriptions, name_bounds
 from spisim.base.config.messages import UNKNOWN_FIELD, show
 
@@ -111,3 +114,19 @@ class Section(BaseModel):
 
 #: Whether light is traced, or a fast stand-in; see `spisim.simulation.light.surrogate`.
 LightSource = Literal["traced", "surrogate"]
+
+
+def one_of(sections: Registry[Any], field: str) -> GetPydanticSchema:
+    """Marks a field as one of several sections, told apart by the value of one of their fields."""
+
+    def union() -> Any:
+        return Union[tuple(section for _, section in sections.loadable())]  # noqa: UP007 - as many
+
+    return GetPydanticSchema(
+        lambda _, handler: handler.generate_schema(Annotated[union(), Discriminator(field)])
+    )
+
+
+def named(sections: Mapping[str, Any], name: str) -> GetPydanticSchema:
+    """Marks a field as the section of this name."""
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(sections[name]))

@@ -1,6 +1,9 @@
 """Files that configuration files refer to: pictures and tables of numbers."""
 
+import csv
+import io
 import struct
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,11 +13,13 @@ from numpy.typing import NDArray
 from reconstruction.base import npy
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
+from reconstruction.base.text import printable
 from spisim.base.config.reading import read_text
-from spisim.base.config.tables import is_number
 
 MAX_PIXELS = 2**24
 MAX_TABLE_BYTES = 2**26
+#: What makes spreadsheets take a cell for a formula.
+_FORMULA = ("=", "+", "-", "@", "\t", "\n", "＝", "＋", "－", "＠")
 
 
 def check_is_there(path: Path, kind: str) -> None:
@@ -159,3 +164,27 @@ def _check_pixels(path: Path) -> None:
         raise InputError(
             f"picture {path.name!r} has {width} x {height} pixels, at most {MAX_PIXELS} are read"
         )
+
+
+def csv_table(rows: Iterable[Iterable[Any]]) -> str:
+    """Rows of cells as CSV text. No word is a formula: an apostrophe goes in front of it."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerows([_harmless(cell) for cell in row] for row in rows)
+    return buffer.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    if not isinstance(cell, str):
+        return cell
+    text = printable(cell)
+    return f"'{text}" if text.startswith(_FORMULA) and not is_number(text) else text
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

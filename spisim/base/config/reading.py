@@ -101,9 +101,9 @@ def find_named(
     given = Path(name)
     if given.suffix in suffixes:
         return given
-    shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
-    if name in shipped:
-        return shipped[name]
+    files = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
+    if name in files:
+        return files[name]
     if os.path.isdir(given):  # noqa: PTH112 - as above
         raise InputError(f"{name} is a folder; the name of a file is needed")
     if os.path.exists(given):  # noqa: PTH110
@@ -112,5 +112,17 @@ def find_named(
         )
     raise InputError(
         f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
-        f"{nearest(name, sorted(shipped))}"
+        f"{nearest(name, sorted(files))}"
     )
+
+
+def shipped(folder: str) -> Path:
+    """Folder of files that come along: beside the package in a checkout, else within it.
+
+    InputError if it is not there.
+    """
+    package = Path(__file__).parents[2]
+    for position in (package / "shipped" / folder, package.parent / folder):
+        if position.is_dir():
+            return position
+    raise InputError(f"the shipped {folder} are missing; reinstall spisim")

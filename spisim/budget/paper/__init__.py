@@ -8,9 +8,9 @@ image) and Figure 3 (reach of ranging).
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
+from spisim.budget.paper.checks import Result
 from spisim.budget.paper.fig2 import figure_2
 from spisim.budget.paper.fig3 import figure_3
-from spisim.budget.paper.result import Result
 from spisim.budget.paper.table2 import table_2
 
 #: What computes each result, in the order of the paper.

@@ -15,6 +15,8 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import require_file, write_atomically
 
@@ -52,6 +54,10 @@ class Table:
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
         return {"title": self.title, "rows": rows}
 
+
+#: Reflectances of the targets, and the colours that they have in all figures.
+REFLECTANCES = (0.2, 0.5, 0.8)
+COLOURS = ("#1f5f8b", "#d1762c", "#3f8f4f")
 
 Interval = Callable[[float], tuple[float, float]]
 """What holds a true figure with a confidence, such as 0.95."""
@@ -103,6 +109,20 @@ class Check:
             return f"{self.value:.3g}"
         low, high = self.interval(HELD)
         return f"{self.value:.3g} ({low:.3g} to {high:.3g})"
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Tables, with sentences about them among them, what is promised, and the figure."""
+
+    tables: Sequence[Table]
+    checks: Sequence[Check]
+    figure: Figure
+
+
+def percent(deviation: float) -> str:
+    """A deviation with its sign."""
+    return f"{100 * deviation:+.0f} %"
 
 
 VERDICTS = {True: "holds", False: "FAILS", None: "cannot tell"}

@@ -16,8 +16,7 @@ from spisim.budget.integration import (
     integration_time_s,
     max_range_m,
 )
-from spisim.budget.paper.checks import Check, Table
-from spisim.budget.paper.result import COLOURS, REFLECTANCES, Result, percent
+from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.instrument import load_instrument
 
 #: The distances that the paper's figure is labelled with, by reflectance.

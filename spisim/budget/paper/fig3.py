@@ -9,8 +9,7 @@ from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from spisim.budget.equations import Flood, range_sigma_eq3_m
-from spisim.budget.paper.checks import Check, Table
-from spisim.budget.paper.result import COLOURS, REFLECTANCES, Result, percent
+from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.budget.ranging import last_below
 from spisim.instrument import Photodiode, load_instrument
 
