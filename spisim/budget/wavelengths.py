@@ -1,7 +1,18 @@
-"""What a wavelength means for an instrument beside the weather: sunlight, eyes, water and ice."""
+"""Wavelengths compared: weather, sunlight, eye safety, and absorption by water and ice."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from reconstruction.base.errors import InputError, nearest
-from spisim.atmosphere import refractive_index
+from spisim.atmosphere import Atmosphere, refractive_index
+from spisim.atmosphere.report import (
+    DIGITS,
+    ROWS,
+    ReportTable,
+    medium_figures,
+    short,
+    typical_weather,
+)
 from spisim.budget.laser_limits import accessible_energy_j
 from spisim.scene.sun import in_band_irradiance
 
@@ -10,6 +21,14 @@ WAVELENGTHS_NM = (850, 905, 940, 1460, 1550)
 #: Width of the band that sunlight is the mean of.
 SUN_BAND_NM = 12.0
 CONTINUOUS_S, PULSE_S = 100.0, 1e-8
+RELATIVE = "extinction, 1550 nm = 1"
+OF_WAVELENGTHS = {
+    "sun, W/m²/nm at 100 klx": "sun_w_per_m2_nm_100klx",
+    "class 1, mean power, W": "class_1_mean_w",
+    "class 1, pulse of ns, J": "class_1_pulse_j",
+    "k of water": "water_k",
+    "k of ice": "ice_k",
+}
 
 
 def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
@@ -48,3 +67,57 @@ def class_1_limits(wavelength_nm: float) -> tuple[float, float]:
     """
     mean_w = accessible_energy_j(CONTINUOUS_S, wavelength_nm) / CONTINUOUS_S
     return mean_w, accessible_energy_j(PULSE_S, wavelength_nm)
+
+
+def compared(medium_at: Callable[[float], Atmosphere]) -> list[dict[str, Any]]:
+    """Figures of the same weather at each of `WAVELENGTHS_NM`."""
+    reference = medium_at(1550).extinction_per_m
+    media = {wavelength_nm: medium_at(wavelength_nm) for wavelength_nm in WAVELENGTHS_NM}
+    return [
+        {
+            "wavelength_nm": wavelength_nm,
+            **medium_figures(medium),
+            "over_1550_nm": medium.extinction_per_m / reference,
+            **wavelength_figures(wavelength_nm),
+        }
+        for wavelength_nm, medium in media.items()
+    ]
+
+
+def compared_typical() -> list[dict[str, Any]]:
+    """Figures of each of `WAVELENGTHS_NM`, with the extinction of typical weather over 1550 nm."""
+    reference = typical_weather(1550)
+    return [
+        {
+            "wavelength_nm": wavelength_nm,
+            "over_1550_nm": {
+                name: medium.extinction_per_m / reference[name].extinction_per_m
+                for name, medium in typical_weather(wavelength_nm).items()
+            },
+            **wavelength_figures(wavelength_nm),
+        }
+        for wavelength_nm in WAVELENGTHS_NM
+    ]
+
+
+def compared_tables(rows: list[dict[str, Any]]) -> list[ReportTable]:
+    """The table of `compared`: a column for each wavelength."""
+    return [_side_by_side("wavelength", rows, ROWS | {RELATIVE: "over_1550_nm"} | OF_WAVELENGTHS)]
+
+
+def typical_tables(rows: list[dict[str, Any]]) -> list[ReportTable]:
+    """The tables of `compared_typical`: a column for each wavelength."""
+    ratios = [row | row["over_1550_nm"] for row in rows]
+    weathers = {name: name for name in rows[0]["over_1550_nm"]}
+    return [
+        _side_by_side(RELATIVE, ratios, weathers, digits=6),
+        _side_by_side("wavelength", rows, OF_WAVELENGTHS),
+    ]
+
+
+def _side_by_side(
+    first: str, rows: list[dict[str, Any]], keys: Mapping[str, str], digits: int = DIGITS
+) -> ReportTable:
+    columns = [first, *(f"{row['wavelength_nm']} nm" for row in rows)]
+    lines = [[title, *(short(row[key]) for row in rows)] for title, key in keys.items()]
+    return ReportTable(columns, lines, digits=digits)

@@ -1,6 +1,6 @@
 """Options of the weather, the same for all commands that send light through a scene."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import wraps
 from inspect import Parameter, signature
@@ -52,8 +52,8 @@ class Weather:
         if self.drops and self.rain is None and self.snow is None:
             raise InputError("--drops goes with --rain or --snow")
 
-    def sections(self, own_fog: Callable[[], dict[str, Any] | None]) -> dict[str, Any]:
-        """Sections of a scene file that change; `own_fog` reads the scene's, None clears one."""
+    def sections(self, own: Mapping[str, Any]) -> dict[str, Any]:
+        """Sections that replace the `own` ones of a scene file; None removes a section."""
         from spisim.atmosphere.sections import WEATHER
 
         if self.clear:
@@ -67,7 +67,7 @@ class Weather:
         if self.smoke is not None:
             changed["smoke"] = {"visibility_m": self.smoke}
         if self.visibility is not None or self.fog is not None:
-            changed["fog"] = _fog(own_fog() or {}, self.visibility, self.fog)
+            changed["fog"] = _fog(own.get("fog") or {}, self.visibility, self.fog)
         return changed
 
 

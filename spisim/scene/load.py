@@ -1,6 +1,6 @@
 """Scene files to scenes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,32 +26,43 @@ def list_scenes() -> list[str]:
 
 def load_scene(
     path: str | Path,
-    changes: Mapping[str, Any] | None = None,
+    changes: Mapping[str, Any] | Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,
     *,
     wavelength_nm: float = 1550.0,
 ) -> Scene:
-    """Scene from a YAML file, or a shipped one by its name ("warehouse").
+    """Load a scene from a YAML file, or a shipped one by its name ("warehouse").
 
-    `changes` are top-level sections, as in the file, to put in place of the file's own; None leaves
-    a section out. The scene's text is changed along. Materials and weather are made for
-    `wavelength_nm`, which is the instrument's.
+    Parameters
+    ----------
+    path : str or Path
+        The scene file, or the name of a shipped scene.
+    changes : mapping or callable, optional
+        Top-level sections that replace the file's own, in the scene's text too; None removes a
+        section. A callable gets the file's sections and returns those to replace.
+    wavelength_nm : float
+        Wavelength of the instrument, at which materials and weather are made.
 
-    Raises InputError, naming file, field and what is allowed, for a file that is missing or not
-    YAML, fields that are unknown, missing or out of range, a mesh that is missing or unusable, an
-    unknown material or unfit pictures, densities and phase functions, two objects or volumes of one
-    name, a drone inside an object, and a family that cannot be drawn so. Warns with SceneWarning of
-    meshes that are no sound surfaces or of odd sizes, volumes that overlap, and daylight and
-    weather that nature does not have.
+    Raises
+    ------
+    InputError
+        Names file, field, value and what is allowed, for a file, mesh, picture or table that is
+        missing or unusable, fields that are unknown, missing or out of range, an unknown material,
+        duplicate names, a drone inside an object, and a family that cannot be drawn.
+
+    Warns
+    -----
+    SceneWarning
+        For unsound or oddly sized meshes, overlapping volumes, and unnatural daylight or weather.
     """
     file = find_named(str(path), scenes_folder(), "scene")
     text = read_text(file)
     if changes:
         fields = read_mapping(text, SceneDescription, file)
         kind = DrawnDescription if "family" in fields else SceneDescription
-        check_fields(fields, kind, file)  # the file has to be one by itself
-        sections = {**fields, **changes}
-        retained = {name: section for name, section in sections.items() if section is not None}
-        text = dump_yaml(retained)
+        check_fields(fields, kind, file)  # the unchanged file must be valid too
+        if changed := changes(fields) if callable(changes) else changes:
+            sections = {**fields, **changed}
+            text = dump_yaml({name: each for name, each in sections.items() if each is not None})
     return make_scene(text, file.parent, file, wavelength_nm=wavelength_nm)
 
 
