@@ -184,7 +184,7 @@ def _light_table(sides: Mapping[str, Mapping[str, Any]]) -> ReportTable:
 
 def _noise_table(sides: Mapping[str, Mapping[str, Any]]) -> ReportTable:
     sources = dict.fromkeys(
-        source for side in reversed(sides.values()) for source in side["noise_electrons"]
+        source for side in reversed(list(sides.values())) for source in side["noise_electrons"]
     )
     rows = [
         (source, *(_short(side["noise_electrons"].get(source)) for side in sides.values()))

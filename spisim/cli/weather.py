@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -59,6 +59,7 @@ def command(
     mix = WeatherMix(
         fog_m, fog or DEFAULT_FOG, definition, rain, snow, snow_kind, smoke, smoke_kind
     )
+    report: dict[str, Any]
     if all(amount is None for amount in (fog_m, rain, snow, smoke)):
         if not compare:
             raise InputError(

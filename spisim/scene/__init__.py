@@ -1,4 +1,4 @@
-"""What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
+"""Scenes: geometry, materials, media, daylight, the drone, and their motion."""
 
 from spisim.scene.catalogue import catalogue
 from spisim.scene.drone import Drone, at_drone_state

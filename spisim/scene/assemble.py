@@ -1,4 +1,4 @@
-"""Descriptions to scenes: meshes placed, materials found, media made."""
+"""Scenes assembled from their descriptions."""
 
 import warnings
 from collections import Counter
@@ -37,9 +37,9 @@ NO_MESHES: Meshes = MappingProxyType({})
 def assemble(
     described: SceneDescription, context: LoadContext, meshes: Meshes = NO_MESHES
 ) -> Scene:
-    """Scene of a description; `meshes` are mesh files that are in memory, by name.
+    """Scene of a description; `meshes` are mesh files in memory, by name.
 
-    Raises InputError, naming source and field, for whatever the description alone could not tell.
+    Raises InputError, naming source and field, for what only shows once the parts are made.
     """
     folder, source, wavelength_nm = context.folder, context.source, context.wavelength_nm
     media: list[Atmosphere] = []
@@ -97,19 +97,19 @@ def check_drone(scene: Scene, source: Path | str) -> None:
 
 
 def warn_of_oddities(scene: Scene) -> None:
-    """SceneWarning of unsound meshes, odd sizes and daylight, overlaps, and unnatural media."""
+    """SceneWarning for unsound meshes, odd sizes or daylight, overlaps and unnatural media."""
     warn_of_unsound_meshes(scene)
     warn_of_odd_sizes(scene)
     warn_of_odd_daylight(scene)
     warn_of_overlap(scene.volumes)
     parts = scene.atmosphere.parts or (scene.atmosphere,)
     for medium in (*parts, *(volume.medium for volume in scene.volumes)):
-        for doubt in medium.warnings:
-            warnings.warn(doubt, SceneWarning, stacklevel=2)
+        for warning in medium.warnings:
+            warnings.warn(warning, SceneWarning, stacklevel=2)
 
 
 def drone_pose(described: DroneDescription) -> Floats:
-    """(4, 4), world from optical frame; InputError for a line of sight that is none."""
+    """World-from-optical pose (4, 4); InputError if there is no line of sight."""
     looking = look_at(described.position_m, described.look_at_m, described.up)
     offset = pose_matrix(described.turn_deg, described.offset_m)
     return np.asarray(looking @ OPTICAL_FROM_BODY @ offset @ OPTICAL_FROM_BODY.T)

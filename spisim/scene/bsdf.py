@@ -1,10 +1,10 @@
-"""How surfaces scatter light, as data; the transport turns it into what its renderer needs.
+"""Surface scattering models as data, which the transport turns into its renderer's BSDFs.
 
-`roughness` is, for every model, the width α of the distribution of microfacet slopes: GGX, or for
-rough plastics, metals and dielectrics Beckmann's, the Gaussian, too (Walter et al. 2007). `ior` is
-the refractive index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
-The reflectance of these models at normal incidence, where it follows from refraction, is
-`fresnel_reflectance`; elsewhere it is None and the material's own number counts.
+`roughness` is the width α of the microfacet slope distribution in every model: GGX, or Beckmann's
+(Gaussian) for rough plastics, metals and dielectrics (Walter et al. 2007). `ior` is the refractive
+index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
+`fresnel_reflectance` is the reflectance at normal incidence where it follows from refraction, else
+None: then the material states it.
 """
 
 import math
@@ -15,22 +15,22 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from reconstruction.base.errors import InputError, nearest
 
-#: Below this a microfacet lobe is as good as a mirror, and too narrow for single precision.
+#: A narrower microfacet lobe acts as a mirror and exceeds single precision.
 MIN_ROUGHNESS = 0.01
 MAX_IOR = 5.0
-#: Of a clear coat; there are none denser.
+#: Maximum index of a clear coat; no denser ones exist.
 MAX_COAT_IOR = 3.0
 MIN_SPECULAR = 0.01
-#: How microfacet slopes may be spread.
+#: Distributions of microfacet slopes.
 Distribution = Literal["ggx", "beckmann"]
 DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
-#: Beads and prisms are no better; below it, and single precision loses the lobe.
+#: Beads and prisms are no better, and single precision loses a narrower lobe.
 MIN_RETRO_ROUGHNESS = 0.001
 
 
 @dataclass(frozen=True)
 class Diffuse:
-    """Lambertian."""
+    """Lambertian reflection."""
 
     fresnel_reflectance = None
 
@@ -66,7 +66,7 @@ class RoughPlastic:
 
 @dataclass(frozen=True)
 class Mirror:
-    """Reflects the material's reflectance at every angle."""
+    """Specular reflection with the material's reflectance at every angle."""
 
     fresnel_reflectance = None
 
@@ -109,7 +109,7 @@ class RoughConductor:
 
 @dataclass(frozen=True)
 class Dielectric:
-    """The smooth surface of something clear that fills a closed mesh."""
+    """The smooth surface of a transparent solid, a closed mesh."""
 
     ior: float = 1.5
 
@@ -124,7 +124,7 @@ class Dielectric:
 
 @dataclass(frozen=True)
 class RoughDielectric:
-    """The rough surface of something clear that fills a closed mesh: frosted glass."""
+    """The rough surface of a transparent solid, a closed mesh: frosted glass."""
 
     roughness: float
     ior: float = 1.5
@@ -143,7 +143,7 @@ class RoughDielectric:
 
 @dataclass(frozen=True)
 class ThinPane:
-    """A clear pane drawn as a sheet: light goes straight on or is mirrored."""
+    """A transparent pane without thickness: light passes straight on or is mirrored."""
 
     ior: float = 1.5
 
@@ -152,17 +152,17 @@ class ThinPane:
 
     @property
     def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of both faces, with all reflections between them."""
+        """Reflectance at normal incidence of both faces with all internal reflections."""
         once = _fresnel(self.ior)
         return 2 * once / (1 + once)
 
 
 @dataclass(frozen=True)
 class Principled:
-    """A rough plastic blended by `metallic` into a rough metal of the material's reflectance.
+    """A rough plastic blended by `metallic` with a rough metal of the material's reflectance.
 
-    `specular` is the gloss of the plastic in the units of Burley (2012), 12.5 times what its coat
-    reflects at normal incidence: 0.5 is a refractive index of 1.5.
+    `specular` is the plastic's gloss after Burley (2012): 12.5 times the reflectance of its coat at
+    normal incidence; 0.5 is a refractive index of 1.5.
     """
 
     roughness: float = 0.25
@@ -178,20 +178,19 @@ class Principled:
 
 @dataclass(frozen=True)
 class Retroreflector:
-    """A diffuse body that sends part of the light back to where it came from: tape, cat's eyes.
+    """A diffuse body that also returns light to its source: reflective tape, cat's eyes.
 
-    The lobe is that of microfacets which face the incoming light, wherever the surface faces
-    (compare the back vector of Belcour et al. 2014, JOSA A 31, 2561): the same all around the
-    incoming direction. `returned` is its fraction of the light at normal incidence. The
-    coefficient of retroreflection falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`;
-    at the observation angle δ, in any direction, it is (small α and δ, in sr⁻¹, which are
-    cd/(lx m²)):
+    The lobe is that of microfacets that face the incoming light, whatever the surface normal
+    (compare the back vector of Belcour et al. 2014, JOSA A 31, 2561), so it is symmetric about the
+    incoming direction. `returned` is its fraction of the light at normal incidence. The coefficient
+    of retroreflection falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`. At an
+    observation angle δ (small α and δ, in sr⁻¹, which are cd/(lx m²)) it is
 
         R_A = returned · cosᵏβ / (4 π α² (1 + δ² / (2 α)²)²)
 
-    The default roughness is that of class 2 tape by EN ISO 20471 (2013), whose least coefficients
-    from 0.2 to 1.5° it meets to a quarter with `returned` 0.15. Breaks: prisms return in six rays
-    rather than in one lobe, and less in some directions across.
+    The default roughness is that of class 2 tape by EN ISO 20471 (2013); with `returned` 0.15 it
+    meets the minimum coefficients from 0.2 to 1.5° within a quarter. Not modelled: prisms return
+    six beams instead of one lobe, weaker in some directions.
     """
 
     returned: float
@@ -203,8 +202,8 @@ class Retroreflector:
         _check_range("roughness", self.roughness, MIN_RETRO_ROUGHNESS, 1)
 
 
-#: Of what EN ISO 20471 (2013) asks of class 2 tape at an observation angle of 0.2°: 330, 290, 180
-#: and 65 cd/(lx m²) at 5, 20, 30 and 40°.
+#: Fitted to EN ISO 20471 (2013), class 2, at an observation angle of 0.2°: 330, 290, 180 and 65
+#: cd/(lx m²) at entrance angles of 5, 20, 30 and 40°.
 ENTRANCE_FALL = 5
 
 
@@ -223,7 +222,7 @@ Bsdf: TypeAlias = (
     | ThinPane
 )
 
-#: What scene files call the models.
+#: The models by their names in scene files.
 BSDFS: Mapping[str, type[Any]] = MappingProxyType(
     {
         "diffuse": Diffuse,
@@ -244,8 +243,7 @@ BSDFS: Mapping[str, type[Any]] = MappingProxyType(
 def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
     """Model of a name in `BSDFS` with its parameters.
 
-    Raises InputError for an unknown name, a parameter that is not the model's own, is missing or
-    out of range.
+    InputError for an unknown name, and a parameter that is unknown, missing or out of range.
     """
     if name not in BSDFS:
         raise InputError(f"unknown bsdf {name!r}: {nearest(name, BSDFS)}")

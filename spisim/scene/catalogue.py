@@ -1,4 +1,4 @@
-"""What the shipped scenes say of themselves, without loading them."""
+"""Summaries of the shipped scenes, without loading them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from spisim.scene.load import list_scenes, scenes_folder
 
 @dataclass(frozen=True)
 class Entry:
-    """A shipped scene; `family` is None for one whose objects are all in its file."""
+    """A shipped scene; `family` is None if all its objects are in its file."""
 
     name: str
     description: str
     family: str | None
-    weather: tuple[str, ...]  # such as "fog 200 m"; nothing for clear air
+    weather: tuple[str, ...]  # such as "fog 200 m"; empty for clear air
 
 
 def catalogue() -> list[Entry]:
-    """The shipped scenes, by name."""
+    """Summaries of the shipped scenes, sorted by name."""
     return [_entry(name) for name in list_scenes()]
 
 
@@ -32,7 +32,7 @@ def _entry(name: str) -> Entry:
 
 
 def weather(fields: Mapping[str, Any]) -> tuple[str, ...]:
-    """In words, what a scene file's fields fill the air with."""
+    """The media in a scene file's fields, as short descriptions."""
     units = {
         "visibility_m": "m",
         "liquid_water_g_per_m3": "g/m³",

@@ -1,4 +1,4 @@
-"""Where a scene's drone is over time, told by the scene's text; meshes it names are not read."""
+"""The drone's pose and velocity from a scene's text alone, without reading meshes."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from spisim.scene.pose import look_at, moved_pose
 
 @dataclass(frozen=True, eq=False)
 class Drone:
-    """Its `pose` (4, 4), world from optical frame, at `time_s` of a flight, and its velocities.
+    """The drone's `pose` (4, 4), world from optical frame, and its velocities.
 
-    `time_s` is None where the scene is at no moment of a flight.
+    `time_s` is the time of a timestamped pose of a flight, else None.
     """
 
     pose: Floats
@@ -31,9 +31,21 @@ class Drone:
 
     @classmethod
     def of(cls, text: str, source: Path | str, cache: SceneCache | None = None) -> Drone:
-        """Of the text of a scene file; InputError where it is none.
+        """The drone of a scene file's text.
 
-        Families are drawn; scenes that share a `cache` draw once what they have in common.
+        Parameters
+        ----------
+        text : str
+            YAML of the scene file.
+        source : Path or str
+            What messages call the file.
+        cache : SceneCache, optional
+            Shares the draws of families with other scenes.
+
+        Raises
+        ------
+        InputError
+            For text that is not a valid scene file.
         """
         fields = read_mapping(text, SceneDescription, source)
         moment = fields.get("moment")
@@ -53,7 +65,7 @@ class Drone:
         return cls(pose, described.velocity_m_s, turn, time_s)
 
     def after(self, seconds: float) -> Floats:
-        """The pose (4, 4) so much later."""
+        """The pose (4, 4) after some seconds."""
         motion = moved_pose(
             self.pose[:3, 3], self.velocity_m_s, self.angular_velocity_rad_s, seconds
         )
@@ -61,10 +73,24 @@ class Drone:
 
 
 def at_drone_state(scene: Scene, moment: DroneState) -> Scene:
-    """The scene with objects and fog moved on by the moment's time, and the drone as it is then.
+    """Advance a scene's objects and fog to a timestamped pose, and put the drone there.
 
-    The scene's text gets a section `moment`, so that it loads as this very scene. Raises InputError
-    for a line of sight that is none.
+    Parameters
+    ----------
+    scene : Scene
+        The scene at time 0.
+    moment : DroneState
+        Time, pose and velocities of the drone.
+
+    Returns
+    -------
+    Scene
+        Its text has a section `moment`, so that it loads as this very scene.
+
+    Raises
+    ------
+    InputError
+        If there is no line of sight.
     """
     x, y, z = np.radians(moment.angular_velocity_deg_s).tolist()
     fields = load_yaml(scene.text, scene.name) | {"moment": moment.model_dump(mode="json")}

@@ -1,4 +1,4 @@
-"""Lamps in memory: where their light comes from, and how much of it there is."""
+"""Lamps in memory: the geometry and strength of their light."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from spisim.scene.pose import Vector3
 
 @dataclass(frozen=True)
 class Strength:
-    """So much light, in watts within the instrument's band or in kilolumens (per m² or sr)."""
+    """An amount in watts within the instrument's band or in kilolumens (per m² or sr)."""
 
     amount: float
     luminous: bool
 
     def in_band(self, watts_per_klm: float) -> float:
-        """In watts (per m² or sr), with those of daylight in the band per kilolumen."""
+        """In-band watts (per m² or sr), given those of a kilolumen of daylight."""
         return self.amount * (watts_per_klm if self.luminous else 1.0)
 
     def __mul__(self, factor: float) -> Strength:
@@ -30,7 +30,7 @@ class Strength:
 
 @dataclass(frozen=True, eq=False)
 class AreaLamp:
-    """An object whose surface shines on the side that its triangles face, `area_m2` in all."""
+    """An object of `area_m2` that emits on the side its triangles face."""
 
     name: str
     object: str
@@ -38,15 +38,15 @@ class AreaLamp:
     area_m2: float
 
     def summary(self) -> dict[str, Any]:
-        """In plain numbers."""
+        """The lamp in plain numbers."""
         return _reported(self.name, "area", "power", self.radiance * (np.pi * self.area_m2))
 
 
 @dataclass(frozen=True, eq=False)
 class PointLamp:
-    """A point that shines into a cone about a direction; `cutoff_rad` π is all around.
+    """A point that emits into a cone about a direction; `cutoff_rad` π is isotropic.
 
-    As bright as on the axis up to `beam_rad` from it, then falling in proportion to the angle.
+    The intensity is constant up to `beam_rad` from the axis, then falls linearly with the angle.
     """
 
     name: str
@@ -57,7 +57,7 @@ class PointLamp:
     beam_rad: float = np.pi
 
     def summary(self) -> dict[str, Any]:
-        """In plain numbers."""
+        """The lamp in plain numbers."""
         kind = "point" if self.cutoff_rad == np.pi else "spot"
         angle = solid_angle(self.cutoff_rad, self.beam_rad)
         return _reported(self.name, kind, "power", self.intensity * angle)
@@ -72,16 +72,16 @@ class DirectionalLamp:
     irradiance: Strength
 
     def summary(self) -> dict[str, Any]:
-        """In plain numbers."""
+        """The lamp in plain numbers."""
         return _reported(self.name, "directional", "irradiance", self.irradiance)
 
 
 @dataclass(frozen=True, eq=False)
 class EnvironmentLamp:
-    """Light from beyond everything: `radiance` from everywhere, or times a `picture` (h, w).
+    """Light from infinity: `radiance` in every direction, or times a `picture` (h, w).
 
-    Its rows go from the pole +z of its own axes to -z, its columns from x by y; `to_world` (3, 3)
-    are its axes.
+    Its rows run from the pole +z of its own axes to -z, its columns from x via y; `to_world` (3, 3)
+    holds those axes.
     """
 
     name: str
@@ -90,7 +90,7 @@ class EnvironmentLamp:
     to_world: Floats
 
     def summary(self) -> dict[str, Any]:
-        """In plain numbers."""
+        """The lamp in plain numbers."""
         mean = 1.0
         if self.picture is not None:
             polar = (np.arange(len(self.picture)) + 0.5) * np.pi / len(self.picture)
@@ -102,9 +102,10 @@ Lamp: TypeAlias = AreaLamp | PointLamp | DirectionalLamp | EnvironmentLamp
 
 
 def solid_angle(cutoff_rad: float, beam_rad: float) -> float:
-    """∫ of a spot's falloff over all directions, sr: 4π for a point.
+    """Integral of a spot's falloff over all directions, sr; 4π for a point.
 
-    2π (1 - (sin c - sin b) / (c - b)) of the cone between b, whole, and c, in proportion: by parts.
+    For a cone of full intensity up to b that falls linearly to c it is, by parts,
+    2π (1 - (sin c - sin b) / (c - b)).
     """
     if cutoff_rad == beam_rad:
         return float(2 * np.pi * (1 - np.cos(cutoff_rad)))
@@ -113,7 +114,7 @@ def solid_angle(cutoff_rad: float, beam_rad: float) -> float:
 
 
 def unit(direction: Vector3) -> Vector3:
-    """InputError for zero."""
+    """Unit vector; InputError for zero."""
     length = float(np.linalg.norm(direction))
     if length == 0:
         raise InputError("direction should not be zero")
@@ -122,7 +123,7 @@ def unit(direction: Vector3) -> Vector3:
 
 
 def _reported(name: str, kind: str, quantity: str, strength: Strength) -> dict[str, Any]:
-    """`power` is all of the light; watts are in the instrument's band."""
+    """Plain numbers of a lamp; `power` is all its light, watts are in-band."""
     units = {
         "power": ("W", "klm"),
         "irradiance": ("W/m²", "klx"),

@@ -1,4 +1,4 @@
-"""Scene files to scenes."""
+"""Scenes loaded from files and drawn from families."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -15,12 +15,12 @@ from spisim.scene.model import Scene
 
 
 def scenes_folder() -> Path:
-    """Folder of the shipped scenes. InputError if it is not there."""
+    """Folder of the shipped scenes; InputError if it is missing."""
     return shipped("scenes")
 
 
 def list_scenes() -> list[str]:
-    """Names of the shipped scenes."""
+    """Sorted names of the shipped scenes."""
     return sorted(path.stem for path in scenes_folder().glob("*.yaml"))
 
 
@@ -74,10 +74,20 @@ def draw_scene(
     *,
     wavelength_nm: float = 1550.0,
 ) -> Scene:
-    """Scene of a family; equal seeds and parameters give equal scenes.
+    """Draw a scene of a family; equal seeds and parameters give equal scenes.
 
-    `changes` are further sections of a scene file, such as its fog. Raises InputError as
-    `load_scene` does.
+    Parameters
+    ----------
+    family : str
+        Name of the family.
+    seed : int
+        Seed of all that `parameters` leave open.
+    parameters : mapping, optional
+        Fixed parameters of the family.
+    changes : mapping, optional
+        Other sections of a scene file, such as fog.
+    wavelength_nm : float
+        As for `load_scene`, which raises and warns alike.
     """
     sections = {"family": family, "seed": seed, "parameters": dict(parameters or {})}
     text = dump_yaml({**sections, **(changes or {})})
@@ -92,10 +102,20 @@ def make_scene(
     wavelength_nm: float = 1550.0,
     cache: SceneCache | None = None,
 ) -> Scene:
-    """Scene from the text of a scene file; the files it names are looked for in `folder`.
+    """Make a scene from the text of a scene file.
 
-    `source` is what error messages call it; scenes that share a `cache` share what they have in
-    common. Raises and warns as `load_scene` does.
+    Parameters
+    ----------
+    text : str
+        YAML of the scene file.
+    folder : Path
+        Folder that file names are relative to.
+    source : Path or str
+        What messages call the file.
+    wavelength_nm : float
+        As for `load_scene`, which raises and warns alike.
+    cache : SceneCache, optional
+        Shares parts with other scenes made with it.
     """
     context = LoadContext(folder, text, source, wavelength_nm, cache or SceneCache())
     fields = read_mapping(text, SceneDescription, source)
@@ -105,7 +125,7 @@ def make_scene(
         scene = assemble(check_fields(fields, SceneDescription, source), context)
     check_drone(scene, source)
     if fields.get("moment") is not None:
-        moment = DroneState.model_validate(fields["moment"])  # as checked with the other fields
+        moment = DroneState.model_validate(fields["moment"])  # checked with the other fields
         scene = replace(at_drone_state(scene, moment), text=text)
         check_drone(scene, source)
     warn_of_oddities(scene)

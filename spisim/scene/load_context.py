@@ -13,8 +13,7 @@ from spisim.scene.content import surface_content
 from spisim.scene.families import SceneBuilder
 from spisim.scene.model import SceneObject
 
-#: Scenes whose objects and draws are kept, and triangles of all of them; the last one stays,
-#: however many it has.
+#: Maximum cached scenes and triangles; the latest scene stays whatever its size.
 MAX_SCENES = 32
 MAX_TRIANGLES = 250_000
 
@@ -22,7 +21,7 @@ MAX_TRIANGLES = 250_000
 @dataclass(frozen=True, eq=False)
 class _Cached:
     objects: tuple[SceneObject, ...]
-    content: bytes  # of the objects when they were made
+    content: bytes  # digest when the objects were made
 
     @property
     def triangles(self) -> int:
@@ -30,11 +29,10 @@ class _Cached:
 
 
 class SceneCache:
-    """Objects and draws of the scenes made last.
+    """Cache of the objects and draws of the latest scenes.
 
-    They are found by all that they are made from, the content of files included. Scenes that are
-    made from one stock share the meshes of their objects; where somebody has changed one of these,
-    they are made anew.
+    Keys hold everything that the objects are made from, contents of files included. Scenes share
+    the meshes of their objects; objects that were modified since are made again.
     """
 
     def __init__(self) -> None:
@@ -55,9 +53,9 @@ class SceneCache:
         return cached.objects
 
     def builder(self, key: str, make: Callable[[], SceneBuilder]) -> SceneBuilder:
-        """The draw of this key, made if it is not there."""
-        result = self._builders.pop(key, None)
-        self._builders[key] = make() if result is None else result
+        """The draw of this key, made if it is missing."""
+        cached = self._builders.pop(key, None)
+        self._builders[key] = make() if cached is None else cached
         if len(self._builders) > MAX_SCENES:
             self._builders.popitem(last=False)
         return self._builders[key]
@@ -70,10 +68,10 @@ class SceneCache:
 
 @dataclass(frozen=True)
 class LoadContext:
-    """Where a description comes from, and the wavelength that its scene is made for.
+    """Origin of a description, and the wavelength that its scene is made for.
 
-    Pictures, tables and meshes lie in `folder`; `text` is what the scene says that it was made
-    from, `source` what error messages call it; `cache` has what other scenes were made of.
+    `folder` holds its pictures, tables and meshes, `text` is the YAML that the scene keeps,
+    `source` is what messages call it, and `cache` holds parts of other scenes.
     """
 
     folder: Path
@@ -84,7 +82,7 @@ class LoadContext:
 
     @contextmanager
     def problems_at(self, location: str) -> Iterator[None]:
-        """Put file and field in front of an InputError's message."""
+        """Prefix the message of an InputError with file and field."""
         try:
             yield
         except InputError as error:

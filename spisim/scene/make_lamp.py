@@ -31,18 +31,17 @@ from spisim.scene.lamps import (
 from spisim.scene.model import SceneObject, find_object
 from spisim.scene.pose import pose_matrix
 
-#: Fields in units of light that is seen, and what they are in kilolumens (per sr and m²).
+#: Photometric fields, and their factors to kilolumens (per sr and m²).
 LUMINOUS = {"luminous_flux_lm": 1e-3, "illuminance_klx": 1.0, "luminance_kcd_per_m2": 1.0}
-#: Fields that tell all of a lamp's light, not that per solid angle or area.
+#: Fields for all of a lamp's light, rather than per solid angle or area.
 WHOLE = ("power_w", "luminous_flux_lm")
 BEAM_FRACTION = 0.75
 
 
 def make_lamp(described: AnyLamp, objects: Sequence[SceneObject], folder: Path) -> Lamp:
-    """The lamp of a description; pictures are looked for in `folder`.
+    """Make the lamp of a description, with pictures from `folder`.
 
-    Raises InputError for an object that is not there, a direction that is none, and a picture that
-    is missing or unfit.
+    InputError for a missing object, a zero direction, and a picture that is missing or unfit.
     """
     name = described.name
     match described:
@@ -81,17 +80,17 @@ def _spot(described: SpotLampDescription) -> PointLamp:
 
 
 def _strength(described: LampDescription, spread: float = 1.0) -> Strength:
-    """Per sr and m², over which all of a lamp's light is `spread`."""
+    """Strength per sr and m²; all of the lamp's light spreads over `spread`."""
     field, value = described.strength
     amount = value * LUMINOUS.get(field, 1.0)
     return Strength(amount / (spread if field in WHOLE else 1.0), field in LUMINOUS)
 
 
 def _read_environment(path: Path) -> NDArray[np.float32]:
-    """Relative radiance (h, w); InputError for a file that is missing, or no such thing."""
+    """Relative radiance (h, w); InputError for a file that is missing or unfit."""
     if reader := LINEAR.get(path.suffix.lower()):
         check_is_there(path, "picture")
-        picture = reader(path)[:, ::-1]  # they are seen from within, the other way round
+        picture = reader(path)[:, ::-1]  # these pictures show the sphere from inside
     elif path.suffix.lower() != ".npy":
         picture = read_picture(path)
     else:

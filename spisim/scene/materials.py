@@ -1,4 +1,4 @@
-"""Materials: how much a surface reflects, by wavelength, each with the source of its values."""
+"""Materials: reflectance and scattering of surfaces by wavelength, with their sources."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from spisim.scene.wetness import wet_reflectance
 
 Picture: TypeAlias = NDArray[np.float32]
 
-#: Where materials are looked up unless another wavelength is asked for.
+#: Default wavelength of materials.
 WAVELENGTH_NM = 1550.0
-#: How far from a wavelength where a value is known it may be used; bands of water are wider.
+#: Maximum distance from a tabulated wavelength; water's absorption bands are wider.
 MAX_DISTANCE_NM = 50.0
 
 
@@ -28,16 +28,19 @@ MAX_DISTANCE_NM = 50.0
 class Material:
     """A surface at one wavelength.
 
-    Pictures (h, w) hold values from 0 to 1, first row at the top of the mesh's texture coordinates
-    (v = 1), and repeat beyond them. `texture` multiplies what is reflected; `opacity` is the
-    fraction of the surface that is there, the rest lets light through as if nothing was.
+    Pictures (h, w) hold values from 0 to 1, with the first row at the top of the mesh's texture
+    coordinates (v = 1), and repeat beyond them. `texture` multiplies the reflectance; `opacity` is
+    the opaque fraction of the surface, and light passes through the rest unchanged.
 
-    Raises InputError for a texture on a clear surface, which reflects by refraction alone, and for
-    a surface that returns more light than it gets.
+    Raises
+    ------
+    InputError
+        For a texture on a transparent surface, which reflects by refraction alone, and for a
+        surface that returns more light than it receives.
     """
 
     name: str
-    reflectance: float  # of the diffuse body, or at normal incidence without one
+    reflectance: float  # of the diffuse body, else at normal incidence
     source: str
     bsdf: Bsdf = DIFFUSE
     texture: Picture | None = None
@@ -54,18 +57,18 @@ class Material:
 
     @property
     def needs_texture_coordinates(self) -> bool:
-        """Whether a picture is to be laid onto the mesh."""
+        """Whether the mesh needs texture coordinates for a picture."""
         return self.texture is not None or isinstance(self.opacity, np.ndarray)
 
 
 class ShippedMaterial(MaterialDescription):
-    """A row of the shipped table; `typical` is the range of reflectances to expect at 1550 nm."""
+    """A row of the shipped table; `typical` is the expected range of reflectances at 1550 nm."""
 
     typical: tuple[Fraction, Fraction] | None = None
 
 
 class ShippedMaterials(Section):
-    """The shipped table: surfaces as they are when dry, and which of them are there soaked."""
+    """The shipped table: dry surfaces, and which of them exist soaked."""
 
     dry: dict[Name, ShippedMaterial]
     wet: dict[Name, Name]
@@ -78,7 +81,7 @@ class ShippedMaterials(Section):
 
 @cache
 def shipped_materials() -> ShippedMaterials:
-    """The shipped table, with values at all of its wavelengths."""
+    """The shipped table with values at all its wavelengths."""
     path = Path(__file__).with_name("materials.yaml")
     return parse_model(read_text(path), ShippedMaterials, path)
 
@@ -86,7 +89,10 @@ def shipped_materials() -> ShippedMaterials:
 def material_table(wavelength_nm: float = WAVELENGTH_NM) -> dict[str, Material]:
     """The shipped materials by name.
 
-    Raises InputError for a wavelength more than `MAX_DISTANCE_NM` from those of the table.
+    Raises
+    ------
+    InputError
+        For a wavelength more than `MAX_DISTANCE_NM` from those of the table.
     """
     return {name: _shipped(name, float(wavelength_nm)) for name in shipped_materials().names}
 
@@ -96,8 +102,10 @@ def find_material(
 ) -> Material:
     """Material of this name, from `extra` or else the shipped table.
 
-    Raises InputError, naming the nearest, where there is none, and for a wavelength more than
-    `MAX_DISTANCE_NM` from those of the table.
+    Raises
+    ------
+    InputError
+        Names the nearest material, if there is none; or as `material_table`.
     """
     extra = extra or {}
     if name in extra:
@@ -114,11 +122,10 @@ def make_material(
     folder: Path,
     wavelength_nm: float = WAVELENGTH_NM,
 ) -> Material:
-    """Material of a scene file in `folder`, where its pictures are looked for.
+    """Material of a description, with pictures from `folder`.
 
-    Raises InputError for parameters that do not fit the model, pictures that are missing or
-    unusable, a reflectance that is missing, or given where it follows from refraction, and values
-    that are not known near the wavelength.
+    InputError for parameters that do not fit the model, unusable pictures, a reflectance that is
+    missing, or given though it follows from refraction, and values unknown near the wavelength.
     """
     parameters = {
         field: values if isinstance(values, str) else at_wavelength(field, values, wavelength_nm)
@@ -137,10 +144,10 @@ def make_material(
 
 
 def at_wavelength(field: str, values: Spectrum, wavelength_nm: float) -> float:
-    """Value at a wavelength: linear between those where it is known, constant beyond the ends.
+    """Value at a wavelength: linear between tabulated ones, constant beyond the ends.
 
-    A plain number holds everywhere. Raises InputError, naming the field, more than
-    `MAX_DISTANCE_NM` from all wavelengths where the value is known.
+    A plain number holds everywhere. InputError, naming the field, for a wavelength more than
+    `MAX_DISTANCE_NM` from all tabulated ones.
     """
     if not isinstance(values, Mapping):
         return values

@@ -1,4 +1,4 @@
-"""Objects of a description: materials found, meshes made and put in their places."""
+"""Objects of a description: their materials, and their meshes in world coordinates."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from spisim.scene.model import SceneObject, SceneWarning
 from spisim.scene.pose import Vector3, pose_matrix
 from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
 
-#: What a file has is hardly wider; of a horizon that is drawn, its sizes tell the unit.
+#: Files rarely hold wider meshes, except in other units than metres.
 WIDEST_MESH_M = 300.0
-#: Beyond this not even metres are told apart in single precision.
+#: Single precision does not resolve metres beyond this.
 MAX_COORDINATE_M = 1e6
 
 Meshes: TypeAlias = Mapping[str, trimesh.Trimesh]
@@ -68,7 +68,7 @@ def _placed(
 
 
 def radians(degrees: Vector3) -> Vector3:
-    """Three angles."""
+    """Three angles in radians."""
     x, y, z = (math.radians(angle) for angle in degrees)
     return x, y, z
 
@@ -115,7 +115,7 @@ def _place(
 
 
 def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
-    """A copy elsewhere; what trimesh's own copying looks after would take most of the time."""
+    """A moved copy; trimesh's own copying would take most of the time."""
     matrix = pose_matrix(pose.rotate_deg, pose.translate_m)
     points = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     uv = texture_coordinates(mesh)
@@ -124,14 +124,14 @@ def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
 
 
 def _key(described: SceneDescription, context: LoadContext, meshes: Meshes) -> bytes:
-    """Of all that objects are made from."""
+    """Digest of everything that the objects are made from."""
     given = [sorted(own.model_fields_set) for own in described.materials.values()]
     sections = described.objects, described.materials, described.material_swaps
     result = blake2b(repr((*sections, given, context.wavelength_nm)).encode())
     for name, mesh in meshes.items():
         result.update(name.encode() + mesh_content(mesh))
     for path in _files(described, context.folder, meshes):
-        if not path.is_file():  # there are pipes and devices without an end
+        if not path.is_file():  # pipes and devices may never end
             raise FileNotFoundError(path)
         with path.open("rb") as file:
             result.update(file_digest(file, "blake2b").digest())

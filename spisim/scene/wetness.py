@@ -1,11 +1,11 @@
-"""How much darker a rough surface is when it is soaked."""
+"""Darkening of rough surfaces by soaking."""
 
 import math
 
 from spisim.atmosphere import refractive_index
 
-#: Water that light crosses between air and grains, one way. With it 100 soils come out at 1550 nm
-#: as Minasny et al. (2011), Geoderma 167, 118 measured them, wet over dry.
+#: Water that light crosses between air and grains, one way. With it, the wet-to-dry ratio of 100
+#: soils at 1550 nm is that measured by Minasny et al. (2011), Geoderma 167, 118.
 FILM_MM = 0.1
 #: Refractive index of the grains: quartz, clay, cellulose.
 GRAIN_IOR = 1.5
@@ -14,13 +14,11 @@ GRAIN_IOR = 1.5
 def wet_reflectance(dry: float, wavelength_nm: float) -> float:
     """Diffuse reflectance of a soaked surface from that of the dry one, both 0 to 1.
 
-    The water's surface throws back part of what the grains reflect, which meets them again, and
-    they take in more light in water than in air: Lekner & Dorf (1988), Applied Optics 27, 1278,
-    after Ångström (1925). The water absorbs on each pass: the film of Bablet et al. (2018), Remote
-    Sensing of Environment 217, 1. The glint of the water, 2 %, counts as diffuse; surfaces about
-    that dark come out brighter than dry.
-
-    Raises InputError for a wavelength outside 400 to 1700 nm.
+    The water's surface reflects part of the light back to the grains, and grains absorb more in
+    water than in air: Lekner & Dorf (1988), Applied Optics 27, 1278, after Ångström (1925). Water
+    absorbs on each pass: the film of Bablet et al. (2018), Remote Sensing of Environment 217, 1.
+    The glint of the water, 2 %, counts as diffuse, so surfaces about that dark come out brighter
+    than dry. InputError for a wavelength outside 400 to 1700 nm.
     """
     index = refractive_index("water", wavelength_nm)
     water = index.real
@@ -34,7 +32,7 @@ def wet_reflectance(dry: float, wavelength_nm: float) -> float:
 
 
 def mean_fresnel_transmittance(ior: float) -> float:
-    """Transmittance of a smooth surface into a relative index above 1, for diffuse light.
+    """Diffuse transmittance of a smooth surface into a relative index above 1.
 
     Walsh (1926), in the form of Duntley (1942), J. Opt. Soc. Am. 32, 61.
     """

@@ -1,7 +1,7 @@
 """YAML files read into pydantic models, with errors that say what to change.
 
-Every configuration file of the simulator goes through `parse_model`; whatever is wrong with one
-ends as a single `InputError` naming file, field, value and what is allowed.
+Every configuration file of the simulator goes through `parse_model`. Whatever is wrong with a file
+ends as one `InputError` that names file, field, value and what is allowed.
 """
 
 from spisim.base.config.fields import (

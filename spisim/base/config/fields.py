@@ -1,4 +1,4 @@
-"""Fields that configuration files are made of, and the base of their sections."""
+"""Field types of configuration files, and the base class of their sections."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -30,19 +30,19 @@ from reconstruction.base.registry import Registry
 from spisim.base.config.json_schema import add_descriptions, name_bounds
 from spisim.base.config.messages import UNKNOWN_FIELD, show
 
-#: Whatever has a unit here lies far between.
+#: Every physical quantity lies well within these magnitudes.
 SMALLEST, LARGEST = 1e-18, 1e30
 
 
 def not_a_truth_value(value: Any) -> Any:
-    """YAML reads `yes` and `on` as true, which would silently become the number 1."""
+    """Reject booleans: YAML reads `yes` and `on` as true, which would become the number 1."""
     if isinstance(value, bool):
         raise PydanticCustomError("truth_value", "should be a number")
     return value
 
 
 def of_usable_size(value: Any) -> Any:
-    """What calculates with a number squares it and divides by it: next to nothing is nothing."""
+    """Reject huge numbers and round tiny ones to 0, so that squares and quotients stay finite."""
     not_a_truth_value(value)
     size = 0.0
     with suppress(TypeError, ValueError, OverflowError):
@@ -67,7 +67,7 @@ _KINDS = frozenset(get_args(ErrorType))
 
 
 def _renamed(details: ErrorDetails, names: Iterable[str]) -> InitErrorDetails:
-    """An error of a section to be raised again; that of an unknown field names the nearest."""
+    """The error of a section, to raise again; for an unknown field with the nearest name."""
     kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
     again = InitErrorDetails(type=kind, loc=loc, input=details["input"], ctx=context)
     if kind == "extra_forbidden" and len(loc) == 1:
@@ -81,18 +81,18 @@ def _renamed(details: ErrorDetails, names: Iterable[str]) -> InitErrorDetails:
 
 
 class Section(BaseModel):
-    """Base of every part of a configuration file: no unknown fields, no NaN, immutable.
+    """Base of every section of a configuration file: no unknown fields, no NaN, immutable.
 
-    The text below a field is its description in the JSON Schema.
+    The string below a field is its description in the JSON Schema.
     """
 
-    # Built when first used: what other packages add to a file may import what it is part of.
+    # Built on first use: a package that extends a section may import the module that uses it.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="wrap")
     @classmethod
     def _accepted_fields(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Name the nearest to each unknown field."""
+        """Suggest the nearest name for each unknown field."""
         try:
             return handler(data)
         except ValidationError as error:
@@ -112,12 +112,16 @@ class Section(BaseModel):
         return schema
 
 
-#: Whether light is traced, or a fast stand-in; see `spisim.simulation.light.surrogate`.
+#: Light transport: traced, or the fast model of `spisim.simulation.light.surrogate`.
 LightSource = Literal["traced", "surrogate"]
 
 
 def one_of(sections: Registry[Any], field: str) -> GetPydanticSchema:
-    """Marks a field as one of several sections, told apart by the value of one of their fields."""
+    """Mark a field as one of several registered sections, discriminated by one of their fields.
+
+    The sections load when the first file is read, so a package that registers one may import the
+    module of the field.
+    """
 
     def union() -> Any:
         return Union[tuple(section for _, section in sections.loadable())]  # noqa: UP007 - as many
@@ -128,5 +132,5 @@ def one_of(sections: Registry[Any], field: str) -> GetPydanticSchema:
 
 
 def named(sections: Mapping[str, Any], name: str) -> GetPydanticSchema:
-    """Marks a field as the section of this name."""
+    """Mark a field as the registered section of this name, loaded when the first file is read."""
     return GetPydanticSchema(lambda _, handler: handler.generate_schema(sections[name]))
