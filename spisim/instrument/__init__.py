@@ -1,4 +1,4 @@
-"""What the drone carries: pattern projector, lasers, detectors, electronics, timing."""
+"""Instruments: pattern projector, lasers, detectors, electronics and timing."""
 
 from spisim.instrument.demodulation import Modulation, Taps
 from spisim.instrument.detector import Detector, TofDetector

@@ -18,44 +18,44 @@ from spisim.instrument.electronics import Adc, Amplifier
 from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
 
-#: No lens is faster: the sine of its cone would exceed 1.
+#: Minimum f-number: the sine of the cone of a faster lens would exceed 1.
 MIN_F_NUMBER = 0.5
-#: From the projector; farther is no part of one instrument.
+#: Maximum distance from the projector within one instrument.
 MAX_DISTANCE_M = 100.0
 
 
 class Detector(Section):
-    """What bucket and ranging detectors have in common.
+    """Common fields of bucket and ranging detectors.
 
-    The lens is told by its f-number or by the diameter of its aperture; étendue gives the other.
+    The lens has an f-number or an aperture diameter; étendue gives the other.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]
     """Full angle of a hard-edged cone."""
     vignetting: NonNegative = 0.0
-    """Exponent m of the response's fall with cosᵐ inside the cone."""
+    """Exponent m: the response falls as cosᵐ inside the cone."""
     f_number: Annotated[Number, Field(ge=MIN_F_NUMBER)] | None = None
-    """Of the lens; its diameter follows from étendue. This or `aperture_diameter_mm`."""
+    """F-number of the lens; étendue gives its diameter. This or `aperture_diameter_mm`."""
     aperture_diameter_mm: Positive | None = None
     """Diameter of the entrance aperture. This or `f_number`."""
     lens_transmittance: PositiveFraction
-    """Share of the light that gets through the lens."""
+    """Transmitted fraction of the light."""
     sensor: AnySensor
-    """What turns light into electrons."""
+    """Converts light into electrons."""
     amplifier: Amplifier | None = None
     """Amplifier of a photodiode; single-photon diodes have none."""
     adc: Adc | None = None
     """Converter of a photodiode; single-photon diodes have none."""
     positions_m: tuple[Vector, ...]
-    """Where the photodiodes are, optical frame."""
+    """Positions of the photodiodes, optical frame."""
 
     @property
     def aperture_area_m2(self) -> float:
         """Area of the entrance aperture.
 
-        A field of half angle θ over an aperture A_ap has the étendue π A_ap sin²θ, and that of a
-        photodiode of effective area A·FF behind a lens of f-number N is π A·FF / (4 N²); so
-        A_ap = A·FF / (4 N² sin²θ). Narrow fields have large apertures.
+        A field of half angle θ over an aperture A_ap has the étendue π A_ap sin²θ; a photodiode of
+        effective area A·FF behind a lens of f-number N has π A·FF / (4 N²). So
+        A_ap = A·FF / (4 N² sin²θ): narrow fields have large apertures.
         """
         if self.aperture_diameter_mm is not None:
             return math.pi * (self.aperture_diameter_mm * 1e-3) ** 2 / 4
@@ -72,7 +72,7 @@ class Detector(Section):
         return self.sensor.read(self, electrons, time_s, rng, taken_off)
 
     def dark_electrons(self, time_s: float) -> float:
-        """Mean dark count of a window."""
+        """Mean dark electrons in a window."""
         return self.sensor.dark_rate_hz * time_s
 
     def amplifier_noise_electrons(self, time_s: ArrayLike) -> Any:
@@ -83,7 +83,7 @@ class Detector(Section):
         return current * np.sqrt(np.divide(time_s, 2)) / (elementary_charge * self.sensor.gain)
 
     def electronics_noise_electrons(self, time_s: ArrayLike) -> Any:
-        """Rms of amplifier and converter together, per reading."""
+        """Rms noise of amplifier and converter per reading."""
         steps = 0.0 if self.adc is None else self.adc.quantisation_noise_electrons
         return np.hypot(self.amplifier_noise_electrons(time_s), steps)
 
@@ -95,8 +95,8 @@ class Detector(Section):
         if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > largest_mm:
             raise InputError(
                 f"aperture_diameter_mm {self.aperture_diameter_mm} and field_of_view_deg "
-                f"{self.field_of_view_deg} hold more light than the sensor can take (étendue): at "
-                f"most {largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
+                f"{self.field_of_view_deg} exceed the étendue of the sensor: at most "
+                f"{largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
             )
         return self
 
@@ -121,21 +121,18 @@ class Detector(Section):
 
 
 class BucketDetector(Detector):
-    """The single-pixel detector of the patterns: alike photodiodes whose currents add up.
-
-    All look along the optical axis.
-    """
+    """The single-pixel detector: equal photodiodes along the optical axis, currents added."""
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=64)]
-    """Where the photodiodes are, optical frame; their currents add up."""
+    """Positions of the photodiodes, optical frame; their currents add up."""
 
 
 class TofDetector(Detector):
     """The photodiodes of the spots.
 
-    One for each, looking along the direction of its laser; or one for all, looking along the
-    optical axis, for which the lasers fire in turn.
+    One per spot, facing along its laser; or one for all, facing along the optical axis, for which
+    the lasers fire in turn.
     """
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=MAX_SPOTS)]
-    """Where they are, optical frame; one for each laser, in their order, or one for all."""
+    """Positions, optical frame: one per laser, in order, or one for all."""

@@ -15,21 +15,20 @@ from spisim.base.config import NonNegative, Number, Positive, Section
 
 
 class Amplifier(Section):
-    """Transimpedance amplifier with one pole at `bandwidth_hz`, or none that matters.
+    """Transimpedance amplifier with one pole at `bandwidth_hz`, or without a relevant one.
 
-    Noise is one-sided and referred to the current before the amplifier. Coupled by alternating
-    current it takes off what changes more slowly than `low_cut_hz`, daylight above all; the
-    daylight's shot noise stays.
+    Noise is one-sided and input-referred. With AC coupling, changes slower than `low_cut_hz` are
+    removed, above all daylight, whose shot noise remains.
     """
 
     noise_pa_per_sqrt_hz: NonNegative
-    """One-sided noise of the current before it."""
+    """One-sided, input-referred current noise."""
     bandwidth_hz: Positive | None = None
-    """Its pole; without, none that matters."""
+    """Frequency of its pole; no relevant pole by default."""
     coupling: Literal["dc", "ac"] = "dc"
-    """Whether the mean current gets through."""
+    """Whether the mean current passes."""
     low_cut_hz: Positive | None = None
-    """What changes more slowly is taken off; goes with coupling `ac`."""
+    """High-pass frequency; goes with coupling `ac`."""
 
     @model_validator(mode="after")
     def _low_cut_goes_with_ac(self) -> Amplifier:
@@ -39,11 +38,11 @@ class Amplifier(Section):
 
     @property
     def time_constant_s(self) -> float:
-        """Of the pole; 0 without one."""
+        """Time constant of the pole; 0 without one."""
         return 0.0 if self.bandwidth_hz is None else 1 / (2 * math.pi * self.bandwidth_hz)
 
     def response(self, frequency_hz: Any) -> Any:
-        """Complex amplitude of a modulation behind the pole, 1 / (1 + i f / B)."""
+        """Complex response to a modulation, 1 / (1 + i f / B)."""
         return 1 / (1 + 2j * math.pi * self.time_constant_s * frequency_hz)
 
 
@@ -53,9 +52,9 @@ class Adc(Section):
     bits: Annotated[int, Field(ge=1, le=31)]
     """Resolution."""
     full_scale_electrons: Annotated[Number, Field(gt=0, le=1e18)]
-    """Primary electrons that fill the range."""
+    """Primary electrons at full scale."""
     offset_counts: Annotated[int, Field(ge=0)]
-    """Count of no charge, below the count of saturation."""
+    """Count at zero charge, below the saturated count."""
 
     @model_validator(mode="after")
     def _offset_leaves_room(self) -> Adc:
@@ -68,26 +67,26 @@ class Adc(Section):
 
     @property
     def max_count(self) -> int:
-        """The count of saturation."""
+        """The saturated count."""
         return 2**self.bits - 1
 
     @property
     def electrons_per_count(self) -> float:
-        """Width of a step."""
+        """Electrons per count."""
         return self.full_scale_electrons / 2**self.bits
 
     @property
     def quantisation_noise_electrons(self) -> float:
-        """Rms error of rounding, a step over √12."""
+        """Rms quantisation error, a step over √12."""
         return self.electrons_per_count / math.sqrt(12)
 
     def converted(self, electrons: Floats) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """Counts of charges, rounded and clipped, and which are at an end of the range."""
+        """Rounded and clipped counts, and whether each is at an end of the range."""
         counts = np.rint(electrons / self.electrons_per_count + self.offset_counts)
         clipped = np.clip(counts, 0, self.max_count).astype(np.int32)
         return clipped, (counts <= 0) | (counts >= self.max_count)
 
     @property
     def headroom_electrons(self) -> float:
-        """The largest charge that is not clipped."""
+        """Maximum charge that is not clipped."""
         return (self.max_count - self.offset_counts) * self.electrons_per_count

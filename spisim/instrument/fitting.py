@@ -1,4 +1,4 @@
-"""Whether the parts of an instrument fit together."""
+"""Parts that make an image and parts that range, and checks that they fit together."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from spisim.instrument.sensor import quantum_efficiency
 from spisim.instrument.tof import Tof
 from spisim.scene.sun import in_band_irradiance
 
-#: Wavelengths at which a spectrum within the filter's band is weighted.
+#: Wavelengths across the filter's band at which spectra are weighted.
 BAND_POINTS = 49
-#: Time constants that a pattern's period must last, so that a pattern is felt in the next one only.
+#: Minimum period of a pattern in time constants, so that it affects only the next one.
 SETTLING_TIMES = 5
-#: Parts of the image, and of the ranges.
+#: Fields that make an image, and fields that range.
 IMAGING, RANGING = ("projector", "plan", "detector"), ("lasers", "tof")
 
 
 class Imaging(NamedTuple):
-    """What an instrument makes its image with."""
+    """The parts that make an image."""
 
     projector: Projector
     plan: Plan
@@ -38,7 +38,7 @@ class Imaging(NamedTuple):
 
 
 class Ranging(NamedTuple):
-    """What an instrument measures the ranges of its spots with."""
+    """The parts that measure the ranges of the spots."""
 
     lasers: Lasers
     tof: Tof
@@ -50,12 +50,12 @@ class Ranging(NamedTuple):
 
     @property
     def shared(self) -> bool:
-        """Whether one photodiode is for several spots."""
+        """Whether one photodiode serves several spots."""
         return len(self.tof.detector.positions_m) < self.spots
 
     @property
     def frame_time_s(self) -> float:
-        """Time of the ranges of a frame; with one photodiode the lasers fire in turn."""
+        """Time of the ranges of a frame; with a shared photodiode the lasers fire in turn."""
         return self.tof.frame_time_s * (self.spots if self.shared else 1)
 
     @property
@@ -66,14 +66,14 @@ class Ranging(NamedTuple):
 
     @property
     def detector_axes(self) -> Floats:
-        """Unit vectors (spots, 3) along which the photodiodes look."""
+        """Unit vectors (spots, 3) that the photodiodes face."""
         if self.shared:
             return np.tile([0.0, 0.0, 1.0], (self.spots, 1))
         return self.lasers.directions
 
 
 def missing_parts(fields: Mapping[str, Any]) -> list[InputError]:
-    """Errors of an instrument's fields that make neither image nor ranges, or half of one."""
+    """Errors of an instrument that is empty or lacks parts of image or ranges."""
     errors = []
     images, ranges = (fields[name] is not None for name in ("projector", "lasers"))
     for what, parts in (("an image", IMAGING), ("ranges", RANGING)):
@@ -100,9 +100,9 @@ def misfits(
     ranging: Ranging | None,
     make_plans: Callable[[], object],
 ) -> list[InputError]:
-    """Errors of parts that do not fit together, each with its fields, values and what is allowed.
+    """Errors of parts that do not fit together, with fields, values and what is allowed.
 
-    `make_plans` raises InputError where there are no such patterns.
+    `make_plans` raises InputError if the patterns do not exist.
     """
     checks: list[Callable[[], None]] = [
         lambda: _check_band(band_pass, wavelength_nm, imaging),
@@ -161,7 +161,7 @@ def _check_exposure(imaging: Imaging) -> None:
 
 
 def _check_settling(imaging: Imaging) -> None:
-    """Patterns are over within their period."""
+    """A pattern settles within its period."""
     projector, amplifier = imaging.projector, imaging.detector.amplifier
     times_s = {
         "projector.settling_time_s": projector.settling_time_s,
@@ -179,7 +179,7 @@ def _check_settling(imaging: Imaging) -> None:
 
 
 def _check_efficiency(band_pass: Filter, imaging: Imaging | None, ranging: Ranging | None) -> None:
-    """One electron per photon at most."""
+    """At most one electron per photon."""
     low, _ = band = band_pass.band_nm
     sensors = {} if imaging is None else {"detector": imaging.detector.sensor}
     sensors |= {} if ranging is None else {"tof.detector": ranging.tof.detector.sensor}
@@ -189,7 +189,7 @@ def _check_efficiency(band_pass: Filter, imaging: Imaging | None, ranging: Rangi
 
 
 def _check_spots(ranging: Ranging) -> None:
-    """A photodiode for each laser, or one for all."""
+    """One photodiode per laser, or one for all."""
     spots, positions = ranging.spots, len(ranging.tof.detector.positions_m)
     if positions not in (1, spots):
         raise InputError(
@@ -199,7 +199,7 @@ def _check_spots(ranging: Ranging) -> None:
 
 
 def _check_modulation(imaging: Imaging) -> None:
-    """Modulated patterns are demodulated."""
+    """Modulated patterns can be demodulated."""
     projector, _, detector, exposure_time_s = imaging
     modulation = projector.modulation
     if modulation is None:

@@ -1,4 +1,4 @@
-"""Ways in which detectors stamp the times of single arrivals, at most one in each cycle."""
+"""Time stamps of single arrivals, by first photons or by a threshold."""
 
 import math
 
@@ -10,10 +10,10 @@ from reconstruction.base.arrays import Floats
 
 
 def smoothed(path_m: Floats, rate: Floats, sigma_s: float, until_s: float) -> tuple[Floats, Floats]:
-    """Even times, and at them the echo to a Gaussian pulse of unit area that is centred on zero.
+    """Uniform times, and the echo at them of a Gaussian pulse of unit area centred on zero.
 
-    `rate` (bins,) is light by path length `path_m`; where its bins are wider than the first, light
-    is spread between them. Light too late to show before `until_s` is left out.
+    `rate` (bins,) is light by path length `path_m`; bins wider than the first are spread out. Light
+    too late to matter before `until_s` is left out.
     """
     step_m = path_m[1] - path_m[0]
     step = step_m / c
