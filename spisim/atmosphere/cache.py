@@ -1,4 +1,4 @@
-"""Mie results of the user's own size distributions, kept between runs."""
+"""Mie results of custom size distributions, cached between runs."""
 
 import hashlib
 import io
@@ -23,7 +23,7 @@ logger = logging.getLogger(__name__)
 
 
 def cache_folder() -> Path:
-    """Where the results lie: `SPISIM_CACHE`, or the user's cache folder."""
+    """Folder of the results: `SPISIM_CACHE`, or the user's cache folder."""
     if own := os.environ.get("SPISIM_CACHE"):
         return Path(own)
     if sys.platform == "darwin":
@@ -31,22 +31,19 @@ def cache_folder() -> Path:
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "spisim"
 
 
-def retained(key: str, make: Callable[[], Arrays]) -> Arrays:
-    """What `make` returns, from the cache where it is there.
-
-    A cache that cannot be read or written, or holds something else, only costs time.
-    """
+def cached(key: str, make: Callable[[], Arrays]) -> Arrays:
+    """What `make` returns, from the cache if possible; a damaged cache only costs time."""
     try:
         path = cache_folder() / f"mie-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     except RuntimeError:  # no home folder
         return make()
-    # Whatever a damaged file raises, it is made again.
+    # Results from a damaged file are computed again.
     with suppress(Exception), path.open("rb") as opened, np.load(opened) as file:
         if str(file["key"]) == key:
             return {name: file[name] for name in file.files if name != "key"}
     began = time.perf_counter()
     made = make()
-    logger.info("Mie theory of droplets of one's own: %.1f s", time.perf_counter() - began)
+    logger.info("Mie theory of custom droplets: %.1f s", time.perf_counter() - began)
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, key=np.array(key), **dict(made))
     with suppress(OSError, InputError):

@@ -1,4 +1,4 @@
-"""Mie results: shipped for the named kinds, computed and kept for all other particles."""
+"""Mie results: shipped for the named kinds, computed and cached for other particles."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -8,24 +8,21 @@ from pathlib import Path
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.atmosphere.cache import retained
+from spisim.atmosphere.cache import cached
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
 from spisim.atmosphere.mie import Optics, particle_optics
 
 PATH = Path(__file__).with_name("mie.npz")
-#: 550 nm is where visibility is defined, 850 to 1550 nm where lidars and cameras work.
+#: Visibility is defined at 550 nm; lidars and cameras work at 850 to 1550 nm.
 WAVELENGTHS_NM = (550, 850, 905, 940, 1460, 1550)
-#: Changes when the computation does, so that the cache forgets.
+#: Changes with the computation, to invalidate the cache.
 VERSION = 1
 
 
 @cache
 def look_up(particles: Particles, wavelength_nm: float) -> Optics:
-    """What these particles do at a wavelength: shipped, from the cache, or computed in seconds.
-
-    Raises InputError for a wavelength outside 400 to 1700 nm.
-    """
+    """Optics of particles: shipped, cached, or computed in seconds; InputError as `fog`."""
     check_wavelength(wavelength_nm)
     for name, named in KINDS.items():
         if named == particles and wavelength_nm in WAVELENGTHS_NM:
@@ -36,12 +33,12 @@ def look_up(particles: Particles, wavelength_nm: float) -> Optics:
         optics = particle_optics(particles, wavelength_nm)
         return {field.name: np.asarray(getattr(optics, field.name)) for field in fields(optics)}
 
-    return _optics(retained(key, make))
+    return _optics(cached(key, make))
 
 
 @cache
 def shipped() -> dict[tuple[str, int], Optics]:
-    """Results for the named kinds at `WAVELENGTHS_NM`."""
+    """Results of the named kinds at `WAVELENGTHS_NM`."""
     with np.load(PATH) as file:
         arrays = dict(file)
     return {

@@ -43,10 +43,7 @@ class ReportTable(NamedTuple):
 
 @dataclass(frozen=True)
 class WeatherMix:
-    """Fog, smoke, rain and snow in the same air, each None where there is none.
-
-    Visibilities are in metres by `definition`, rates in mm/h of water.
-    """
+    """Fog, smoke (visibilities in metres), rain and snow (mm/h of water) in the same air."""
 
     fog_visibility: float | None = None
     fog_kind: str = DEFAULT_FOG
@@ -132,10 +129,7 @@ def short(value: float | None) -> str:
 
 
 def typical_weather(wavelength_nm: float) -> dict[str, Atmosphere]:
-    """Fogs, hazes, smokes, rain and snow by name.
-
-    Raises InputError for a wavelength that rain is not tabulated at.
-    """
+    """Fogs, hazes, smokes, rain and snow by name."""
     return {
         "heavy advection fog, 50 m": fog(50, "heavy-advection", wavelength_nm=wavelength_nm),
         "moderate radiation fog, 50 m": fog(50, "moderate-radiation", wavelength_nm=wavelength_nm),

@@ -79,10 +79,7 @@ def find_llvm() -> Path:
 
 
 def prefer_working_llvm() -> None:
-    """Make Dr.Jit load a working LLVM on import, unless the user names one.
-
-    Without one nothing happens: a GPU may do, and tracing light reports what is missing.
-    """
+    """Make Dr.Jit load a working LLVM on import, if there is one and the user names none."""
     if not os.environ.get(VARIABLE):
         try:
             os.environ[VARIABLE] = str(find_llvm())
@@ -184,10 +181,7 @@ def _version_inside(path: Path) -> int | None:
 
 
 def _preload(folder: Path) -> None:
-    """Load the dependencies of a private libLLVM, which are on no search path.
-
-    They depend on each other too, so loading repeats while it makes progress.
-    """
+    """Load the dependencies of a private libLLVM, which need each other, while more can load."""
     waiting = [p for p in folder.glob("lib*.so*") if not p.name.startswith("libLLVM")]
     while waiting:
         failed = [path for path in waiting if not _load(path)]

@@ -1,8 +1,8 @@
-"""The paper's equations (1) to (3), as printed and corrected.
+"""The paper's equations (1) to (3), as printed and corrected, and its integration time.
 
 "Evaluation of a 3D imaging vision system based on a single-pixel InGaAs detector and the
 Time-of-Flight principle for drones". Eq. (1) counts the electrons of a photodiode behind a lens
-that looks at a lit Lambertian target, Eq. (2) its noise, Eq. (3) the scatter of a range.
+that looks at a lit Lambertian target, Eq. (2) its noise, Eq. (3) the standard deviation of a range.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from spisim.instrument import Instrument, Photodiode
 
 @dataclass(frozen=True)
 class Flood:
-    """A flood light and one photodiode behind a lens, as in Eq. (1), clear air.
+    """A flood light and one photodiode behind a lens, as in Eq. (1), in clear air.
 
-    `half_angle_deg` is α_FOV: the light covers the disc π z² tan²α evenly. Table 1 has 20° and does
-    not say whether that is the half or the full angle. Breaks where the photodiode sees less, or
-    more, than the disc.
+    `half_angle_deg` is α_FOV: the light covers the disc π z² tan²α uniformly. Table 1 has 20°, and
+    does not say whether half or full. Valid if the photodiode sees just this disc.
     """
 
     power_w: float
@@ -70,13 +69,13 @@ class Flood:
 
     @property
     def signal_per_s(self) -> float:
-        """Electrons/s of the light, from a white target at 1 m; they fall with z⁻²."""
+        """Electrons/s of the light from a white target at 1 m; falls as z⁻²."""
         disc_m2 = math.pi * math.tan(math.radians(self.half_angle_deg)) ** 2
         return self._per_irradiance * self.power_w / disc_m2
 
     @property
     def background_per_s(self) -> float:
-        """Electrons/s of daylight, from a white target at any distance."""
+        """Electrons/s of daylight from a white target at any distance."""
         return self._per_irradiance * self.daylight_w_per_m2
 
     @property
@@ -90,9 +89,9 @@ class Flood:
 
 
 def eq1(flood: Flood, time_s: ArrayLike, distance_m: ArrayLike, reflectance: ArrayLike) -> Floats:
-    """Eq. (1) corrected: electrons of signal and background together in the time T_int.
+    """Eq. (1) corrected: electrons of signal and background in the time T_int.
 
-    E = ρ T_int [S / z² + B]: T_int once, and the light in the filter's band in place of δ(λ - λ₂).
+    E = ρ T_int [S / z² + B]: T_int once, and in-band light in place of δ(λ - λ₂).
     """
     rate = flood.signal_per_s / np.square(distance_m) + flood.background_per_s
     return np.asarray(np.asarray(reflectance) * np.asarray(time_s) * rate)
@@ -101,17 +100,14 @@ def eq1(flood: Flood, time_s: ArrayLike, distance_m: ArrayLike, reflectance: Arr
 def eq1_as_printed(
     flood: Flood, time_s: ArrayLike, distance_m: ArrayLike, reflectance: ArrayLike
 ) -> Floats:
-    """Eq. (1) as printed, with T_int both in front of the bracket and in it: in electron seconds.
-
-    No count, then; and its dependence on T_int is squared.
-    """
+    """Eq. (1) as printed, with T_int twice: electron seconds, no count, and squared in T_int."""
     return eq1(flood, time_s, distance_m, reflectance) * np.asarray(time_s)
 
 
 def eq2(flood: Flood, time_s: ArrayLike, reflectance: ArrayLike) -> Floats:
     """Eq. (2): noise floor, electrons rms, of background and dark shot noise and read noise.
 
-    The paper calls it a variance. The shot noise of the signal is not in it.
+    The paper calls it a variance. It lacks the shot noise of the signal.
     """
     background = np.asarray(reflectance) * flood.background_per_s
     shot = flood.excess_noise_factor * (background + flood.dark_per_s) * np.asarray(time_s)
@@ -136,11 +132,10 @@ def eq3(
     """Eq. (3): standard deviation of a range, m.
 
     σ = d_max / A_R √((A_R + 2B) / N_acc) / (2π F(x)) holds for four taps of width x of a period,
-    each for all N_acc periods, if `signal` A_R are the electrons that would arrive in a period at
-    the peak of the raised cosine, twice the mean, and `background` B those that do arrive.
-    d_max = c / 2f. As printed it has neither amplifier nor avalanche; with the noise factor F_x and
-    the rms electrons `tap_noise` of a tap in one period, F_x (A_R + 2B) + 2 σ_tap² / x stands under
-    the root.
+    each for all N_acc periods. `signal` A_R are the electrons per period at the peak of the raised
+    cosine, twice the mean; `background` B those that arrive; d_max = c / 2f. As printed it ignores
+    amplifier and avalanche; with the noise factor F_x and the rms electrons `tap_noise` of a tap in
+    one period, F_x (A_R + 2B) + 2 σ_tap² / x stands under the root.
     """
     signal = np.asarray(signal, dtype=np.float64)
     shot = excess_noise_factor * (signal + 2 * np.asarray(background))
@@ -157,7 +152,7 @@ def range_sigma_eq3_m(
     d_max_m: float,
     tap_width: float,
 ) -> Floats:
-    """Eq. (3) with A_R and B from Eq. (1), the light's power being its peak, amplifier included."""
+    """Eq. (3) with A_R and B from Eq. (1) and an amplifier; the light's power is its peak."""
     period_s = 2 * d_max_m / c
     reflectance = np.asarray(reflectance)
     return eq3(

@@ -1,6 +1,6 @@
-"""Laser class and risk group, as engineering checks. They are no certification.
+"""Laser class and risk group, as engineering checks without certification.
 
-IEC 60825-1:2014 for the lasers, whose limits are in `laser_limits`, IEC 62471:2006 for the array.
+IEC 60825-1:2014 for the lasers, IEC 62471:2006 for the array.
 """
 
 import math
@@ -26,29 +26,29 @@ RiskGroupName = Literal["exempt", "1", "2", "3"]
 LASER_CLASSES: tuple[LaserClass, ...] = ("1", "3R", "3B", "4")
 RISK_GROUPS: tuple[RiskGroupName, ...] = ("exempt", "1", "2", "3")
 
-#: Distance at which lasers are measured for the naked eye, and the aperture: a pupil of 7 mm up to
-#: 1400 nm, 3.5 mm for long exposures of a cornea.
+#: Measuring distance of lasers for the naked eye, and apertures: a pupil of 7 mm up to 1400 nm, 3.5
+#: mm for long exposures of the cornea.
 MEASURED_AT_M, PUPIL_M, APERTURE_M = 0.1, 7e-3, 3.5e-3
 #: Class 3R is five times class 1.
 TIMES_3R = 5.0
-#: A power computed to be just within a limit is within it.
+#: Rounding tolerance of a power at its limit.
 ROUNDING = 1e-9
 
-#: Distance and exposure limits of risk groups, W/m² at 780 to 3000 nm on cornea and lens:
-#: 18000 t^-¾ with t = 100 s (group 1) and 10 s (group 2); 100 W/m² for 1000 s and longer.
+#: Distance and exposure limits of risk groups, W/m² at 780 to 3000 nm on cornea and lens: 18000
+#: t^-¾ with t = 100 s (group 1) and 10 s (group 2); 100 W/m² from 1000 s on.
 ARRAY_AT_M = 0.2
 GROUP_LIMITS_W_PER_M2 = (100.0, 18000 * 100**-0.75, 18000 * 10**-0.75)
-#: Infrared light that nobody looks away from must not exceed this radiance, W m⁻² sr⁻¹ over the
-#: angle of the source, at any time (section 4.3.6); the eye's movements smear smaller sources.
+#: Maximum radiance of infrared light, which causes no aversion response, W m⁻² sr⁻¹ over the
+#: source's angle, at any time (section 4.3.6); eye movements smear smaller sources.
 RETINA_W_PER_M2_SR, MIN_ANGLE_RAD, MAX_ANGLE_RAD = 6000.0, 0.011, 0.1
 
 
 @dataclass(frozen=True)
 class LaserSafety:
-    """Lasers against the limits of class 1; margins are value over limit, safe up to 1."""
+    """Lasers against class 1; margins are value over limit, safe up to 1."""
 
     laser_class: LaserClass
-    beams: int  # that may enter one limiting aperture
+    beams: int  # within one limiting aperture
     mean_w: float
     pulse_j: float
     mean_margin: float
@@ -57,10 +57,10 @@ class LaserSafety:
 
 @dataclass(frozen=True)
 class RiskGroup:
-    """The array at 0.2 m, all pixels on.
+    """The array at 0.2 m with all pixels on.
 
-    The margin is the irradiance over the exempt group's limit for cornea and lens, `retinal_margin`
-    the radiance over the retina's, which is the same for all groups but the highest.
+    `margin` is the irradiance over the exempt group's limit for cornea and lens, `retinal_margin`
+    the radiance over the retina's limit, which is that of all groups but the highest.
     """
 
     risk_group: RiskGroupName
@@ -70,12 +70,15 @@ class RiskGroup:
 
 
 def laser_safety(instrument: Instrument) -> LaserSafety:
-    """Class of the lasers: pulses, alone and in their train, and a beam left on for 100 s.
+    """Class of the lasers, from single pulses, their train, and 100 s of exposure.
 
-    Beams count together if their axes are closer to each other than the limiting aperture and
-    their own widths, 10 cm from where they leave.
+    Beams add up if, 10 cm from their exit, their axes are closer than the limiting aperture plus
+    their own width.
 
-    Raises InputError for a wavelength outside 700 to 1800 nm.
+    Raises
+    ------
+    InputError
+        For a wavelength outside 700 to 1800 nm.
     """
     one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
     beams = _beams_together(instrument)
@@ -92,16 +95,16 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
 
 def class_1_power_w(instrument: Instrument) -> float:
-    """`lasers.power_w` with which the instrument's lasers would just be of class 1."""
+    """Maximum `lasers.power_w` for class 1."""
     safety = laser_safety(instrument)
     return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
 
 def array_risk_group(instrument: Instrument) -> RiskGroup:
-    """Risk group of the projector at 0.2 m, where its brightest pixel falls; all its light counts.
+    """Risk group of the projector at 0.2 m, where its brightest pixel falls.
 
-    Risk groups of real lamps are measured; this one takes the array as an evenly lit lens, or as a
-    point without one, and all its light as that of the spectrum's peak.
+    Real lamps are measured; here the array counts as a uniformly lit lens, or a point without one,
+    and all its light as that of the spectrum's peak.
     """
     projector = instrument.imaging.projector
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * ARRAY_AT_M**2
@@ -116,10 +119,10 @@ def array_risk_group(instrument: Instrument) -> RiskGroup:
 def risk_group(
     irradiance_w_per_m2: float, wavelength_nm: float = 1550.0, source_m: float = 0.0
 ) -> RiskGroup:
-    """Risk group by the irradiance at 0.2 m of a source of some diameter.
+    """Risk group from the irradiance at 0.2 m of a source of some diameter.
 
-    The retina has no limit beyond 1400 nm. Up to there, a source that is too bright for it is in
-    the highest group, since infrared light does not make anyone look away.
+    The retina has no limit beyond 1400 nm. Below, a source that exceeds it is in the highest group,
+    since infrared light causes no aversion response.
     """
     index = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
     angle = min(max(source_m / ARRAY_AT_M, MIN_ANGLE_RAD), MAX_ANGLE_RAD)
@@ -134,7 +137,7 @@ def risk_group(
 
 
 def retinal_weight(wavelength_nm: float) -> float:
-    """R(λ) of the thermal hazard to the retina (IEC 62471:2006, table 4.2), from 700 nm on."""
+    """R(λ) of the retinal thermal hazard (IEC 62471:2006, table 4.2), from 700 nm on."""
     if wavelength_nm >= RETINA_UP_TO_NM:
         return 0.0
     if wavelength_nm < 1050:
@@ -145,7 +148,7 @@ def retinal_weight(wavelength_nm: float) -> float:
 
 
 def safety_warnings(instrument: Instrument) -> list[str]:
-    """What exceeds the classes that the instrument declares."""
+    """Warnings about classes above the declared ones."""
     declared, warnings = instrument.eye_safety, []
     lasers = laser_safety(instrument) if instrument.ranges else None
     array = array_risk_group(instrument) if instrument.images else None
@@ -163,16 +166,12 @@ def safety_warnings(instrument: Instrument) -> list[str]:
 
 
 def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> bool:
-    """Whether a class comes after the declared one, if there is one."""
+    """Whether a class is above the declared one, if any."""
     return declared is not None and classes.index(computed) > classes.index(declared)
 
 
 def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
-    """Mean power and pulses over their limits of class 1.
-
-    The retina takes pulses within a few microseconds as one, and fewer joules of each where many
-    follow one another; a cornea's limits know no trains.
-    """
+    """Mean power, and merged and repeated pulses, over their limits of class 1."""
     mean = one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
     merging_s = merging_time_s(wavelength_nm)
     limit_j = accessible_energy_j(one.pulse_s, wavelength_nm)
@@ -184,7 +183,7 @@ def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
 
 
 def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
-    """By the larger of the margins to class 1."""
+    """Class from the larger of the margins to class 1."""
     margin -= ROUNDING
     if margin <= 1:
         return "1"
@@ -195,7 +194,7 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
 
 
 def _beams_together(instrument: Instrument) -> int:
-    """The most beams that one limiting aperture may take in."""
+    """Maximum number of beams within one limiting aperture."""
     lasers = instrument.ranging.lasers
     directions = lasers.directions
     positions: Floats = MEASURED_AT_M * directions / directions[:, 2:]

@@ -10,23 +10,20 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.budget.equations import Flood, eq2
 
-#: What equals the noise floor where the measurement ends: the signal, which is physical, or all of
-#: Eq. (1), in which daylight counts as signal, as the paper's step 4 has it.
+#: What equals the noise floor at maximum range: the signal, which is physical, or all of Eq. (1),
+#: in which daylight counts as signal, as in the paper's step 4.
 Criterion = Literal["signal", "total"]
 
 FIRST_TIME_S, LAST_TIME_S = 1e-12, 1e3
 RELATIVE_TOLERANCE = 1e-6
-#: Times that are tried for several goals together.
+#: Times tried for several goals together.
 TIMES = 4001
 
 
 def max_range_m(
     flood: Flood, time_s: ArrayLike, reflectance: ArrayLike, criterion: Criterion
 ) -> Floats:
-    """Step 4: the distance at which the count falls to the noise floor of Eq. (2).
-
-    Infinite where daylight alone exceeds the floor and counts as signal.
-    """
+    """Step 4: distance where the count equals Eq. (2); inf if daylight alone exceeds it."""
     brightness = np.asarray(reflectance, dtype=np.float64)
     needed = eq2(flood, time_s, brightness) / np.asarray(time_s)
     if criterion == "total":
@@ -39,10 +36,7 @@ def max_range_m(
 def integration_time_s(
     flood: Flood, reflectance: float, goal_m: float, criterion: Criterion
 ) -> float:
-    """Step 5: the time at which the reach comes up to the goal.
-
-    It grows until it does, then is halved in between. Raises InputError if 1000 s are not enough.
-    """
+    """Step 5: time at which the maximum range meets the goal; InputError beyond 1000 s."""
 
     def enough(time_s: float) -> bool:
         return bool(max_range_m(flood, time_s, reflectance, criterion) >= goal_m)
@@ -64,13 +58,10 @@ def integration_time_s(
 def common_integration_time_s(
     flood: Flood, goals_m: Mapping[float, float], criterion: Criterion
 ) -> float:
-    """The one time whose reaches come closest to the goals, by reflectance.
-
-    Least squares of their logarithms, among times between those that suit one goal each.
-    """
+    """The time whose maximum ranges fit the goals by reflectance best, in least squares of logs."""
     alone = [integration_time_s(flood, rho, goal, criterion) for rho, goal in goals_m.items()]
     times = np.geomspace(min(alone), max(alone), TIMES)
     goals = np.array(list(goals_m.values()))
-    reach = max_range_m(flood, times[:, None], np.array(list(goals_m)), criterion)
-    sigma = np.sum(np.log(reach / goals) ** 2, axis=-1)
-    return float(times[np.argmin(sigma)])
+    ranges_m = max_range_m(flood, times[:, None], np.array(list(goals_m)), criterion)
+    misfit = np.sum(np.log(ranges_m / goals) ** 2, axis=-1)
+    return float(times[np.argmin(misfit)])

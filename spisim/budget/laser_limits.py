@@ -9,21 +9,18 @@ to 10 s and 1000 W/m² for longer, through an aperture of 1 mm up to 0.35 s, 1.5
 
 from reconstruction.base.errors import InputError
 
-#: The wavelengths that the limits here are for.
+#: Wavelengths that these limits are for.
 FIRST_NM, LAST_NM = 700.0, 1800.0
 RETINA_UP_TO_NM = 1400.0
 MIN_PULSE_S = 1e-9
 POWER_3B_W = 0.5
-#: Pulses of 100 s that a retina takes as single ones, and the least that is left of the limit.
+#: Pulses within 100 s that do not lower the retina's limit, and the minimum that remains of it.
 FREE_PULSES, MIN_C5 = 600, 0.4
 TIME_BASE_S = 100.0
 
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:
-    """Class 1 limit of the energy within a time, from 10 ps on.
-
-    Raises InputError for a wavelength outside 700 to 1800 nm.
-    """
+    """Class 1 energy limit for a time from 10 ps; InputError outside 700 to 1800 nm."""
     if not FIRST_NM <= wavelength_nm <= LAST_NM:
         raise InputError(
             f"wavelength_nm should lie between {FIRST_NM:g} and {LAST_NM:g} for laser classes; "
@@ -37,7 +34,7 @@ def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:
 
 
 def class_3b_energy_j(time_s: float, wavelength_nm: float) -> float:
-    """Class 3B limit of the energy within a time."""
+    """Class 3B energy limit for a time."""
     pulse_j = 0.03 * _c4(wavelength_nm) if wavelength_nm < RETINA_UP_TO_NM else 0.125
     if time_s < MIN_PULSE_S:
         return pulse_j / MIN_PULSE_S * time_s
@@ -52,7 +49,7 @@ def merging_time_s(wavelength_nm: float) -> float:
 
 
 def repeated_pulse_factor(rate_hz: float, wavelength_nm: float) -> float:
-    """C5: what is left of a single pulse's limit, for pulses up to T_i that go on for 100 s."""
+    """C5: remaining fraction of a single pulse's limit, for 100 s of pulses up to T_i."""
     merging_s = merging_time_s(wavelength_nm)
     if merging_s == 0:
         return 1.0

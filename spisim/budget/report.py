@@ -22,10 +22,7 @@ CAVEAT = "An engineering check, no certification: that takes the standards and m
 def summarise(
     instrument: Instrument, target: Target, air: Atmosphere, correlation: float | None = None
 ) -> dict[str, Any]:
-    """Everything about one target as plain numbers: means over the spots, and the worst σ.
-
-    What the instrument lacks is None. `correlation` is the goal of averaging frames.
-    """
+    """One target in plain numbers: means over the spots, the worst σ, None for missing parts."""
     in_fog = air.extinction_per_m and instrument.ranges
     return {
         "target": vars(target),

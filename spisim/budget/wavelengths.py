@@ -16,9 +16,9 @@ from spisim.atmosphere.report import (
 from spisim.budget.laser_limits import accessible_energy_j
 from spisim.scene.sun import in_band_irradiance
 
-#: Those of lidars and cameras that are compared, and that all tables know.
+#: Wavelengths of lidars and cameras that all tables cover.
 WAVELENGTHS_NM = (850, 905, 940, 1460, 1550)
-#: Width of the band that sunlight is the mean of.
+#: Width of the band that averages sunlight.
 SUN_BAND_NM = 12.0
 CONTINUOUS_S, PULSE_S = 100.0, 1e-8
 RELATIVE = "extinction, 1550 nm = 1"
@@ -32,10 +32,7 @@ OF_WAVELENGTHS = {
 
 
 def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
-    """Sunlight, class 1 limits and absorption at one of `WAVELENGTHS_NM`, as plain numbers.
-
-    Raises InputError for another wavelength.
-    """
+    """Sunlight, class 1 limits and absorption at one of `WAVELENGTHS_NM`, else InputError."""
     if wavelength_nm not in WAVELENGTHS_NM:
         candidate = nearest(str(wavelength_nm), map(str, WAVELENGTHS_NM))
         raise InputError(f"wavelength_nm {wavelength_nm}: {candidate}")
@@ -50,10 +47,10 @@ def wavelength_figures(wavelength_nm: int) -> dict[str, float]:
 
 
 def sun_w_per_m2_nm_100klx(wavelength_nm: float) -> float:
-    """Daylight, W m⁻² nm⁻¹ for 100 klx, mean over 12 nm around a wavelength.
+    """Daylight, W m⁻² nm⁻¹ per 100 klx, averaged over 12 nm around a wavelength.
 
-    905 and 940 nm lie in bands of water vapour, 1460 nm in a deep one; a few nm further on, or in
-    drier air, there is up to twice as much.
+    905, 940 and above all 1460 nm lie in bands of water vapour; a few nm away, or in drier air,
+    there is up to twice as much.
     """
     half = SUN_BAND_NM / 2
     band = (wavelength_nm - half, wavelength_nm + half)
@@ -61,10 +58,7 @@ def sun_w_per_m2_nm_100klx(wavelength_nm: float) -> float:
 
 
 def class_1_limits(wavelength_nm: float) -> tuple[float, float]:
-    """Mean power (W) of a beam left on, and energy (J) of one pulse of nanoseconds, of class 1.
-
-    See `accessible_energy_j`; trains of pulses have limits of their own.
-    """
+    """Class 1 limits of continuous power (W) and of a single pulse of nanoseconds (J)."""
     mean_w = accessible_energy_j(CONTINUOUS_S, wavelength_nm) / CONTINUOUS_S
     return mean_w, accessible_energy_j(PULSE_S, wavelength_nm)
 

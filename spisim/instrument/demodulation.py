@@ -125,7 +125,7 @@ class Modulation(Section):
         return orders, product * np.conj(response(orders * frequency_hz))
 
     def correlation(self, phase_rad: Floats, frequency_hz: float, response: Any) -> Floats:
-        """Fraction of the light's electrons in each tap (4, ...) at the phase φ (...) of its path."""
+        """Fraction of the light's electrons in each tap (4, ...) at the path's phase φ (...)."""
         orders, amplitudes = self.amplitudes(frequency_hz, response)
         waves = sum(
             np.multiply.outer(

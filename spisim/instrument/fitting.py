@@ -100,10 +100,7 @@ def misfits(
     ranging: Ranging | None,
     make_plans: Callable[[], object],
 ) -> list[InputError]:
-    """Errors of parts that do not fit together, with fields, values and what is allowed.
-
-    `make_plans` raises InputError if the patterns do not exist.
-    """
+    """Errors of parts that do not fit together, with fields, values and what is allowed."""
     checks: list[Callable[[], None]] = [
         lambda: _check_band(band_pass, wavelength_nm, imaging),
         lambda: _check_efficiency(band_pass, imaging, ranging),

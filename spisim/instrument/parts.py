@@ -82,10 +82,7 @@ def _few_pixels(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 class Projector(Section):
-    """The LED array and its patterns, a pinhole as seen from the scene.
-
-    Its `spectrum` or `in_band_fraction` gives its power within the filter's band.
-    """
+    """The LED array and its patterns, a pinhole as seen from the scene."""
 
     shape: Annotated[tuple[Count, Count], AfterValidator(_few_pixels)]
     """[rows, columns] of square virtual pixels; at most 1024 × 1024."""
@@ -118,10 +115,7 @@ class Projector(Section):
 
     @property
     def pixel_fractions(self) -> Floats:
-        """Fraction (H, W) of the power in each virtual pixel.
-
-        Shape and seed determine the nonuniformity: an array does not change.
-        """
+        """Fraction (H, W) of the power in each virtual pixel, fixed by shape and seed."""
         height, width = self.shape
         x = (2 * (np.arange(width) + 0.5) / width - 1) * self.tan_half_width
         y = (2 * (np.arange(height) + 0.5) / height - 1) * self.tan_half_height

@@ -37,10 +37,7 @@ NO_MESHES: Meshes = MappingProxyType({})
 def assemble(
     described: SceneDescription, context: LoadContext, meshes: Meshes = NO_MESHES
 ) -> Scene:
-    """Scene of a description; `meshes` are mesh files in memory, by name.
-
-    Raises InputError, naming source and field, for what only shows once the parts are made.
-    """
+    """Scene of a description; `meshes` are mesh files in memory, by name."""
     folder, source, wavelength_nm = context.folder, context.source, context.wavelength_nm
     media: list[Atmosphere] = []
     falling: list[Precipitation] = []

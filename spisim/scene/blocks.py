@@ -74,10 +74,7 @@ class Blocks:
 
 
 def distance(point: Floats, triangles: Floats) -> float:
-    """Distance, m, from a point (3,) to the nearest of triangles (t, 3, 3).
-
-    The nearest point of a triangle is inside it or on an edge.
-    """
+    """Distance, m, from a point (3,) to the nearest of triangles (t, 3, 3), inside or on an edge."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     edges = min(_from_segments(point, *ends).min() for ends in ((a, b), (b, c), (c, a)))
     normal = np.cross(b - a, c - a)
@@ -106,10 +103,7 @@ def _pieces(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
 
 
 def _keys(triangles: Floats) -> NDArray[np.int64]:
-    """Sort keys: the octave of each triangle's size, then its Morton code.
-
-    Size comes first because one large triangle would inflate a block of small ones.
-    """
+    """Octave of each triangle's size, then its Morton code: a large one would inflate a block."""
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     start = low.min(axis=0)
     extent = float((high.max(axis=0) - start).max()) or 1.0

@@ -241,10 +241,7 @@ BSDFS: Mapping[str, type[Any]] = MappingProxyType(
 
 
 def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
-    """Model of a name in `BSDFS` with its parameters.
-
-    InputError for an unknown name, and a parameter that is unknown, missing or out of range.
-    """
+    """Model of a name in `BSDFS`; InputError for an unknown name or unfit parameters."""
     if name not in BSDFS:
         raise InputError(f"unknown bsdf {name!r}: {nearest(name, BSDFS)}")
     available = {field.name: field.default is MISSING for field in fields(BSDFS[name])}

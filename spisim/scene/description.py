@@ -42,11 +42,7 @@ class DroneDescription(Section):
 
 
 class DroneState(DroneDescription):
-    """A timestamped pose of a flight: the drone's, and everything else `time_s` later.
-
-    It replaces the drone after everything else is made, so that a family draws the same world for
-    every pose.
-    """
+    """A timestamped pose of a flight, which replaces the drone once everything else is made."""
 
     time_s: NonNegative
     """Time since the poses in the file."""
@@ -179,9 +175,8 @@ def _up_to_1(minimum: float) -> Any:
 
 
 class MaterialDescription(Section):
-    """A material of this scene's own.
+    """A material of this scene's own; its `bsdf` determines which parameters it takes.
 
-    Which of `roughness` to `returned` a `bsdf` takes, and their ranges, is up to the model.
     Spectral values may be a mapping from nm: `{850: 0.4, 1550: 0.3}`.
     """
 
@@ -221,11 +216,7 @@ class MaterialDescription(Section):
 
 
 class VolumeDescription(Fog):
-    """Fog or smoke in a part of space, in addition to that in all the air.
-
-    Its `density` file fills the smallest box around that part, in its own axes; `structure`
-    generates the density instead.
-    """
+    """Fog or smoke in a part of space, in addition to that in all the air."""
 
     name: Name
     """Name in messages; unique among volumes."""

@@ -34,9 +34,7 @@ class Drawn:
 def draw(fields: Mapping[str, Any], context: LoadContext) -> Drawn:
     """Scene of a family, from the fields of a scene file.
 
-    The draw depends on family, seed and parameters alone: additions of the file, the drone's pose
-    and the wavelength do not change it. Raises InputError, naming the source, for unfit fields, an
-    unknown family or parameter, and if no draw has a sound layout.
+    The draw depends on family, seed and parameters alone, not on the file's own sections.
     """
     described = check_fields(fields, DrawnDescription, context.source)
     drawn_from = described.model_dump_json(include=set(DRAWING))

@@ -44,10 +44,7 @@ class AreaLamp:
 
 @dataclass(frozen=True, eq=False)
 class PointLamp:
-    """A point that emits into a cone about a direction; `cutoff_rad` π is isotropic.
-
-    The intensity is constant up to `beam_rad` from the axis, then falls linearly with the angle.
-    """
+    """A point that emits constantly up to `beam_rad` from its axis, then falling to `cutoff_rad`."""
 
     name: str
     position_m: Vector3
@@ -104,8 +101,7 @@ Lamp: TypeAlias = AreaLamp | PointLamp | DirectionalLamp | EnvironmentLamp
 def solid_angle(cutoff_rad: float, beam_rad: float) -> float:
     """Integral of a spot's falloff over all directions, sr; 4π for a point.
 
-    For a cone of full intensity up to b that falls linearly to c it is, by parts,
-    2π (1 - (sin c - sin b) / (c - b)).
+    By parts, 2π (1 - (sin c - sin b) / (c - b)) for full intensity up to b and none from c on.
     """
     if cutoff_rad == beam_rad:
         return float(2 * np.pi * (1 - np.cos(cutoff_rad)))

@@ -107,10 +107,7 @@ class Layout:
 
     @property
     def problem(self) -> str | None:
-        """What makes the scene unfit for these needs, in words, or None.
-
-        Spots may meet nothing, or something far, if enough others return.
-        """
+        """What makes the scene unfit for these needs, in words, or None."""
         if name := enclosing_object(self.scene, self.scene.drone_pose[:3, 3]):
             return f"the drone is inside {name!r}"
         if self.clearance_m < CLEARANCE_M:
@@ -146,10 +143,7 @@ class Layout:
         return self.scene.objects[int(np.searchsorted(stops, triangle, side="right"))]
 
     def _why_dark(self, number: int) -> str | None:
-        """Why a spot on a surface returns too little light, or None.
-
-        The unit, 1/m², is the return of a white diffuse surface across the beam at 1 m.
-        """
+        """Why a spot returns less than a fraction of a white surface at 1 m (1/m²), or None."""
         needs, triangles = self.needs, self._seen
         beam = needs.beams[number]
         (distance,), (index,) = first_met(np.zeros(3), beam[None], triangles)

@@ -29,10 +29,9 @@ class _Cached:
 
 
 class SceneCache:
-    """Cache of the objects and draws of the latest scenes.
+    """Cache of the objects and draws of the latest scenes, by everything they are made from.
 
-    Keys hold everything that the objects are made from, contents of files included. Scenes share
-    the meshes of their objects; objects that were modified since are made again.
+    Scenes share the meshes of their objects; objects that were modified since are made again.
     """
 
     def __init__(self) -> None:
@@ -68,11 +67,7 @@ class SceneCache:
 
 @dataclass(frozen=True)
 class LoadContext:
-    """Origin of a description, and the wavelength that its scene is made for.
-
-    `folder` holds its pictures, tables and meshes, `text` is the YAML that the scene keeps,
-    `source` is what messages call it, and `cache` holds parts of other scenes.
-    """
+    """Source, folder and wavelength of a description, and the cache of other scenes' parts."""
 
     folder: Path
     text: str

@@ -39,10 +39,7 @@ BEAM_FRACTION = 0.75
 
 
 def make_lamp(described: AnyLamp, objects: Sequence[SceneObject], folder: Path) -> Lamp:
-    """Make the lamp of a description, with pictures from `folder`.
-
-    InputError for a missing object, a zero direction, and a picture that is missing or unfit.
-    """
+    """The lamp of a description, with pictures from `folder`."""
     name = described.name
     match described:
         case AreaLampDescription():

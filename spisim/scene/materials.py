@@ -122,11 +122,7 @@ def make_material(
     folder: Path,
     wavelength_nm: float = WAVELENGTH_NM,
 ) -> Material:
-    """Material of a description, with pictures from `folder`.
-
-    InputError for parameters that do not fit the model, unusable pictures, a reflectance that is
-    missing, or given though it follows from refraction, and values unknown near the wavelength.
-    """
+    """Material of a description, with pictures from `folder`."""
     parameters = {
         field: values if isinstance(values, str) else at_wavelength(field, values, wavelength_nm)
         for field, values in described.parameters().items()
@@ -144,11 +140,7 @@ def make_material(
 
 
 def at_wavelength(field: str, values: Spectrum, wavelength_nm: float) -> float:
-    """Value at a wavelength: linear between tabulated ones, constant beyond the ends.
-
-    A plain number holds everywhere. InputError, naming the field, for a wavelength more than
-    `MAX_DISTANCE_NM` from all tabulated ones.
-    """
+    """Value at a wavelength: linear between tabulated ones, constant for `MAX_DISTANCE_NM` beyond."""
     if not isinstance(values, Mapping):
         return values
     available = sorted(values)

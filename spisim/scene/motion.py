@@ -55,10 +55,7 @@ def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
 
 
 def meeting_time(thing: SceneObject, times_s: Floats, path_m: Floats) -> float:
-    """Time at which a point first crosses an object's surface; inf if never.
-
-    The point is at `path_m` (n, 3) at `times_s` (n,), straight in between; the object moves too.
-    """
+    """Time at which a point on `path_m` (n, 3) at `times_s` first crosses an object, or inf."""
     path = path_m
     if thing.moves:
         path = np.array(

@@ -32,10 +32,7 @@ Meshes: TypeAlias = Mapping[str, trimesh.Trimesh]
 def placed_objects(
     described: SceneDescription, context: LoadContext, meshes: Meshes
 ) -> tuple[SceneObject, ...]:
-    """All objects of a description, from the cache if it has them.
-
-    `meshes` are mesh files in memory, by name. Raises InputError, naming source and field.
-    """
+    """Objects of a description, cached; `meshes` are mesh files in memory, by name."""
     try:
         key = _key(described, context, meshes)
     except OSError:  # a missing file, which `_placed` reports

@@ -18,10 +18,7 @@ def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
 
 
 def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """`first_hits`, and the index of the triangle hit, -1 if none.
-
-    Only triangles whose bounding sphere the ray crosses are tested.
-    """
+    """`first_hits`, and the index of the triangle hit, -1 if none."""
     first, number = np.full(len(rays), np.inf), np.full(len(rays), -1)
     if not len(triangles):
         return first, number

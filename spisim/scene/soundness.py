@@ -23,10 +23,7 @@ MAX_KLX = 150.0
 
 
 def warn_of_unsound_meshes(scene: Scene) -> None:
-    """One SceneWarning for all objects with unsound meshes.
-
-    Open sheets are sound, and so are rooms: closed meshes with inward normals around the drone.
-    """
+    """One SceneWarning for all unsound meshes but rooms: inward normals around the drone."""
     originals = {id(mesh): mesh for mesh in map(_original, scene.objects)}
     faults_by_mesh = {key: fault(mesh) for key, mesh in originals.items()}
     faults = {thing.name: faults_by_mesh[id(_original(thing))] for thing in scene.objects}
@@ -122,10 +119,7 @@ def _volume_and_area(triangles: Floats) -> tuple[float, float]:
 
 
 def _edge_counts(mesh: trimesh.Trimesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Per edge: the number of triangles, and the surplus of those in one direction.
-
-    Coincident vertices count as one: files repeat them where normals or textures change.
-    """
+    """Per edge between distinct points: its triangles, and the surplus in one direction."""
     _, same = trimesh.grouping.unique_rows(mesh.vertices)
     faces = same[mesh.faces]
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

@@ -39,10 +39,7 @@ def make_volume(
     folder: Path,
     wavelength_nm: float,
 ) -> Volume:
-    """Make the volume of a description, with meshes and densities from `folder`.
-
-    InputError for unusable files, a missing object, an open mesh, and an invalid medium.
-    """
+    """The volume of a description, with meshes and densities from `folder`."""
     medium = described.made(folder, wavelength_nm)
     if medium.extinction_per_m == 0:
         raise InputError("extinction_per_m should be greater than 0 in a volume")
@@ -108,10 +105,7 @@ def warn_of_overlap(volumes: Sequence[Volume]) -> None:
 
 
 def share_space(first: Volume, second: Volume) -> bool:
-    """Whether two volumes overlap; other shapes than boxes are sampled at random points.
-
-    Of meshes with very many triangles only the bounding boxes count.
-    """
+    """Whether two volumes overlap, by random points; many triangles count as their bounds."""
     if not overlap(first.to_world, second.to_world):
         return False
     sizes = [0 if isinstance(each.shape, str) else len(each.shape.faces)

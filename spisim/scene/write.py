@@ -50,8 +50,7 @@ class _Dumper(yaml.SafeDumper):
 def check_free(output: Path, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
     """InputError unless a scene file and its mesh folder can be written without harm to `inputs`.
 
-    Users edit scene files, so existing ones are replaced only on request, and a folder only if it
-    holds nothing but meshes written by this package.
+    Users edit scene files, so existing ones are replaced only on request.
     """
     folder = mesh_folder(output)
     for path in (output, folder):
@@ -91,11 +90,10 @@ def write_scene(
     header: str,
     arrays: Mapping[str, NDArray[Any]] | None = None,
 ) -> Written:
-    """Write a scene file, load it as a check, then give it its name.
+    """Write a scene file and a folder of `meshes` and `arrays`, and load it as a check.
 
-    `fields` name the files of `meshes` and `arrays`, which go into a folder beside the scene file;
-    `.png` arrays are greyscale pictures of 8 or 16 bits. `header` is a comment. InputError if the
-    scene does not load or another process writes it; on any failure older files stay untouched.
+    `fields` name those files; `.png` arrays are greyscale of 8 or 16 bits. On failure older files
+    stay.
     """
     folder, arrays = mesh_folder(output), arrays or {}
     new_folders = [parent for parent in output.parents if not parent.exists()]

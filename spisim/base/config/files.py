@@ -44,11 +44,7 @@ def read_npy(path: Path, kind: str) -> NDArray[Any]:
 
 
 def read_picture(path: Path) -> NDArray[np.float32]:
-    """Greyscale picture (h, w) with values from 0 to 1, from a PNG or NPY file.
-
-    Values are linear (no gamma): they are quantities at 1550 nm. InputError for a file that is
-    missing, damaged, of another format, coloured, or out of range.
-    """
+    """Linear greyscale picture (h, w) with values from 0 to 1, from a PNG or NPY file."""
     check_is_there(path, "picture")
     if path.suffix.lower() == ".npy":
         picture = read_npy(path, "picture")

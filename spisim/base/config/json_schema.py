@@ -42,10 +42,7 @@ def add_descriptions(schema: dict[str, Any], section: type[BaseModel]) -> None:
 
 
 def field_texts(section: type[BaseModel]) -> dict[str, str]:
-    """String below each field of a section, or of the nearest base class that has one.
-
-    Parsing the source is slow, so it happens only when a schema is requested.
-    """
+    """String below each field of a section or its bases; parsed on request, as it is slow."""
     texts: dict[str, str] = {}
     for base in reversed(section.__mro__):
         if issubclass(base, BaseModel):

@@ -23,11 +23,7 @@ WAVE_POINTS = 2000
 
 
 class PulsedTof(Section):
-    """Pulses: charge in consecutive windows as long as the pulse, and one window before it.
-
-    The range follows from the fraction of light in the second of two windows. The first opens
-    `gate_delay_s` after the pulse starts. The pulse rises and falls linearly in `rise_time_s`.
-    """
+    """Pulses: charge in consecutive windows as long as the pulse, and one window before it."""
 
     method: Literal["pulsed"]
     """Method discriminator."""
