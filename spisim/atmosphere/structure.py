@@ -96,7 +96,7 @@ class Structure(Section):
         return self.contrast > 0 and any(self.wind_m_s)
 
     def density(self, to_world: Floats, time_s: float = 0.0) -> NDArray[np.float32]:
-        """Relative density (nz, ny, nx) in the cells of a box placed by `to_world`, after some time."""
+        """Relative density (nz, ny, nx) in the cells of a box, placed by `to_world` (4, 4)."""
         shape = self._cells(to_world)
         outline = self._outline(to_world, shape)
         start = self.patches(to_world, shape) * outline

@@ -13,7 +13,7 @@ from spisim.atmosphere.report import (
     short,
     typical_weather,
 )
-from spisim.budget.laser_limits import accessible_energy_j
+from spisim.budget.eye_safety import accessible_energy_j
 from spisim.scene.sun import in_band_irradiance
 
 #: Wavelengths of lidars and cameras that all tables cover.

@@ -142,7 +142,7 @@ class Stamping(Protocol):
         """Raise InputError if the fields do not fit."""
 
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
-        """Probability (bins,) of a cycle's time stamp in each bin; echo rates are with the laser on."""
+        """Probability (bins,) of a cycle's time stamp in each bin of the gate; laser on."""
 
     def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Standard deviation (...) of measured delays, in closed form."""

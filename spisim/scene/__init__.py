@@ -1,8 +1,14 @@
 """Scenes: geometry, materials, media, daylight, the drone, and their motion."""
 
-from spisim.scene.catalogue import catalogue
 from spisim.scene.drone import Drone, at_drone_state
-from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
+from spisim.scene.load import (
+    catalogue,
+    draw_scene,
+    list_scenes,
+    load_scene,
+    make_scene,
+    scenes_folder,
+)
 from spisim.scene.materials import Material, find_material, material_table
 from spisim.scene.model import Ambient, Scene, SceneObject, SceneWarning, Volume
 from spisim.scene.motion import check_clear_of_sensor

@@ -74,7 +74,7 @@ class Blocks:
 
 
 def distance(point: Floats, triangles: Floats) -> float:
-    """Distance, m, from a point (3,) to the nearest of triangles (t, 3, 3), inside or on an edge."""
+    """Distance, m, from a point (3,) to the nearest point of triangles (t, 3, 3)."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     edges = min(_from_segments(point, *ends).min() for ends in ((a, b), (b, c), (c, a)))
     normal = np.cross(b - a, c - a)

@@ -3,8 +3,7 @@
 `roughness` is the width α of the microfacet slope distribution in every model: GGX, or Beckmann's
 (Gaussian) for rough plastics, metals and dielectrics (Walter et al. 2007). `ior` is the refractive
 index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
-`fresnel_reflectance` is the reflectance at normal incidence where it follows from refraction, else
-None: then the material states it.
+The material states the reflectance at normal incidence unless it follows from refraction.
 """
 
 import math
@@ -32,8 +31,6 @@ MIN_RETRO_ROUGHNESS = 0.001
 class Diffuse:
     """Lambertian reflection."""
 
-    fresnel_reflectance = None
-
 
 DIFFUSE = Diffuse()
 
@@ -43,7 +40,6 @@ class Plastic:
     """A diffuse body under a smooth clear coat: gloss paint, glazed tiles."""
 
     ior: float = 1.5
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_ior(self.ior, MAX_COAT_IOR)
@@ -56,7 +52,6 @@ class RoughPlastic:
     roughness: float
     ior: float = 1.5
     distribution: Distribution = "ggx"
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
@@ -68,8 +63,6 @@ class RoughPlastic:
 class Mirror:
     """Specular reflection with the material's reflectance at every angle."""
 
-    fresnel_reflectance = None
-
 
 @dataclass(frozen=True)
 class Conductor:
@@ -80,11 +73,6 @@ class Conductor:
 
     def __post_init__(self) -> None:
         _check_metal(self.eta, self.k)
-
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence."""
-        return _fresnel(complex(self.eta, self.k))
 
 
 @dataclass(frozen=True)
@@ -101,11 +89,6 @@ class RoughConductor:
         _check_distribution(self.distribution)
         _check_metal(self.eta, self.k)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of a smooth patch."""
-        return _fresnel(complex(self.eta, self.k))
-
 
 @dataclass(frozen=True)
 class Dielectric:
@@ -115,11 +98,6 @@ class Dielectric:
 
     def __post_init__(self) -> None:
         _check_ior(self.ior)
-
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence, from outside."""
-        return _fresnel(self.ior)
 
 
 @dataclass(frozen=True)
@@ -135,11 +113,6 @@ class RoughDielectric:
         _check_distribution(self.distribution)
         _check_ior(self.ior)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of a smooth patch, from outside."""
-        return _fresnel(self.ior)
-
 
 @dataclass(frozen=True)
 class ThinPane:
@@ -149,12 +122,6 @@ class ThinPane:
 
     def __post_init__(self) -> None:
         _check_ior(self.ior)
-
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of both faces with all internal reflections."""
-        once = _fresnel(self.ior)
-        return 2 * once / (1 + once)
 
 
 @dataclass(frozen=True)
@@ -168,7 +135,6 @@ class Principled:
     roughness: float = 0.25
     metallic: float = 0.0
     specular: float = 0.5
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
@@ -195,7 +161,6 @@ class Retroreflector:
 
     returned: float
     roughness: float = 0.0054
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_range("returned", self.returned, 0, 1)
@@ -257,7 +222,23 @@ def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
     return bsdf
 
 
-def _fresnel(index: complex) -> float:
+def fresnel_reflectance(bsdf: Bsdf) -> float | None:
+    """Reflectance at normal incidence, of a smooth patch from outside, or None if not refraction's.
+
+    That of a pane includes all reflections between its faces.
+    """
+    match bsdf:
+        case Conductor() | RoughConductor():
+            return fresnel(complex(bsdf.eta, bsdf.k))
+        case Dielectric() | RoughDielectric():
+            return fresnel(bsdf.ior)
+        case ThinPane():
+            once = fresnel(bsdf.ior)
+            return 2 * once / (1 + once)
+    return None
+
+
+def fresnel(index: complex) -> float:
     """Reflectance at normal incidence of a half-space of complex refractive index."""
     return abs((index - 1) / (index + 1)) ** 2
 

@@ -44,7 +44,7 @@ class AreaLamp:
 
 @dataclass(frozen=True, eq=False)
 class PointLamp:
-    """A point that emits constantly up to `beam_rad` from its axis, then falling to `cutoff_rad`."""
+    """A point of constant intensity to `beam_rad` from its axis, falling to 0 at `cutoff_rad`."""
 
     name: str
     position_m: Vector3
@@ -109,11 +109,11 @@ def solid_angle(cutoff_rad: float, beam_rad: float) -> float:
     return float(2 * np.pi * (1 - slope))
 
 
-def unit(direction: Vector3) -> Vector3:
+def unit(direction: Vector3, name: str = "direction") -> Vector3:
     """Unit vector; InputError for zero."""
     length = float(np.linalg.norm(direction))
     if length == 0:
-        raise InputError("direction should not be zero")
+        raise InputError(f"{name} should not be zero")
     x, y, z = (np.asarray(direction) / length).tolist()
     return x, y, z
 

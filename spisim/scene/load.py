@@ -1,10 +1,13 @@
-"""Scenes loaded from files and drawn from families."""
+"""Scenes listed, loaded from files and drawn from families."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+from spisim.atmosphere.sections import WEATHER
 from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, DroneState, SceneDescription
@@ -130,3 +133,40 @@ def make_scene(
         check_drone(scene, source)
     warn_of_oddities(scene)
     return scene
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A shipped scene; `family` is None if all its objects are in its file."""
+
+    name: str
+    description: str
+    family: str | None
+    weather: tuple[str, ...]  # such as "fog 200 m"; empty for clear air
+
+
+def catalogue() -> list[Entry]:
+    """Summaries of the shipped scenes, sorted by name."""
+    entries = []
+    for name in list_scenes():
+        fields = yaml.safe_load(read_text(scenes_folder() / f"{name}.yaml"))
+        family = fields.get("family")
+        entries.append(Entry(name, fields.get("description", ""), family, weather(fields)))
+    return entries
+
+
+def weather(fields: Mapping[str, Any]) -> tuple[str, ...]:
+    """The media in a scene file's fields, as short descriptions."""
+    units = {
+        "visibility_m": "m",
+        "liquid_water_g_per_m3": "g/m³",
+        "extinction_per_m": "/m",
+        "rate_mm_per_h": "mm/h",
+    }
+    result = []
+    for medium in WEATHER:
+        section = fields.get(medium) or {}
+        available = [f"{medium} {section[f]:g} {unit}" for f, unit in units.items() if f in section]
+        result += available or ([medium] if section else [])
+    result += [f"volume {volume['name']}" for volume in fields.get("volumes") or ()]
+    return tuple(result)

@@ -9,10 +9,11 @@ from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 
 from reconstruction.base.arrays import Floats
-from spisim.budget.equations import Flood, eq2
-from spisim.budget.integration import (
+from spisim.budget.equations import (
     Criterion,
+    Flood,
     common_integration_time_s,
+    eq2,
     integration_time_s,
     max_range_m,
 )
@@ -160,7 +161,7 @@ def _words(flood: Flood, fraction: tuple[float, float]) -> str:
         for noise in (AMPLIFIER_A_PER_SQRT_HZ, 2.6e-12)
     ]
     return (
-        "The maximum range grows as √ρ at most if the signal falls as z⁻²; the figure rises faster: "
+        "If a signal falls as z⁻², the range grows as √ρ at most. The figure rises faster, "
         "from ρ = 0.5 to 0.8 as ρ¹. No single T_int gives the paper's distances where the signal "
         "equals the noise; the best one, the first row, is 18 % off. The distances come out if "
         "daylight counts as signal and the floor does not depend on the target: then "
