@@ -35,10 +35,7 @@ class SnowLaw(NamedTuple):
 #: Recommendation ITU-R P.1817-1. For one rate, visibilities spread by a factor of 3 to 10 (R. M.
 #: Rasmussen et al., J. Appl. Meteorol. 38, 1542 (1999)).
 SNOWS: Mapping[str, SnowLaw] = MappingProxyType(
-    {
-        "wet": SnowLaw(1.023e-4, 3.7855466, 0.72),
-        "dry": SnowLaw(5.42e-5, 5.4958776, 1.38),
-    }
+    {"wet": SnowLaw(1.023e-4, 3.7855466, 0.72), "dry": SnowLaw(5.42e-5, 5.4958776, 1.38)}
 )
 
 

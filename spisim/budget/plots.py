@@ -19,11 +19,7 @@ from spisim.instrument import Instrument
 MIN_DISTANCE_M, MAX_DISTANCE_M = 0.5, 30.0
 REFLECTANCES: Mapping[float, str] = {0.2: "#1f5f8b", 0.5: "#d1762c", 0.8: "#3f8f4f"}
 COLOURS = dict(
-    zip(
-        SOURCES,
-        ("#f2b134", "#e4572e", "#a23b72", "#7a6c5d", "#3d5a80", "#98c1d9"),
-        strict=True,
-    )
+    zip(SOURCES, ("#f2b134", "#e4572e", "#a23b72", "#7a6c5d", "#3d5a80", "#98c1d9"), strict=True)
 )
 #: Axes of the maps.
 MAP_REFLECTANCE = np.linspace(0.05, 1.0, 20)
@@ -79,10 +75,7 @@ def _grating_panels(mtf: Axes, contrast: Axes, budget: ImageBudget) -> None:
         contrast.plot(each.cycles, 100 * each.contrast, style, label=name)
     mtf.set(title="image: MTF of the patterns", ylabel="MTF", ylim=(0, 1.02))
     contrast.set(
-        title="image: faintest grating seen",
-        ylabel="contrast, %",
-        yscale="log",
-        ylim=(0.1, 100),
+        title="image: faintest grating seen", ylabel="contrast, %", yscale="log", ylim=(0.1, 100)
     )
     for axes in (mtf, contrast):
         axes.set_xlabel("periods across the field")

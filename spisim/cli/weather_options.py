@@ -13,8 +13,7 @@ from reconstruction.base.errors import InputError
 from .options import real_option
 
 Visibility = Annotated[
-    float | None,
-    real_option("Fog of this visibility, in metres.", "--visibility", metavar="M"),
+    float | None, real_option("Fog of this visibility, in metres.", "--visibility", metavar="M")
 ]
 Fog = Annotated[
     str | None,

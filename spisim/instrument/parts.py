@@ -156,8 +156,7 @@ def _polarity(given: Any) -> Any:
     signs = given if isinstance(given, list | tuple) else ()
     if given not in get_args(Polarity) and not (signs and all(sign in (1, -1) for sign in signs)):
         raise PydanticCustomError(
-            "polarity",
-            "should be 'differential', 'single-ended' or a list of 1 and -1",
+            "polarity", "should be 'differential', 'single-ended' or a list of 1 and -1"
         )
     return given
 

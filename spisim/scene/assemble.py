@@ -17,11 +17,7 @@ from spisim.atmosphere.sections import WEATHER
 from spisim.atmosphere.weather import Weather
 from spisim.base.config.files import check_is_there, read_npy, read_picture
 from spisim.base.config.linear import LINEAR
-from spisim.scene.description import (
-    AmbientDescription,
-    DroneDescription,
-    SceneDescription,
-)
+from spisim.scene.description import AmbientDescription, DroneDescription, SceneDescription
 from spisim.scene.lamp_fields import (
     AnyLamp,
     AreaLampDescription,

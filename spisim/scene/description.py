@@ -299,11 +299,7 @@ _SECTIONS: dict[str, Any] = {
     for name in WEATHER
 }
 #: Media in all the air: a section for each kind of weather.
-Air: Any = create_model(
-    "Air",
-    __base__=Section,
-    **_SECTIONS,
-)
+Air: Any = create_model("Air", __base__=Section, **_SECTIONS)
 
 
 class Surroundings(Air):

@@ -123,10 +123,7 @@ def find_material(
 
 
 def make_material(
-    name: str,
-    described: MaterialDescription,
-    folder: Path,
-    wavelength_nm: float = WAVELENGTH_NM,
+    name: str, described: MaterialDescription, folder: Path, wavelength_nm: float = WAVELENGTH_NM
 ) -> Material:
     """Material of a description, with pictures from `folder`."""
     parameters = {

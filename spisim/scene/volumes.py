@@ -34,10 +34,7 @@ MAX_TRIANGLES = 20_000
 
 
 def make_volume(
-    described: VolumeDescription,
-    objects: Sequence[SceneObject],
-    folder: Path,
-    wavelength_nm: float,
+    described: VolumeDescription, objects: Sequence[SceneObject], folder: Path, wavelength_nm: float
 ) -> Volume:
     """The volume of a description, with meshes and densities from `folder`."""
     medium = described.made(folder, wavelength_nm)
@@ -71,13 +68,7 @@ def make_volume(
     elif described.structure is not None:
         density = described.structure.density(to_world)
     return Volume(
-        described.name,
-        medium,
-        to_world,
-        density,
-        described.structure,
-        shape=shape,
-        carrier=carrier,
+        described.name, medium, to_world, density, described.structure, shape=shape, carrier=carrier
     )
 
 

@@ -10,12 +10,7 @@ from typing import Any
 from pydantic import BaseModel
 
 #: Names that pydantic keeps where a validator precedes a bound, and those of JSON Schema.
-BOUNDS = {
-    "ge": "minimum",
-    "gt": "exclusiveMinimum",
-    "le": "maximum",
-    "lt": "exclusiveMaximum",
-}
+BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum"}
 
 
 def name_bounds(schema: Any) -> None:

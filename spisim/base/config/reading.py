@@ -92,10 +92,7 @@ def parse_model(
 
 
 def check_fields(
-    data: Mapping[Any, Any],
-    model: type[Model],
-    source: Path | str,
-    folder: Path | None = None,
+    data: Mapping[Any, Any], model: type[Model], source: Path | str, folder: Path | None = None
 ) -> Model:
     """Check the fields of a file against a model, as `parse_model` does."""
     try:

@@ -18,6 +18,4 @@ RESULTS: Mapping[str, Callable[[], Result]] = MappingProxyType(
     {"fig2": figure_2, "table2": table_2, "fig3": figure_3}
 )
 
-__all__ = [
-    "RESULTS",
-]
+__all__ = ["RESULTS"]
