@@ -20,14 +20,14 @@ RADII = 1500
 #: Spheres per batch.
 BATCH = 64
 #: Maximum step of scattering angles, which are finest around 0° (diffraction) and 180° (glory).
-COARSEST_DEG = 0.5
+MAX_STEP_DEG = 0.5
 
 
 def scattering_angles(finest_deg: float = 0.02) -> Floats:
-    """Angles from 0° to 180°: geometric steps from either end, then `COARSEST_DEG`."""
+    """Angles from 0° to 180°: geometric steps from either end, then `MAX_STEP_DEG`."""
     edge = 6.0
     fine = np.concatenate([[0], np.geomspace(finest_deg, edge, 120)])
-    middle = np.arange(edge, 180 - edge + COARSEST_DEG / 2, COARSEST_DEG)
+    middle = np.arange(edge, 180 - edge + MAX_STEP_DEG / 2, MAX_STEP_DEG)
     return np.concatenate([fine[:-1], middle, 180 - fine[:-1][::-1]])
 
 

@@ -24,7 +24,7 @@ from spisim.instrument import Instrument, Photodiode
 #: in which daylight counts as signal, as in the paper's step 4.
 Criterion = Literal["signal", "total"]
 
-FIRST_TIME_S, LAST_TIME_S = 1e-12, 1e3
+MIN_TIME_S, MAX_TIME_S = 1e-12, 1e3
 RELATIVE_TOLERANCE = 1e-6
 #: Times tried for several goals together.
 TIMES = 4001
@@ -199,12 +199,12 @@ def integration_time_s(
     def enough(time_s: float) -> bool:
         return bool(max_range_m(flood, time_s, reflectance, criterion) >= goal_m)
 
-    low = high = FIRST_TIME_S
+    low = high = MIN_TIME_S
     while not enough(high):
         low, high = high, 2 * high
-        if high > LAST_TIME_S:
+        if high > MAX_TIME_S:
             raise InputError(
-                f"no integration time up to {LAST_TIME_S:g} s brings the light of "
+                f"no integration time up to {MAX_TIME_S:g} s brings the light of "
                 f"{flood.power_w:g} W to {goal_m:g} m"
             )
     while high > low * (1 + RELATIVE_TOLERANCE):

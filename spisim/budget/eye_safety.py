@@ -20,7 +20,7 @@ from reconstruction.base.errors import InputError
 from spisim.instrument import Emission, Instrument
 
 #: Wavelengths that these limits are for.
-FIRST_NM, LAST_NM = 700.0, 1800.0
+MIN_NM, MAX_NM = 700.0, 1800.0
 RETINA_UP_TO_NM = 1400.0
 MIN_PULSE_S = 1e-9
 POWER_3B_W = 0.5
@@ -213,9 +213,9 @@ def _beams_together(instrument: Instrument) -> int:
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:
     """Class 1 energy limit for a time from 10 ps; InputError outside 700 to 1800 nm."""
-    if not FIRST_NM <= wavelength_nm <= LAST_NM:
+    if not MIN_NM <= wavelength_nm <= MAX_NM:
         raise InputError(
-            f"wavelength_nm should lie between {FIRST_NM:g} and {LAST_NM:g} for laser classes; "
+            f"wavelength_nm should lie between {MIN_NM:g} and {MAX_NM:g} for laser classes; "
             f"found {wavelength_nm:g}"
         )
     if wavelength_nm < RETINA_UP_TO_NM:

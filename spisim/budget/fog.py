@@ -29,7 +29,7 @@ from spisim.instrument import Instrument, SpotLight
 #: Steps of the path-length bins, and of the fog along the beam.
 PATH_STEP_M, FOG_STEP_M = 0.01, 0.0025
 #: Distances searched for the longest range.
-NEAREST_M, FARTHEST_M, DISTANCES = 0.3, 40.0, 60
+MIN_DISTANCE_M, MAX_DISTANCE_M, DISTANCES = 0.3, 40.0, 60
 
 
 @dataclass(frozen=True)
@@ -66,8 +66,8 @@ def fog_budget(
     light, fraction = _light(instrument, target, air, here)
     spots = instrument.ranging.tof.record(light, instrument.spot_optics, None)
     error_m = measure_ranges(spots).range_m - here / instrument.ranging.lasers.directions[:, 2]
-    farthest_m = min(instrument.ranging.tof.unambiguous_range_m, FARTHEST_M)
-    distances_m = np.geomspace(NEAREST_M, farthest_m, DISTANCES)
+    farthest_m = min(instrument.ranging.tof.unambiguous_range_m, MAX_DISTANCE_M)
+    distances_m = np.geomspace(MIN_DISTANCE_M, farthest_m, DISTANCES)
     sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
     finite = sigma_m is not None and np.isfinite(sigma_m[-1])
     return FogBudget(

@@ -29,13 +29,13 @@ from spisim.instrument import Instrument
 #: Standard deviation over mean: the median of drawn scenes, half of which lie in 0.44 to 0.89.
 CONTRAST = 0.67
 #: Minimum SNR for reliable detection by eye: A. Rose, J. Opt. Soc. Am. 38, 196 (1948).
-SURE = 5.0
+DETECTION_SNR = 5.0
 #: SNR below which averaging takes longer than any flight.
-FAINTEST = 1e-6
+MIN_SNR = 1e-6
 #: MTF that is only rounding.
-INVISIBLE = 1e-12
+MIN_MTF = 1e-12
 #: Fraction of the noiseless correlation that averaging aims at.
-NEARLY_ALL = 0.9
+GOAL_FRACTION = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,8 +98,8 @@ class ImageBudget:
 
     def frames(self, correlation: float | None = None) -> int | None:
         """Frames to average for a correlation, by default nearly the best; None if unattainable."""
-        wanted = NEARLY_ALL * self.best_correlation if correlation is None else correlation
-        if wanted >= self.best_correlation or self.coefficient_snr < FAINTEST:
+        wanted = GOAL_FRACTION * self.best_correlation if correlation is None else correlation
+        if wanted >= self.best_correlation or self.coefficient_snr < MIN_SNR:
             return None
         fraction = wanted / self.best_correlation
         return max(ceil(fraction**2 / (1 - fraction**2) / self.coefficient_snr**2), 1)
@@ -188,8 +188,8 @@ def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolutio
 
 def _resolution(mtf: Floats, noise: float, pixels: int) -> Resolution:
     with np.errstate(divide="ignore"):
-        contrast = np.asarray(SURE * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
-        contrast[mtf < INVISIBLE] = np.inf
+        contrast = np.asarray(DETECTION_SNR * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
+        contrast[mtf < MIN_MTF] = np.inf
     return Resolution(np.arange(1.0, mtf.size + 1), mtf, contrast)
 
 

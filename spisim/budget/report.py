@@ -8,7 +8,7 @@ from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.report import ReportTable
 from spisim.budget.eye_safety import array_risk_group, laser_safety
 from spisim.budget.fog import fog_budget
-from spisim.budget.image import NEARLY_ALL, ImageBudget, image_budget
+from spisim.budget.image import GOAL_FRACTION, ImageBudget, image_budget
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.budget.noise import NoiseBudget, bucket_noise, spot_noise
 from spisim.budget.ranging import longest_range_m, range_sigma_m
@@ -98,7 +98,7 @@ def _noise(budget: NoiseBudget) -> dict[str, Any]:
 
 def _picture(budget: ImageBudget, frame_time_s: float, correlation: float | None) -> dict[str, Any]:
     frames = budget.frames(correlation)
-    wanted = NEARLY_ALL * budget.best_correlation if correlation is None else correlation
+    wanted = GOAL_FRACTION * budget.best_correlation if correlation is None else correlation
     averaged = wanted if frames is None else budget.averaged_correlation(frames)
     return {
         "pixel_electrons": budget.pixel_electrons,

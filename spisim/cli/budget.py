@@ -36,12 +36,12 @@ def command(
         float, real_option("Daylight on the target.", minimum=0, maximum=200, metavar="KLX")
     ] = 100.0,
     visibility: Annotated[
-        float | None, real_option("Fog of this visibility; clear without.", metavar="M")
+        float | None, real_option("Fog of this visibility; clear by default.", metavar="M")
     ] = None,
     correlation: Annotated[
         float | None,
         real_option(
-            "Of the image, for which to average frames; 0.9 of the best without.",
+            "Goal of averaging frames; by default 0.9 of the best.",
             minimum=0.01,
             maximum=0.99,
         ),

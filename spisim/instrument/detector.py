@@ -60,10 +60,10 @@ class Detector(Section):
         if self.aperture_diameter_mm is not None:
             return math.pi * (self.aperture_diameter_mm * 1e-3) ** 2 / 4
         assert self.f_number is not None
-        return self._largest_aperture_m2 * (MIN_F_NUMBER / self.f_number) ** 2
+        return self._max_aperture_m2 * (MIN_F_NUMBER / self.f_number) ** 2
 
     @property
-    def _largest_aperture_m2(self) -> float:
+    def _max_aperture_m2(self) -> float:
         half_angle = math.radians(self.field_of_view_deg) / 2
         return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
 
@@ -91,12 +91,12 @@ class Detector(Section):
     def _lens_is_stated_once(self) -> Detector:
         if (self.f_number is None) == (self.aperture_diameter_mm is None):
             raise InputError("needs either f_number or aperture_diameter_mm")
-        largest_mm = 2e3 * math.sqrt(self._largest_aperture_m2 / math.pi)
-        if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > largest_mm:
+        max_mm = 2e3 * math.sqrt(self._max_aperture_m2 / math.pi)
+        if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > max_mm:
             raise InputError(
                 f"aperture_diameter_mm {self.aperture_diameter_mm} and field_of_view_deg "
                 f"{self.field_of_view_deg} exceed the étendue of the sensor: at most "
-                f"{largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
+                f"{max_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
             )
         return self
 

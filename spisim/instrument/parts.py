@@ -75,8 +75,8 @@ def _few_pixels(shape: tuple[int, int]) -> tuple[int, int]:
     if shape[0] * shape[1] > MAX_PIXELS:
         raise PydanticCustomError(
             "pixels",
-            "should have at most {most} pixels, such as 1024 × 1024, not {pixels}",
-            {"most": MAX_PIXELS, "pixels": shape[0] * shape[1]},
+            "should have at most {max} pixels, such as 1024 × 1024, not {pixels}",
+            {"max": MAX_PIXELS, "pixels": shape[0] * shape[1]},
         )
     return shape
 

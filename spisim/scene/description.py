@@ -340,7 +340,7 @@ class DrawnDescription(Surroundings):
     """
 
     family: Name
-    """Name of a family; `spisim scenes list` shows them."""
+    """Name of a family; `spisim scenes list` lists them."""
     seed: Annotated[int, Field(ge=0)] = 0
     """Seed of the world."""
     name: Name | None = None

@@ -48,19 +48,17 @@ class Drone:
             For text that is not a valid scene file.
         """
         fields = read_mapping(text, SceneDescription, source)
-        moment = fields.get("moment")
-        if moment is not None:
-            described: DroneDescription = check_fields(moment, DroneState, source)
+        time_s: float | None = None
+        if (state := fields.get("moment")) is not None:
+            described: DroneDescription = check_fields(state, DroneState, source)
             pose = look_at(described.position_m, described.look_at_m, described.up)
-            return cls._of(described, pose, float(moment["time_s"]))
-        if "family" in fields:
-            context = LoadContext(Path(), text, source, cache=cache or SceneCache())
-            fields = dict(draw(fields, context).fields)
-        described = check_fields(fields, SceneDescription, source).drone
-        return cls._of(described, drone_pose(described), None)
-
-    @classmethod
-    def _of(cls, described: DroneDescription, pose: Floats, time_s: float | None) -> Drone:
+            time_s = float(state["time_s"])
+        else:
+            if "family" in fields:
+                context = LoadContext(Path(), text, source, cache=cache or SceneCache())
+                fields = dict(draw(fields, context).fields)
+            described = check_fields(fields, SceneDescription, source).drone
+            pose = drone_pose(described)
         turn = np.radians(described.angular_velocity_deg_s)
         return cls(pose, described.velocity_m_s, turn, time_s)
 
@@ -72,14 +70,14 @@ class Drone:
         return motion @ self.pose
 
 
-def at_drone_state(scene: Scene, moment: DroneState) -> Scene:
+def at_drone_state(scene: Scene, state: DroneState) -> Scene:
     """Advance a scene's objects and fog to a timestamped pose, and put the drone there.
 
     Parameters
     ----------
     scene : Scene
         The scene at time 0.
-    moment : DroneState
+    state : DroneState
         Time, pose and velocities of the drone.
 
     Returns
@@ -92,14 +90,14 @@ def at_drone_state(scene: Scene, moment: DroneState) -> Scene:
     InputError
         If there is no line of sight.
     """
-    x, y, z = np.radians(moment.angular_velocity_deg_s).tolist()
-    fields = load_yaml(scene.text, scene.name) | {"moment": moment.model_dump(mode="json")}
+    x, y, z = np.radians(state.angular_velocity_deg_s).tolist()
+    fields = load_yaml(scene.text, scene.name) | {"moment": state.model_dump(mode="json")}
     return replace(
         scene,
-        objects=tuple(thing.at(moment.time_s) for thing in scene.objects),
-        volumes=tuple(volume.at(moment.time_s) for volume in scene.volumes),
-        drone_pose=look_at(moment.position_m, moment.look_at_m, moment.up),
-        drone_velocity_m_s=moment.velocity_m_s,
+        objects=tuple(thing.at(state.time_s) for thing in scene.objects),
+        volumes=tuple(volume.at(state.time_s) for volume in scene.volumes),
+        drone_pose=look_at(state.position_m, state.look_at_m, state.up),
+        drone_velocity_m_s=state.velocity_m_s,
         drone_angular_velocity_rad_s=(x, y, z),
         text=dump_yaml(fields),
     )

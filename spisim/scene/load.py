@@ -128,8 +128,8 @@ def make_scene(
         scene = assemble(check_fields(fields, SceneDescription, source), context)
     check_drone(scene, source)
     if fields.get("moment") is not None:
-        moment = DroneState.model_validate(fields["moment"])  # checked with the other fields
-        scene = replace(at_drone_state(scene, moment), text=text)
+        state = DroneState.model_validate(fields["moment"])  # checked with the other fields
+        scene = replace(at_drone_state(scene, state), text=text)
         check_drone(scene, source)
     warn_of_oddities(scene)
     return scene

@@ -150,8 +150,8 @@ def at_wavelength(field: str, values: Spectrum, wavelength_nm: float) -> float:
     if min(abs(other - wavelength_nm) for other in available) > MAX_DISTANCE_NM:
         listed = ", ".join(f"{other:g}" for other in available)
         raise InputError(
-            f"{field} is known at {listed} nm and {MAX_DISTANCE_NM:g} nm around, "
-            f"asked for at {wavelength_nm:g} nm"
+            f"{field} is tabulated at {listed} nm, each within {MAX_DISTANCE_NM:g} nm; found "
+            f"{wavelength_nm:g} nm"
         )
     return float(np.interp(wavelength_nm, available, [values[other] for other in available]))
 

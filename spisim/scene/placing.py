@@ -22,7 +22,7 @@ from spisim.scene.pose import Vector3, pose_matrix
 from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
 
 #: Files rarely hold wider meshes, except in other units than metres.
-WIDEST_MESH_M = 300.0
+MAX_MESH_WIDTH_M = 300.0
 #: Single precision does not resolve metres beyond this.
 MAX_COORDINATE_M = 1e6
 
@@ -86,7 +86,7 @@ def _place(
             "texture or opacity"
         )
     mesh.apply_scale(described.scale)
-    if read and (width_m := float(mesh.extents.max())) >= WIDEST_MESH_M:
+    if read and (width_m := float(mesh.extents.max())) >= MAX_MESH_WIDTH_M:
         warnings.warn(
             f"{described.name!r} is {width_m:.3g} m wide; all lengths are metres, and "
             "`scale: 0.001` makes metres of a mesh in millimetres",

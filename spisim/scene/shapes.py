@@ -62,7 +62,7 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
             "of it"
         )
     if suffix not in FORMATS:
-        raise InputError(f"mesh {path.name!r} has an unknown format; known: {' '.join(FORMATS)}")
+        raise InputError(f"mesh {path.name!r} has an unknown format; allowed: {' '.join(FORMATS)}")
     if suffix == ".obj":
         check_obj_indices(path.read_bytes(), f"mesh {path.name!r}")
     try:

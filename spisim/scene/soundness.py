@@ -15,9 +15,9 @@ from spisim.scene.model import Scene, SceneObject, SceneWarning
 from spisim.scene.rays import winding_number
 
 #: Minimum size of things that a drone meets.
-THIN_M = 0.001
+MIN_SIZE_M = 0.001
 #: Maximum distance at which single precision, used for tracing, resolves 1 mm.
-FAR_M = 10_000.0
+MAX_DISTANCE_M = 10_000.0
 #: Solar illuminance above the atmosphere is 134 klx.
 MAX_KLX = 150.0
 
@@ -51,9 +51,13 @@ def warn_of_odd_sizes(scene: Scene) -> None:
     sizes = {thing.name: float(thing.mesh.extents.max()) for thing in scene.objects}
     away = {"the drone": float(np.abs(scene.drone_pose[:3, 3]).max())}
     away |= {repr(thing.name): float(np.abs(thing.mesh.bounds).max()) for thing in scene.objects}
-    oddities = [f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < THIN_M]
+    oddities = [
+        f"{name!r} is {size:.3g} m wide" for name, size in sizes.items() if size < MIN_SIZE_M
+    ]
     oddities += [
-        f"{name} is {far:.3g} m from the origin" for name, far in away.items() if far > FAR_M
+        f"{name} is {far:.3g} m from the origin"
+        for name, far in away.items()
+        if far > MAX_DISTANCE_M
     ]
     if oddities:
         warnings.warn(

@@ -33,9 +33,9 @@ WAY_POINTS = ("t", "x", "y", "z", "look_x", "look_y", "look_z")
 #: Rounding tolerance of a unit quaternion's length.
 UNIT_TOLERANCE = 0.01
 #: Maximum of all numbers in a file; times may count from 1970.
-LARGEST = 1e10
+MAX_NUMBER = 1e10
 #: Minimum interval between two times, s.
-SHORTEST_S = 1e-6
+MIN_INTERVAL_S = 1e-6
 #: A comment with the weather of the flight, as in an instrument's file.
 WEATHER = re.compile(r"#\s*weather\s*[:=]\s*(.*)", re.IGNORECASE)
 #: Maximum length of a straight step along a path.
@@ -103,7 +103,7 @@ class Trajectory:
         own_axes = self.orientations(time_s, 1)
         return np.asarray(self.orientations(time_s).apply(own_axes), dtype=np.float64)
 
-    def moment(self, time_s: float) -> DroneState:
+    def drone_state(self, time_s: float) -> DroneState:
         """The drone at a time, as a section of a scene file; InputError as `pose`."""
         pose = self.pose(time_s)
         return DroneState(
@@ -156,7 +156,7 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     if len(values) < 2:
         raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
     table = np.array(values)
-    not_rising = np.flatnonzero(np.diff(table[:, 0]) < SHORTEST_S)
+    not_rising = np.flatnonzero(np.diff(table[:, 0]) < MIN_INTERVAL_S)
     if not_rising.size:
         row = not_rising[0] + 1
         raise InputError(
@@ -226,8 +226,8 @@ def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
             raise InputError(f"{where}: {name} should be a number; found {cell!r}") from None
         if not math.isfinite(values[-1]):
             raise InputError(f"{where}: {name} should be finite; found {cell!r}")
-        if abs(values[-1]) > LARGEST:
-            raise InputError(f"{where}: {name} should lie within ±{LARGEST:g}; found {cell!r}")
+        if abs(values[-1]) > MAX_NUMBER:
+            raise InputError(f"{where}: {name} should lie within ±{MAX_NUMBER:g}; found {cell!r}")
     return values
 
 

@@ -177,7 +177,7 @@ def same(one: Scene, other: Scene) -> bool:
 
 def test_the_drone_of_a_moment_is_that_of_the_flight() -> None:
     flight = curved()
-    position = at_drone_state(spisim.load_scene("warehouse"), flight.moment(1.7))
+    position = at_drone_state(spisim.load_scene("warehouse"), flight.drone_state(1.7))
     assert position.drone_pose == pytest.approx(flight.pose(1.7), abs=1e-9)
     assert position.drone_velocity_m_s == pytest.approx(flight.velocity(1.7))
     assert position.drone_angular_velocity_rad_s == pytest.approx(flight.angular_velocity(1.7))
@@ -190,7 +190,7 @@ def test_the_text_of_a_moment_makes_the_same_scene() -> None:
         "  - {name: fan, shape: box, size_m: [1, 2, 3], material: brick, translate_m: [4, 9, 0],\n"
         "     velocity_m_s: [0, 1, 0], angular_velocity_deg_s: [0, 0, 90]}\n"
     )
-    moment = load_trajectory(scenes_folder() / "warehouse-flight.csv").moment(2.3)
+    moment = load_trajectory(scenes_folder() / "warehouse-flight.csv").drone_state(2.3)
     position = make_scene(text, Path(), "x")
     moved = at_drone_state(position, moment)
     again = make_scene(moved.text, Path(), "x")
@@ -204,7 +204,7 @@ def test_the_text_of_a_moment_makes_the_same_scene() -> None:
 def test_a_family_draws_the_same_world_for_every_moment() -> None:
     """Though a drone that flies there would make another draw necessary."""
     position = draw_scene("targets", 1)
-    moment = curved().moment(0.4)
+    moment = curved().drone_state(0.4)
     moved = at_drone_state(position, moment.model_copy(update={"position_m": (-30.0, 0.0, 1.5)}))
     again = make_scene(moved.text, Path(), "drawn")
     assert same(moved, again)
@@ -213,7 +213,7 @@ def test_a_family_draws_the_same_world_for_every_moment() -> None:
 
 def test_a_moment_inside_an_object_is_refused() -> None:
     position = spisim.load_scene("warehouse")
-    inside = curved().moment(0).model_copy(update={"position_m": (3.0, 0.47, 0.9)})
+    inside = curved().drone_state(0).model_copy(update={"position_m": (3.0, 0.47, 0.9)})
     moved = at_drone_state(position, inside.model_copy(update={"look_at_m": (9.0, 0.0, 0.9)}))
     with pytest.raises(InputError, match="inside object 'drum'"):
         make_scene(moved.text, scenes_folder(), "moved")

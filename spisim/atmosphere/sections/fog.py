@@ -127,7 +127,7 @@ class Fog(Weather):
     kind: str = "moderate-radiation"
     """Named droplet sizes, for fog by visibility or water."""
     droplets: DropletDescription | None = None
-    """Custom sizes in place of a `kind`."""
+    """Custom sizes instead of a `kind`."""
     definition: str = "koschmieder"
     """Definition of visibility: contrast of 2 % (koschmieder) or 5 % (mor)."""
     extinction_per_m: Annotated[Number, Field(ge=0, le=MAX_EXTINCTION_PER_M)] | None = None

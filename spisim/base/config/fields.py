@@ -26,7 +26,7 @@ from spisim.base.config.json_schema import add_descriptions, name_bounds
 from spisim.base.config.messages import UNKNOWN_FIELD, show
 
 #: Every physical quantity lies well within these magnitudes.
-SMALLEST, LARGEST = 1e-18, 1e30
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-18, 1e30
 
 
 def not_a_truth_value(value: Any) -> Any:
@@ -42,11 +42,11 @@ def of_usable_size(value: Any) -> Any:
     size = 0.0
     with suppress(TypeError, ValueError, OverflowError):
         size = abs(float(value))
-    if math.isfinite(size) and size > LARGEST:
+    if math.isfinite(size) and size > MAX_MAGNITUDE:
         raise PydanticCustomError(
-            "size", "should be within ±{largest}", {"largest": f"{LARGEST:g}"}
+            "size", "should be within ±{largest}", {"largest": f"{MAX_MAGNITUDE:g}"}
         )
-    return 0.0 if 0 < size < SMALLEST else value
+    return 0.0 if 0 < size < MIN_MAGNITUDE else value
 
 
 Number = Annotated[float, BeforeValidator(of_usable_size)]

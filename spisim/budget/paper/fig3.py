@@ -42,7 +42,7 @@ def figure_3() -> Result:
     silent = {diode: max_ranges(diode, 0.0) for diode in ("APD", "PIN")}
     columns = (
         "diode",
-        "place",
+        "location",
         "paper",
         *(f"{n:,} periods" for n in PERIODS),
         "deviation",
