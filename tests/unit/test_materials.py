@@ -127,8 +127,8 @@ def test_between_its_wavelengths_the_table_is_linear() -> None:
 @pytest.mark.parametrize("wavelength_nm", [532, 799, 991, 1064, 1320, 1409, 1601])
 def test_far_from_its_wavelengths_the_table_says_nothing(wavelength_nm: float) -> None:
     message = (
-        r"material 'brick': reflectance is tabulated at 850, 905, 940, 1460, 1550 nm, each within 50 nm; "
-        rf"found {wavelength_nm} nm"
+        r"material 'brick': reflectance is tabulated at 850, 905, 940, 1460, 1550 nm, "
+        rf"each within 50 nm; found {wavelength_nm} nm"
     )
     with pytest.raises(InputError, match=message):
         find_material("brick", None, wavelength_nm)
