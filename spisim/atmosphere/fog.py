@@ -118,7 +118,7 @@ def agreed_visibility(
     if not abs(visibility_m / of_water - 1) <= AGREEMENT:
         raise InputError(
             f"visibility_m {visibility_m:g} and liquid_water_g_per_m3 {water_g_per_m3:g} "
-            f"contradict each other: in droplets of this size, that water gives a visibility of "
+            "contradict each other: in droplets of this size, that water gives a visibility of "
             f"{of_water:.3g} m; give one of them"
         )
     return visibility_m

@@ -59,7 +59,7 @@ def rain_table(wavelength_nm: float) -> RainTable:
         available = ", ".join(map(str, WAVELENGTHS_NM))
         raise InputError(
             f"rain is tabulated at {available} nm, each within {NEAR_NM:g} nm; found "
-            f" wavelength_nm {wavelength_nm:g}"
+            f"wavelength_nm {wavelength_nm:g}"
         )
     return _read()[nearest_nm]
 

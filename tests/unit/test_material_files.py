@@ -179,7 +179,7 @@ def test_pictures_are_read_as_they_stand(folder: Path) -> None:
         ("bsdf: conductor, eta: 0.0, k: 5", ["eta and k", "found 0"]),
         ("bsdf: thin-pane, texture: grey.png", ["texture does not go with a clear surface"]),
         ("reflectance: {850: 0.4}", ["reflectance is tabulated at 850 nm", "found 1550 nm"]),
-        ("reflectance: {0.85: 0.4, 1.55: 0.3}", ["known at 0.85, 1.55 nm"]),
+        ("reflectance: {0.85: 0.4, 1.55: 0.3}", ["tabulated at 0.85, 1.55 nm"]),
         ("reflectance: {850: 0.4, 1550: 1.3}", ["mine.reflectance.1550", "equal to 1", "1.3"]),
         ("reflectance: {1550: yes}", ["mine.reflectance.1550", "number", "True"]),
         ("reflectance: {-1550: 0.5}", ["mine.reflectance.-1550", "greater than 0"]),

@@ -104,7 +104,7 @@ def test_a_file_states_the_weather_of_its_flight(tmp_path: Path) -> None:
     flight = load_trajectory(written(tmp_path, "#  Weather: 50\n" + WAY_POINTS))
     assert flight.faster(2).weather == "50"
     twice = WAY_POINTS + "# weather: fog\n# weather: clear\n"
-    with pytest.raises(InputError, match=r"line 7: .* stated before, .* 'fog' and 'clear'"):
+    with pytest.raises(InputError, match=r"line 7: .* already stated differently: 'fog' and 'clear'"):
         load_trajectory(written(tmp_path, twice))
     with pytest.raises(InputError, match=r"line 6: weather is 'foggy'; allowed: .*clear, fog"):
         load_trajectory(written(tmp_path, WAY_POINTS + "# weather: foggy\n"))
@@ -125,7 +125,7 @@ def test_quaternions_of_the_optical_frame(tmp_path: Path) -> None:
         (("12,2,", "9,2,"), r"line 5: time 9 should be later"),
         (("11,1,0", "11,1,nan"), r"line 4: y should be finite; found 'nan'"),
         (("11,1,0", "11,1,left"), r"line 4: y should be a number; found 'left'"),
-        (("11,1,0", "11,1"), r"line 4: 6 columns, not 7"),
+        (("11,1,0", "11,1"), r"line 4: 6 columns; expected 7"),
         (("7,0,1", "2,0,1"), r"line 5: look_x look_y look_z should be a point that is neither"),
         (("7,0,1", "2,0,0"), r"line 5: .*straight above or below"),
         (("look_z", "look_q"), r"line 2: the header should be t,x,y,z,qx.* or t,x,y,z,look_x"),
@@ -133,7 +133,7 @@ def test_quaternions_of_the_optical_frame(tmp_path: Path) -> None:
         ((WAY_POINTS, "# nothing\n"), r"the file is empty"),
         ((WAY_POINTS, "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0\n"), r"line 2: .*length 1, not 0"),
         ((WAY_POINTS, "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1.1\n"), r"line 2: .*length 1, not 1\.1"),
-        ((WAY_POINTS, "0 0 0 0 0 0 1\n"), r"line 1: 7 columns, not 8"),
+        ((WAY_POINTS, "0 0 0 0 0 0 1\n"), r"line 1: 7 columns; expected 8"),
     ],
 )
 def test_mistakes_in_files(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -155,7 +155,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("time_s", [-0.1, 4.1, np.nan])
 def test_times_outside_of_the_flight(time_s: float) -> None:
     flight = curved()
-    for question in (flight.pose, flight.velocity, flight.angular_velocity, flight.moment):
+    for question in (flight.pose, flight.velocity, flight.angular_velocity, flight.drone_state):
         with pytest.raises(InputError, match="outside of the flight, 0 to 4 s"):
             question(time_s)
 
