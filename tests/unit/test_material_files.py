@@ -129,9 +129,7 @@ def test_own_values_at_another_wavelength(folder: Path) -> None:
     )
     for nm, expected in ((850, 0.4), (877.5, 0.45), (955, 0.5 - 0.2 * 50 / 645)):
         assert make_material("m", described, folder, nm).reflectance == pytest.approx(expected)
-    with pytest.raises(
-        InputError, match=r"is tabulated at 850, 905, 1550 nm.* 1460 nm"
-    ):
+    with pytest.raises(InputError, match=r"is tabulated at 850, 905, 1550 nm.* 1460 nm"):
         make_material("m", described, folder, 1460)
     plain = MaterialDescription.model_validate({"source": "measured", "reflectance": 0.4})
     assert make_material("m", plain, folder, 532).reflectance == 0.4

@@ -104,7 +104,7 @@ def test_a_file_states_the_weather_of_its_flight(tmp_path: Path) -> None:
     flight = load_trajectory(written(tmp_path, "#  Weather: 50\n" + WAY_POINTS))
     assert flight.faster(2).weather == "50"
     twice = WAY_POINTS + "# weather: fog\n# weather: clear\n"
-    with pytest.raises(InputError, match=r"line 7: .* already stated differently: 'fog' and 'clear'"):
+    with pytest.raises(InputError, match=r"line 7: .* stated differently: 'fog' and 'clear'"):
         load_trajectory(written(tmp_path, twice))
     with pytest.raises(InputError, match=r"line 6: weather is 'foggy'; allowed: .*clear, fog"):
         load_trajectory(written(tmp_path, WAY_POINTS + "# weather: foggy\n"))
