@@ -77,7 +77,8 @@ def main() -> int:
     stills = [traced(spisim.load_scene(name), paper, 1, spp) for name in names]
     path, position = load_trajectory("warehouse-flight"), spisim.load_scene("warehouse")
     flights = [
-        traced(at_drone_state(position, path.moment(at_s)), paper, FRAMES, spp) for at_s in instants
+        traced(at_drone_state(position, path.drone_state(at_s)), paper, FRAMES, spp)
+        for at_s in instants
     ]
     kinds = [(fraction, METHODS[0]) for fraction in FRACTIONS] + [(USUAL, METHODS[1])]
     if options.quick:

@@ -26,7 +26,7 @@ from desk import FLIGHT, PLAN, STUDY
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
 from spisim.cli import app
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from waiting import SAFETY_S
 
 #: The commands, made once.

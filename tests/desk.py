@@ -15,7 +15,7 @@ from datasets import make_set
 from foreign import collada
 from reconstruction import Capture, write_capture
 from scenefiles import MINIMAL
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim_formats.library.writing import MAX_NAME
 
 FLIGHT = "t,x,y,z,look_x,look_y,look_z\n0,0,0,1,5,0,1\n1,0.5,0,1,5,0,1\n"

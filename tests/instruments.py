@@ -7,7 +7,7 @@ import yaml
 
 from spisim.budget.equations import Flood
 from spisim.instrument import Instrument, load_instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 
 PAPER = (PRESETS / "paper.yaml").read_text(encoding="utf-8")
 

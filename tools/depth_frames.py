@@ -32,7 +32,7 @@ from spisim.base.config import dump_yaml, load_yaml
 from spisim.base.config.distributions import stream
 from spisim.dataset.values import drawn_value
 from spisim.instrument import Instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim.scene import Scene
 from spisim.scene.assemble import check_drone
 from spisim.scene.load import make_scene

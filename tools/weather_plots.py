@@ -12,7 +12,7 @@ from scipy.optimize import brentq
 from spisim.atmosphere import KINDS, all_extinctions, extinction_at_550nm, fog, rain, snow
 from spisim.atmosphere.lookup import look_up
 from spisim.atmosphere.mie import particle_optics
-from spisim.atmosphere.typical import typical_weather
+from spisim.atmosphere.report import typical_weather
 from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits
 
 #: Enough radii for extinction; what is drawn needs no smooth phase function.

@@ -11,8 +11,8 @@ import trimesh
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, naming, nearest
-from spisim.scene.model import Vector3
 from spisim.scene.placing import MAX_COORDINATE_M
+from spisim.scene.pose import Vector3
 from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 from spisim_formats.format import Reader, readers

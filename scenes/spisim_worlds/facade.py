@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.facade import ROOM_M, STOREY_M, WALL_M, Front, add_front
 from spisim_worlds.parts.houses import ROOFS, WALLS, add_houses
@@ -276,7 +276,7 @@ def _before(
         post = union(
             [rod((0, 0, 0), (0, 0, tall), 0.06, 10), block((0.2, 1.2, 0.1), (0, -0.5, tall))]
         )
-        copies: list[Placed] = lamp  # type: ignore[assignment]
+        copies: list[Pose] = lamp  # type: ignore[assignment]
         builder.mesh("lamp post", "steel-galvanised", post, copies=copies)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 from trimesh.creation import icosphere
 
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.placing import Ground, aside, rolling
 from spisim_worlds.parts.plants import (
@@ -83,7 +83,7 @@ def _trees(
     positions = list(zip(rng.uniform(0, 360, parameters.trunks), ahead, beside, strict=True))
     for kind in range(TREES):
         radius = parameters.trunk_mm / 2000 * rng.uniform(0.6, 1.4)
-        placed: list[Placed] = [
+        placed: list[Pose] = [
             ((0, 0, turn), ground.below(x, y, 0.1, FLARE * radius))
             for turn, x, y in positions[kind::TREES]
         ]
@@ -106,7 +106,7 @@ def _bank(
         trunks += grow(rng, foot, UP + rng.normal(0, 0.05, 3), TREE_HEIGHT_M + 2, radius, 0)
     builder.mesh("trunks on the bank", "bark", wood(trunks))
     positions = zip(rng.uniform(0.2, 3.0, 14), rng.permutation(np.linspace(-3, 3, 14)), strict=True)
-    copies: list[Placed] = [
+    copies: list[Pose] = [
         ((0, 0, rng.uniform(0, 360)), ground.on(parameters.bank_m + x, y, 0.05))
         for x, y in positions
     ]
@@ -145,8 +145,8 @@ def _undergrowth(
     builder: SceneBuilder, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
     """Bushes and grass, beside the trail and at the foot of the bank."""
-    bushes: list[list[Placed]] = [[] for _ in range(BUSHES)]
-    tufts: list[list[Placed]] = [[] for _ in range(TUFTS)]
+    bushes: list[list[Pose]] = [[] for _ in range(BUSHES)]
+    tufts: list[list[Pose]] = [[] for _ in range(TUFTS)]
     for n in range(parameters.undergrowth):
         x = rng.uniform(3.5, parameters.bank_m + 1.0)
         off = parameters.trail_width_m / 2 + rng.exponential(0.6)

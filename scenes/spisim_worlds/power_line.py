@@ -9,8 +9,8 @@ from reconstruction.base.arrays import Floats
 from spisim.scene.families import (
     Family,
     Parameters,
-    Placed,
     Point,
+    Pose,
     SceneBuilder,
     drawn,
     drawn_log,
@@ -209,7 +209,7 @@ def _line(builder: SceneBuilder, parameters: PowerLineParameters, foot: Point) -
     drop = length if stands else -length
     offsets = np.linspace(-0.48, 0.48, parameters.conductors) * parameters.arm_m
     feet = [middle + offset * across for offset in offsets]
-    copies: list[Placed] = [((0, 0, 0), foot_) for foot_ in feet]
+    copies: list[Pose] = [((0, 0, 0), foot_) for foot_ in feet]
     discs = _insulator(parameters.discs).apply_scale(0.7 if stands else 1.0)
     if turn[0]:
         discs.apply_transform(np.diag([1.0, -1.0, -1.0, 1.0]))
@@ -264,7 +264,7 @@ def _trees(
     for kind in range(2):
         height, radius = rng.uniform(2.5, 5.0), rng.uniform(0.05, 0.1)
         grown = tree(rng, height, radius, 10, 0.6, 1.4)
-        placed: list[Placed] = [
+        placed: list[Pose] = [
             ((0, 0, turn), ground.below(x, y, 0.4, FLARE * radius))
             for x, y, turn in positions[kind::2]
         ]

@@ -6,7 +6,7 @@ import numpy as np
 from trimesh.creation import torus
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.placing import aside, rolling
 from spisim_worlds.parts.props import cone
@@ -63,7 +63,7 @@ def _hall(builder: SceneBuilder, parameters: GatesParameters, rng: np.random.Gen
     bars = [rod((x - 0.1, -0.45, z), (x - 0.1, 0.45, z), 0.018, sections=8)
             for z in np.arange(0.3, 2.6, 0.16)]  # fmt: skip
     bars += [block((0.1, 0.04, 2.6), (x - 0.06, y, 1.3)) for y in (-0.45, 0.45)]
-    copies: list[Placed] = [((0, 0, 0), (0, y, 0)) for y in (-1.5, -0.5, 0.5, 1.5)]
+    copies: list[Pose] = [((0, 0, 0), (0, y, 0)) for y in (-1.5, -0.5, 0.5, 1.5)]
     builder.mesh("wall bars", "wood-weathered", union(bars), copies=copies)
 
 
@@ -210,7 +210,7 @@ def _on_the_ground(
     builder: SceneBuilder, parameters: GatesParameters, rng: np.random.Generator
 ) -> None:
     """Cones that mark the course, and a landing pad."""
-    cones: list[Placed] = []
+    cones: list[Pose] = []
     for x in np.arange(3.0, parameters.backdrop_m - 1.3, 1.6):
         y = rng.choice([-1, 1]) * aside(x, rng.uniform(2.0, 9.0))
         cones.append(((0, 0, rng.uniform(0, 90)), (x, y, 0.0)))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import props
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.ropes import net
@@ -88,7 +88,7 @@ def build(parameters: ScaffoldParameters, rng: np.random.Generator) -> SceneBuil
         parts["safety net", "polyester-fabric"] = _net(frame, parameters, aim_z)
     elif parameters.cover == "tarpaulin":
         parts["tarpaulin", "polyethylene-film"] = _tarpaulin(frame, aim_z, rng)
-    position: Placed = ((0, 0, parameters.oblique_deg), (x, 0, 0))
+    position: Pose = ((0, 0, parameters.oblique_deg), (x, 0, 0))
     for (name, material), mesh in parts.items():
         builder.mesh(name, material, mesh, copies=[position])
     wall_x = frame.depth + parameters.gap_m

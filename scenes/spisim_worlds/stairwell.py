@@ -4,7 +4,7 @@ import numpy as np
 from trimesh.creation import torus
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, one_of
 from spisim_worlds.parts.props import add_worker, bucket, ladder, open_carton
 from spisim_worlds.parts.shapes import (
     Mesh,
@@ -152,7 +152,7 @@ def _flights(builder: SceneBuilder, parameters: StairwellParameters, top: float)
     flight = _flight(parameters)
     y = (parameters.width_m + WELL_M) / 2
     far = LOBBY_M + parameters.steps * parameters.tread_m
-    positions: list[Placed] = [((0, 0, 0), (LOBBY_M, -y, 0)), ((0, 0, 180), (far, y, top))]
+    positions: list[Pose] = [((0, 0, 0), (LOBBY_M, -y, 0)), ((0, 0, 180), (far, y, top))]
     builder.mesh("flight", parameters.stairs, flight, copies=positions)
     wide = 2 * parameters.width_m + WELL_M
     middle = far + LANDING_M / 2
@@ -204,7 +204,7 @@ def _railings(builder: SceneBuilder, parameters: StairwellParameters) -> None:
     knob.apply_translation((0, 0, first[2] + 0.11))
     inner = WELL_M / 2 + 0.05
     far = LOBBY_M + parameters.steps * parameters.tread_m
-    positions: list[Placed] = [
+    positions: list[Pose] = [
         ((0, 0, 0), (LOBBY_M, -inner, 0)),
         ((0, 0, 180), (far, inner, _landing_m(parameters))),
     ]
@@ -215,7 +215,7 @@ def _railings(builder: SceneBuilder, parameters: StairwellParameters) -> None:
     builder.mesh("newel post", "wood-dry", union([post, knob]), copies=positions)
     wall_rail = tube([first, last], 0.02, 8)
     outer = WELL_M / 2 + parameters.width_m - 0.08
-    on_walls: list[Placed] = [
+    on_walls: list[Pose] = [
         ((0, 0, 0), (LOBBY_M, -outer, -0.05)),
         ((0, 0, 180), (far, outer, _landing_m(parameters) - 0.05)),
     ]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.facade import DOOR_M, Front, add_front
 from spisim_worlds.parts.houses import add_houses
@@ -135,7 +135,7 @@ def _street(builder: SceneBuilder, parameters: StreetParameters) -> None:
     curb = y - PAVEMENT_M
     builder.box("pavement", "concrete", (30, PAVEMENT_M, KERB_M), (5, curb + PAVEMENT_M / 2, 0.06))
     builder.box("kerb", "concrete-weathered", (30, 0.14, 0.13), (5, curb - 0.07, 0.065))
-    dashes: list[Placed] = [((0, 0, 0), (x, 0.3, 0.004)) for x in range(-6, 18, 3)]
+    dashes: list[Pose] = [((0, 0, 0), (x, 0.3, 0.004)) for x in range(-6, 18, 3)]
     builder.rectangle("road marking", "paint-road-marking", (1.5, 0.12), copies=dashes)
     height = 3.0 * parameters.storeys
     builder.box("houses opposite", "brick", (30, 0.3, height), (5, -4.0, height / 2))
@@ -163,8 +163,8 @@ def _pavement(
     post = (_in_view(parameters, 1.2, rng.choice([-1, 1]) * rng.uniform(3, 8)), y - 1.2, KERB_M)
     builder.mesh("lamp post", "steel-galvanised", _lamp_post(), post)
     spots = rng.permutation(np.linspace(-11, 11, parameters.clutter))
-    bins: list[Placed] = []
-    bollards: list[Placed] = []
+    bins: list[Pose] = []
+    bollards: list[Pose] = []
     for n, angle in enumerate(spots):
         turn = (0, 0, rng.uniform(-20, 20))
         before = 0.45 if n % 2 == 0 else 1.35

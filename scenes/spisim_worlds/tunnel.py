@@ -6,7 +6,7 @@ import numpy as np
 from trimesh.creation import icosphere, torus
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts.natural import blob
 from spisim_worlds.parts.props import add_worker, cone, drum, gas_cylinder, pallet, tyre
 from spisim_worlds.parts.shapes import (
@@ -346,7 +346,7 @@ def _lamps(builder: SceneBuilder, parameters: TunnelParameters) -> None:
         y, z = 0.09 * np.cos(a), 0.09 * np.sin(a)
         hoops.append(tube([(y, z, 0.0), (y, z, -0.15), (0, 0, -0.26)], 0.004, 5))
     xs = np.arange(1.2, parameters.length_m - 0.3, parameters.lamp_spacing_m)
-    copies: list[Placed] = [((0, 0, 0), (x, 0.0, top)) for x in xs]
+    copies: list[Pose] = [((0, 0, 0), (x, 0.0, top)) for x in xs]
     builder.mesh("lamp", "paint-white", glass, copies=copies)
     builder.mesh("lamp cage", "steel-galvanised", union(hoops), copies=copies)
     conduit = rod((START_M, 0, top + 0.01), (parameters.length_m, 0, top + 0.01), 0.014, sections=8)
@@ -382,10 +382,10 @@ def _on_the_floor(
     radius = parameters.radius_m
     if parameters.track == "track":
         xs = np.arange(START_M, parameters.length_m, 0.6)
-        sleepers: list[Placed] = [((0, 0, 0), (x, -0.1, 0.04)) for x in xs]
+        sleepers: list[Pose] = [((0, 0, 0), (x, -0.1, 0.04)) for x in xs]
         builder.box("sleeper", "wood-weathered", (0.2, 1.2, 0.09), copies=sleepers)
         length = parameters.length_m - START_M
-        rails: list[Placed] = [((0, 0, 0), (START_M + length / 2, y, 0.13)) for y in (-0.45, 0.25)]
+        rails: list[Pose] = [((0, 0, 0), (START_M + length / 2, y, 0.13)) for y in (-0.45, 0.25)]
         builder.box("rail", "steel-rusty", (length, 0.05, 0.1), copies=rails)
     builder.mesh("drum", "steel-rusty", drum(), (rng.uniform(4.5, 7.5), -0.5 * radius, 0.01))
     at = (rng.uniform(4.0, 6.0), 0.3 * radius, 0.01)

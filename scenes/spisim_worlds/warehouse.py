@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from spisim.scene.families import Family, Parameters, Placed, SceneBuilder, drawn, drawn_log, one_of
+from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import props
 from spisim_worlds.parts.placing import aside
 from spisim_worlds.parts.shapes import Mesh, tube
@@ -55,15 +55,15 @@ def _hall(builder: SceneBuilder, parameters: WarehouseParameters) -> None:
     length, wide = x + 2.0, parameters.aisle_m + 2 * RACK_DEPTH_M + 0.4
     middle = x / 2 - 1.0
     builder.rectangle("floor", "concrete", (length, wide), (middle, 0, 0))
-    ends: list[Placed] = [((0, 0, 0), (x, 0, high / 2)), ((0, 0, 180), (-2.0, 0, high / 2))]
+    ends: list[Pose] = [((0, 0, 0), (x, 0, high / 2)), ((0, 0, 180), (-2.0, 0, high / 2))]
     builder.rectangle("end wall", parameters.walls, (high, wide), turn=(0, -90, 0), copies=ends)
-    sides: list[Placed] = [
+    sides: list[Pose] = [
         ((0, 0, 0), (middle, wide / 2, high / 2)),
         ((0, 0, 180), (middle, -wide / 2, high / 2)),
     ]
     builder.rectangle("side wall", parameters.walls, (length, high), turn=(90, 0, 0), copies=sides)
     strip = (wide - SKYLIGHT_M) / 2
-    panels: list[Placed] = [
+    panels: list[Pose] = [
         ((0, 0, 0), (middle, way * (SKYLIGHT_M + strip) / 2, high)) for way in (-1, 1)
     ]
     builder.rectangle("ceiling", "concrete", (length, strip), turn=(180, 0, 0), copies=panels)
@@ -76,11 +76,11 @@ def _racks(
     off = parameters.aisle_m / 2 + RACK_DEPTH_M / 2
     starts = np.arange(parameters.first_rack_m, parameters.length_m - RACK_M, RACK_M + 0.05)
     positions = [(x + RACK_M / 2, side * off) for x in starts for side in (-1, 1)]
-    racks: list[Placed] = [((0, 0, 90), (x, y, 0)) for x, y in positions]
+    racks: list[Pose] = [((0, 0, 90), (x, y, 0)) for x, y in positions]
     builder.mesh("rack", "steel-painted", props.rack(), copies=racks)
     sizes = [(0.5, 0.4, 0.4), (0.4, 0.45, 0.55), (0.35, 0.4, 0.28)]
-    boxes: list[list[Placed]] = [[] for _ in sizes]
-    drums: list[Placed] = []
+    boxes: list[list[Pose]] = [[] for _ in sizes]
+    drums: list[Pose] = []
     for x, y in positions:
         for deck in DECKS_M:
             for slot in (-0.58, 0.0, 0.58):
@@ -109,7 +109,7 @@ def _end(builder: SceneBuilder, parameters: WarehouseParameters, rng: np.random.
     x = parameters.length_m
     y = rng.uniform(-0.3, 0.3) * parameters.aisle_m
     builder.mesh("ladder", "aluminium-anodised", props.ladder(), (x - 0.66, y, 0.01), (0, 15, 0))
-    bottles: list[Placed] = [
+    bottles: list[Pose] = [
         ((0, 0, 0), (x - 0.25, -np.sign(y) * (0.35 + 0.28 * k), 0)) for k in range(2)
     ]
     builder.mesh("gas bottle", "steel-painted", props.gas_cylinder(), copies=bottles)
@@ -159,7 +159,7 @@ def _above(
     """Lamps, and a loose cable down to about the height of the drone."""
     rim = parameters.ceiling_m - 1.75
     spots = np.linspace(3.5, parameters.length_m - 1.5, parameters.lamps)
-    lamps: list[Placed] = [((0, 0, 0), (float(x), 0, rim)) for x in spots]
+    lamps: list[Pose] = [((0, 0, 0), (float(x), 0, rim)) for x in spots]
     builder.mesh("lamp", "paint-white", props.lamp(), copies=lamps)
     x = rng.uniform(1.8, 3.2)
     end = builder.position_m[2] - aside(x, rng.uniform(2.0, 8.0))
@@ -167,13 +167,13 @@ def _above(
     line = [(x, y, parameters.ceiling_m), (x + 0.03, y + 0.05, 0.5 * (end + parameters.ceiling_m)),
             (x, y - 0.03, end + 0.3), (x - 0.04, y + 0.02, end)]  # fmt: skip
     builder.mesh("hanging cable", "rubber-black", tube(line, parameters.cable_mm / 2000, 6))
-    bars: list[Placed] = [((0, 0, 0), (float(x), 0, parameters.ceiling_m)) for x in (*spots, x)]
+    bars: list[Pose] = [((0, 0, 0), (float(x), 0, parameters.ceiling_m)) for x in (*spots, x)]
     builder.box("skylight bar", "steel-painted", (0.06, SKYLIGHT_M, 0.1), copies=bars)
 
 
 def _drum_on_pallets(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
     count = int(rng.integers(1, 5))
-    pallets: list[Placed] = [
+    pallets: list[Pose] = [
         ((0, 0, 90 + rng.uniform(-4, 4)), (at[0], at[1], 0.144 * k)) for k in range(count)
     ]
     builder.mesh("pallet below the drum", "wood-weathered", props.pallet(), copies=pallets)
@@ -182,7 +182,7 @@ def _drum_on_pallets(builder: SceneBuilder, at: Place, rng: np.random.Generator)
 
 def _cartons_on_a_pallet(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
     builder.mesh("pallet below the cartons", "wood-weathered", props.pallet(), at, (0, 0, 90))
-    copies: list[Placed] = []
+    copies: list[Pose] = []
     layers = int(rng.integers(1, 4))
     for layer in range(layers):
         for dx, dy in ((-0.2, -0.3), (-0.2, 0.3), (0.2, -0.3), (0.2, 0.3)):
@@ -194,7 +194,7 @@ def _cartons_on_a_pallet(builder: SceneBuilder, at: Place, rng: np.random.Genera
 
 
 def _tyres(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
-    copies: list[Placed] = [
+    copies: list[Pose] = [
         ((0, 0, 0), (at[0] + rng.uniform(-0.03, 0.03), at[1] + rng.uniform(-0.03, 0.03), 0.2 * k))
         for k in range(int(rng.integers(2, 6)))
     ]

@@ -1,4 +1,4 @@
-"""What hangs in the air between instrument and scene: fog, smoke, rain and snow."""
+"""Media between instrument and scene: fog, smoke, rain and snow."""
 
 from spisim.atmosphere.droplets import FOGS, KINDS, GammaSizes, LogNormalSizes, Particles
 from spisim.atmosphere.empirical import all_extinctions, empirical_extinction

@@ -1,9 +1,9 @@
-"""What single drops and flakes do with the light that meets them.
+"""Scattering by single raindrops and snowflakes.
 
-They are many times larger than the wavelength, and half of their extinction is diffraction, which
-goes on within 1.22 λ/D of its direction: 2 mrad for 1 mm at 1550 nm. A virtual pixel is wider than
-that, and so is the field of any detector here: diffracted light is not lost. What is left is the
-disc that a drop shows, Q = 1; its light is absorbed, or scattered into wide angles.
+They are much larger than the wavelength, so half of their extinction is diffraction into a cone of
+1.22 λ/D: 2 mrad for 1 mm at 1550 nm. Every virtual pixel and detector here is wider, so diffracted
+light is not lost. What remains is the geometric disc, Q = 1: its light is absorbed, or scattered at
+wide angles.
 """
 
 from dataclasses import dataclass
@@ -18,28 +18,27 @@ from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import Phase, henyey_greenstein
 from spisim.atmosphere.rain_table import EDGES_MM, rain_table, solid_angle_weights
 
-#: Diffraction of the smallest drops reaches so far.
+#: Angle up to which the smallest drops diffract.
 FORWARD_DEG = 8.0
 
 
 class Scatterer(Protocol):
-    """Where the light goes that meets a disc of some diameter."""
+    """Scattering of the light on a disc of some diameter."""
 
     def albedo(self, diameter_mm: ArrayLike) -> Floats:
-        """Share that is scattered, not absorbed."""
+        """Fraction that is scattered, not absorbed."""
 
     def scattered_per_sr(self, cos: ArrayLike, diameter_mm: ArrayLike) -> Floats:
-        """Share per steradian scattered by an angle of this cosine; the albedo over the sphere."""
+        """Fraction scattered per steradian at this cosine; integrates to the albedo."""
 
 
 class WaterDrops:
-    """Spheres of water, by the size classes of `rain_table`.
+    """Water spheres, by the size classes of `rain_table`.
 
-    Water absorbs 1550 nm within 0.9 mm, so large drops send back little but what their surface
-    reflects; at 905 nm they are clear. Linear in the logarithm of the diameter and in the angle;
-    beyond the middles of the table's outer classes, 0.11 and 5.5 mm, their values hold. Light
-    scattered by less than `FORWARD_DEG`, which neither comes back nor leaves the beam by much, is
-    what the other angles leave of the albedo, and even.
+    Water absorbs 1550 nm within 0.9 mm, so large drops return little but surface reflection; at
+    905 nm they are clear. Values are linear in the logarithm of the diameter and in the angle, and
+    constant beyond the middles of the outer classes, 0.11 and 5.5 mm. Below `FORWARD_DEG`, where
+    light neither returns nor leaves the beam, the rest of the albedo is spread uniformly.
     """
 
     def __init__(self, wavelength_nm: float) -> None:
@@ -55,13 +54,13 @@ class WaterDrops:
 
     def albedo(self, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
-        row, part = _place(np.log(diameter_mm), self._log_diameters)
+        row, part = _bracket(np.log(diameter_mm), self._log_diameters)
         return np.asarray((1 - part) * self._albedo[row] + part * self._albedo[row + 1])
 
     def scattered_per_sr(self, cos: ArrayLike, diameter_mm: ArrayLike) -> Floats:
         """See `Scatterer`."""
-        row, part = _place(np.log(diameter_mm), self._log_diameters)
-        column, across = _place(np.arccos(np.clip(cos, -1, 1)), self._angles)
+        row, part = _bracket(np.log(diameter_mm), self._log_diameters)
+        column, across = _bracket(np.arccos(np.clip(cos, -1, 1)), self._angles)
 
         def at(rows: NDArray[np.intp]) -> Floats:
             left, right = self._table[rows, column], self._table[rows, column + 1]
@@ -70,8 +69,8 @@ class WaterDrops:
         return np.asarray((1 - part) * at(row) + part * at(row + 1))
 
 
-def _place(values: ArrayLike, nodes: Floats) -> tuple[NDArray[np.intp], Floats]:
-    """Node below each value, and how far it is to the next; the ends hold."""
+def _bracket(values: ArrayLike, nodes: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Index of the node below each value, and the fraction to the next, clipped at the ends."""
     at = np.asarray(values)
     below = np.clip(np.searchsorted(nodes, at, side="right") - 1, 0, len(nodes) - 2)
     return below, np.clip((at - nodes[below]) / (nodes[below + 1] - nodes[below]), 0, 1)
@@ -79,16 +78,16 @@ def _place(values: ArrayLike, nodes: Floats) -> tuple[NDArray[np.intp], Floats]:
 
 @cache
 def water_drops(wavelength_nm: float = 1550.0) -> WaterDrops:
-    """Drops of rain. InputError for a wavelength that rain is not tabulated at."""
+    """Raindrops; InputError for a wavelength that rain is not tabulated at."""
     return WaterDrops(wavelength_nm)
 
 
 @dataclass(frozen=True)
 class Flakes:
-    """Discs that scatter the share `fraction` of their light with one phase function, at any size.
+    """Discs of any size with albedo `fraction` and one phase function.
 
-    No measurement at 1550 nm stands behind it: ice absorbs three times as strongly as water, and
-    flakes are rough and full of surfaces.
+    Assumed, not measured at 1550 nm: ice absorbs three times as strongly as water, and flakes are
+    rough and full of surfaces.
     """
 
     fraction: float
@@ -105,10 +104,7 @@ class Flakes:
 
 
 def flakes(albedo: float, g: float) -> Flakes:
-    """Flakes with a Henyey-Greenstein phase function.
-
-    Raises InputError unless 0 ≤ albedo ≤ 1 and -1 < g < 1.
-    """
+    """Flakes with a Henyey-Greenstein phase; InputError unless 0 ≤ albedo ≤ 1, -1 < g < 1."""
     if not 0 <= albedo <= 1:
         raise InputError(f"albedo should lie between 0 and 1; found {albedo}")
     return Flakes(albedo, henyey_greenstein(g))

@@ -1,7 +1,6 @@
-"""Sizes of fog droplets and smoke particles, and the kinds that have a name.
+"""Size distributions of fog droplets and smoke particles, and named kinds.
 
-Radii are in µm. A distribution says how sizes share the particles, not how many there are: that
-follows from visibility or water content.
+Radii are in µm. Distributions are normalised: visibility or water content gives the number.
 """
 
 from __future__ import annotations
@@ -20,10 +19,10 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.indices import refractive_index
 
-#: Shares of the geometric cross section that are left out below and above the radii integrated.
-#: Small particles scatter as r⁶, hence the long tail.
+#: Fractions of the geometric cross section below and above the integrated radii. Small particles
+#: scatter as r⁶, hence the long upper tail.
 CUT_BELOW, CUT_ABOVE = 1e-6, 1e-9
-#: Larger than this is drizzle, and the size distribution has no business here.
+#: Maximum radius: larger drops are drizzle, which these distributions do not describe.
 MAX_RADIUS_UM = 300.0
 WATER_G_PER_CM3 = 0.997  # at 25 °C
 
@@ -44,10 +43,16 @@ def _check_tail(sizes: GammaSizes | LogNormalSizes) -> None:
 
 @dataclass(frozen=True)
 class GammaSizes:
-    """n(r) ∝ r^α exp(-b r^γ), the modified gamma distribution (Deirmendjian 1969).
+    """Modified gamma distribution n(r) ∝ r^α exp(-b r^γ) (Deirmendjian 1969).
 
-    b follows from the most frequent radius, r^γ = α / (b γ). Raises InputError for parameters
-    outside their ranges.
+    b follows from the mode radius, r^γ = α / (b γ).
+
+    Parameters
+    ----------
+    alpha, gamma : float
+        Exponents α, 0.1 to 50, and γ, 0.2 to 10.
+    mode_radius_um : float
+        Most frequent radius, 0.001 to 100 µm; InputError for other values.
     """
 
     alpha: float
@@ -66,7 +71,7 @@ class GammaSizes:
         return self.alpha / (self.gamma * self.mode_radius_um**self.gamma)
 
     def density(self, radius_um: Floats) -> Floats:
-        """Share of particles per µm of radius; its integral is 1."""
+        """Fraction of particles per µm of radius; its integral is 1."""
         shape = (self.alpha + 1) / self.gamma
         log_norm = math.log(self.gamma) + shape * math.log(self.b) - math.lgamma(shape)
         log_density = log_norm + self.alpha * np.log(radius_um) - self.b * radius_um**self.gamma
@@ -80,7 +85,7 @@ class GammaSizes:
         )
 
     def radius_range_um(self) -> tuple[float, float]:
-        """Radii between which all but a negligible part of the cross section lies."""
+        """Radii that hold all but a negligible part of the cross section."""
         shape = (self.alpha + 3) / self.gamma
         low, high = gammaincinv(shape, (CUT_BELOW, 1 - CUT_ABOVE))
         return (low / self.b) ** (1 / self.gamma), (high / self.b) ** (1 / self.gamma)
@@ -88,9 +93,14 @@ class GammaSizes:
 
 @dataclass(frozen=True)
 class LogNormalSizes:
-    """Log-normal: half the particles are smaller than the median, 68 % within a factor sigma_g.
+    """Log-normal distribution.
 
-    Raises InputError for parameters outside their ranges.
+    Parameters
+    ----------
+    median_diameter_um : float
+        Median, 0.002 to 200 µm.
+    sigma_g : float
+        Geometric standard deviation, 1.05 to 2.5; InputError for other values.
     """
 
     median_diameter_um: float
@@ -110,9 +120,9 @@ class LogNormalSizes:
         return math.log(self.sigma_g)
 
     def density(self, radius_um: Floats) -> Floats:
-        """Share of particles per µm of radius; its integral is 1."""
-        position = (np.log(radius_um) - self._log_centre) / self._log_width
-        bell = np.exp(-(position**2) / 2) / (self._log_width * math.sqrt(2 * math.pi))
+        """Fraction of particles per µm of radius; its integral is 1."""
+        score = (np.log(radius_um) - self._log_centre) / self._log_width
+        bell = np.exp(-(score**2) / 2) / (self._log_width * math.sqrt(2 * math.pi))
         return np.asarray(bell / radius_um)
 
     def moment(self, power: float) -> float:
@@ -120,7 +130,7 @@ class LogNormalSizes:
         return math.exp(power * self._log_centre + (power * self._log_width) ** 2 / 2)
 
     def radius_range_um(self) -> tuple[float, float]:
-        """Radii between which all but a negligible part of the cross section lies."""
+        """Radii that hold all but a negligible part of the cross section."""
         centre = self._log_centre + 2 * self._log_width**2
         low, high = centre + self._log_width * ndtri((CUT_BELOW, 1 - CUT_ABOVE))
         return math.exp(low), math.exp(high)
@@ -131,9 +141,9 @@ Sizes: TypeAlias = GammaSizes | LogNormalSizes
 
 @dataclass(frozen=True)
 class Particles:
-    """Spheres of these sizes, of water where `index` (n - ik, at every wavelength) is None.
+    """Spheres of some sizes, of water unless `index` (n - ik, at every wavelength) is given.
 
-    Raises InputError for a refractive index that no such matter has.
+    InputError for an implausible refractive index.
     """
 
     sizes: Sizes
@@ -152,7 +162,7 @@ class Particles:
 
     @property
     def are_water(self) -> bool:
-        """Whether they are droplets of water."""
+        """Whether they are water droplets."""
         return self.index is None
 
     @cached_property
@@ -177,8 +187,8 @@ FOGS: Mapping[str, Particles] = MappingProxyType(
     }
 )
 
-#: Smokes. Sizes and indices are assumed, typical values; measured ones spread by a factor of two
-#: and more. Indices are taken as the same at 550 nm and 1550 nm.
+#: Smokes. Sizes and indices are assumed, typical values; measured ones vary by a factor of two and
+#: more. Indices are the same at 550 nm and 1550 nm.
 SMOKES: Mapping[str, Particles] = MappingProxyType(
     {
         "biomass": Particles(LogNormalSizes(0.15, 1.6), 1.55 - 0.02j),

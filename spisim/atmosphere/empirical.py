@@ -1,6 +1,6 @@
-"""Extinction by visibility as others have fitted it, for comparison with Mie theory.
+"""Empirical extinction laws by visibility, for comparison with Mie theory.
 
-All but Al Naboulsi's have σ = 3.912/V · (λ / 550 nm)^-q. P. W. Kruse et al., Elements of Infrared
+All but Al Naboulsi's are σ = 3.912/V · (λ / 550 nm)^-q. P. W. Kruse et al., Elements of Infrared
 Technology (1962); I. I. Kim, B. McArthur & E. Korevaar, Proc. SPIE 4214, 26 (2001); M. Al Naboulsi,
 H. Sizun & F. de Fornel, Opt. Eng. 43, 319 (2004); M. Ijaz et al., J. Lightwave Technol. 31, 1720
 (2013), measured in a chamber.
@@ -30,7 +30,7 @@ def _kim(visibility_km: float, _: float) -> float:
 
 
 def _by_exponent(exponent: Callable[[float, float], float]) -> Callable[[float, float], float]:
-    """Extinction (1/m) over visibility (m) and wavelength (µm), from q over km and µm."""
+    """Extinction (1/m) by visibility (m) and wavelength (µm), from q by km and µm."""
 
     def extinction(visibility_m: float, wavelength_um: float) -> float:
         q = exponent(visibility_m / 1e3, wavelength_um)
@@ -40,7 +40,7 @@ def _by_exponent(exponent: Callable[[float, float], float]) -> Callable[[float, 
 
 
 class Model(NamedTuple):
-    """An empirical law and where it was fitted."""
+    """An empirical law and the range of its fit."""
 
     extinction: Callable[[float, float], float]  # 1/m, of visibility in m and wavelength in µm
     visibility_m: tuple[float, float]
@@ -50,7 +50,7 @@ class Model(NamedTuple):
 
 MODELS: Mapping[str, Model] = MappingProxyType(
     {
-        # Haze. In fog, too optimistic for longer wavelengths.
+        # For haze. In fog too optimistic at longer wavelengths.
         "kruse": Model(_by_exponent(_kruse), (1e3, 1e5), (0.4, 2.4)),
         "kim": Model(_by_exponent(_kim), (10, 1e5), (0.55, 1.7)),
         "al-naboulsi-advection": Model(
@@ -68,9 +68,20 @@ MODELS: Mapping[str, Model] = MappingProxyType(
 
 
 def empirical_extinction(name: str, visibility_m: float, wavelength_nm: float = 1550.0) -> float:
-    """Extinction, 1/m, by the model of this name in `MODELS`; visibility by Koschmieder.
+    """Extinction, 1/m, by the empirical model of this name.
 
-    Raises InputError for another name and outside the range that the model was fitted in.
+    Parameters
+    ----------
+    name : str
+        Name in `MODELS`.
+    visibility_m : float
+        By Koschmieder's definition.
+    wavelength_nm : float
+
+    Raises
+    ------
+    InputError
+        For another name, and outside the range of the model's fit.
     """
     if name not in MODELS:
         raise InputError(f"empirical model {name!r}: {nearest(name, MODELS)}")
@@ -90,7 +101,7 @@ def all_extinctions(
     wavelength_nm: float = 1550.0,
     medium: str = "fog",
 ) -> dict[str, float]:
-    """Extinction, 1/m, by every model of fog or smoke that holds at visibility and wavelength."""
+    """Extinction, 1/m, by each empirical model valid for medium, visibility and wavelength."""
     equal_m = visibility(extinction_at_550nm(visibility_m, definition))
     result = {}
     for name in (each for each, model in MODELS.items() if model.medium == medium):

@@ -1,11 +1,11 @@
 """Fog, haze and smoke, from visibility or water content.
 
-Visibility fixes the extinction at 550 nm, and the droplets fix how much more or less there is at
-the instrument's wavelength. A change of visibility scales the number of droplets, not their sizes,
-so albedo and phase function stay.
+Visibility fixes the extinction at 550 nm, and the droplet sizes fix its ratio at the instrument's
+wavelength. Visibility scales the number of droplets, not their sizes, so albedo and phase function
+do not depend on it.
 
-With droplets as large as those of fog 1550 nm sees no further than the eye: the extinction is 3 to
-14 % higher. Only where particles are smaller than the wavelength, in haze and smoke, is there less.
+With droplets as large as fog's, 1550 nm reaches no further than the eye: extinction is 3 to 14 %
+higher. It is lower only for particles smaller than the wavelength, in haze and smoke.
 """
 
 import math
@@ -17,14 +17,14 @@ from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.mie_phase import phase_function
 from spisim.atmosphere.visibility import VISUAL_NM, extinction_at_550nm, visibility
 
-#: Natural fog has up to about 0.5 g/m³, clouds with rain 1 and more.
+#: Maximum water of natural fog is about 0.5 g/m³; rain clouds have 1 and more.
 MAX_WATER_G_PER_M3 = 1.0
-#: Fogs of small droplets, which hold little water for their extinction.
+#: Fogs of small droplets, with little water for their extinction.
 LIGHTER_FOGS = ("heavy-radiation", "moderate-radiation")
-#: With a coagulation coefficient of 1e-9 cm³/s so many halve within three minutes (W. C. Hinds,
-#: Aerosol Technology, 1999, chapter 12).
+#: With a coagulation coefficient of 1e-9 cm³/s this number halves within three minutes (W. C.
+#: Hinds, Aerosol Technology, 1999, chapter 12).
 MAX_PARTICLES_PER_CM3 = 1e7
-#: Visibility and water content that are both given may miss each other by rounding.
+#: Tolerance between visibility and water content if both are given.
 AGREEMENT = 0.05
 
 
@@ -36,13 +36,25 @@ def fog(
     wavelength_nm: float = 1550.0,
     phase: str = "mie",
 ) -> Atmosphere:
-    """Fog, haze or smoke with a visibility in metres at 550 nm.
+    """Fog, haze or smoke with a visibility.
 
-    `kind` is a name in `FOGS` or `SMOKES`, or particles of one's own; `phase` one of "mie",
-    "double-hg" and "hg".
+    Parameters
+    ----------
+    visibility_m : float
+        Visibility at 550 nm, metres.
+    kind : str or Particles
+        Name in `FOGS` or `SMOKES`, or custom particles.
+    definition : str
+        Of visibility: "koschmieder" or "mor".
+    wavelength_nm : float
+        400 to 1700 nm.
+    phase : str
+        "mie", "double-hg" or "hg".
 
-    Raises InputError for an unknown kind, definition or phase, a visibility that is not positive
-    and finite, and a wavelength outside 400 to 1700 nm.
+    Raises
+    ------
+    InputError
+        For unknown names, a visibility that is not positive and finite, and other wavelengths.
     """
     particles = _particles(kind)
     extinction_550 = extinction_at_550nm(visibility_m, definition)
@@ -65,14 +77,16 @@ def fog(
 def visibility_of_water(
     water_g_per_m3: float, kind: str | Particles, definition: str = "koschmieder"
 ) -> float:
-    """Visibility in metres of fog with so much liquid water.
+    """Visibility in metres of fog with a liquid water content.
 
-    Raises InputError as `fog`, for particles that are not of water, and for a water content that is
-    not positive and finite.
+    Raises
+    ------
+    InputError
+        As `fog`, for particles other than water, and unless the content is positive and finite.
     """
     particles = _particles(kind)
     if not particles.are_water:
-        raise InputError(f"liquid_water_g_per_m3 does not go with {kind}, which is no water")
+        raise InputError(f"liquid_water_g_per_m3 does not go with {kind}, which is not water")
     if not (math.isfinite(water_g_per_m3) and water_g_per_m3 > 0):
         raise InputError(
             f"liquid_water_g_per_m3 should be greater than 0 and finite; found {water_g_per_m3}"
@@ -87,9 +101,12 @@ def agreed_visibility(
     kind: str | Particles,
     definition: str = "koschmieder",
 ) -> float:
-    """The visibility, where that or the water content is given, or both.
+    """Visibility in metres, from visibility or water content or both.
 
-    Raises InputError where neither is, and where both are and contradict each other.
+    Raises
+    ------
+    InputError
+        If neither is given, or both contradict each other.
     """
     if water_g_per_m3 is None:
         if visibility_m is None:
@@ -101,8 +118,8 @@ def agreed_visibility(
     if not abs(visibility_m / of_water - 1) <= AGREEMENT:
         raise InputError(
             f"visibility_m {visibility_m:g} and liquid_water_g_per_m3 {water_g_per_m3:g} "
-            f"contradict each other: so much water in droplets of this size gives a visibility "
-            f"of {of_water:.3g} m; give one of them"
+            "contradict each other: in droplets of this size, that water gives a visibility of "
+            f"{of_water:.3g} m; give one of them"
         )
     return visibility_m
 
@@ -116,7 +133,7 @@ def _particles(kind: str | Particles) -> Particles:
 
 
 def _water_g_per_m3(particles: Particles, extinction_550_per_m: float) -> float:
-    """Liquid water of as many particles as have this extinction at 550 nm."""
+    """Liquid water of the particles with this extinction at 550 nm."""
     if not particles.are_water:
         return 0.0
     number_per_m3 = extinction_550_per_m / look_up(particles, VISUAL_NM).extinction_m2

@@ -9,7 +9,7 @@ import yaml
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 
-COLUMNS = {"water": 1, "ice": 3}  # where n stands; k is next to it
+COLUMNS = {"water": 1, "ice": 3}  # column of n, followed by k
 
 
 @cache
@@ -19,7 +19,7 @@ def _table() -> Floats:
 
 
 def check_wavelength(wavelength_nm: float) -> None:
-    """InputError outside 400 to 1700 nm, which all of weather is tabulated within."""
+    """InputError outside 400 to 1700 nm, the range of all weather tables."""
     first, last = _table()[[0, -1], 0]
     if not first <= wavelength_nm <= last:
         raise InputError(
@@ -28,13 +28,23 @@ def check_wavelength(wavelength_nm: float) -> None:
 
 
 def refractive_index(material: str, wavelength_nm: float) -> complex:
-    """Refractive index n - ik of "water" (Segelstein 1981) or "ice" (Warren & Brandt 2008).
+    """Refractive index n - ik of water (Segelstein 1981) or ice (Warren & Brandt 2008).
 
-    The tables have steps of 10 nm; between them n is linear and k exponential. Water is that of
-    25 °C: at 0 °C its n is 0.3 % higher and its k 10 % (Rowe 2020), which moves extinction by less
-    than 1 % and absorption by 10 %.
+    The tables have steps of 10 nm; in between n is linear and k exponential. Water is at 25 °C: at
+    0 °C its n is 0.3 % and its k 10 % higher (Rowe 2020), which changes extinction by less than 1 %
+    and absorption by 10 %.
 
-    Raises InputError for another material and a wavelength outside 400 to 1700 nm.
+    Parameters
+    ----------
+    material : str
+        "water" or "ice".
+    wavelength_nm : float
+        400 to 1700 nm.
+
+    Raises
+    ------
+    InputError
+        For another material or wavelength.
     """
     if material not in COLUMNS:
         raise InputError(f"refractive index of {material!r}: {nearest(material, COLUMNS)}")

@@ -1,31 +1,41 @@
-"""Mie results: shipped for the named kinds, computed and kept for all other particles."""
+"""Mie results: shipped for the named kinds, computed and cached for other particles."""
 
-from collections.abc import Mapping
+import hashlib
+import io
+import logging
+import os
+import sys
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import fields
 from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.atmosphere.cache import retained
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import write_atomically
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
 from spisim.atmosphere.mie import Optics, particle_optics
 
 PATH = Path(__file__).with_name("mie.npz")
-#: 550 nm is where visibility is defined, 850 to 1550 nm where lidars and cameras work.
+#: Visibility is defined at 550 nm; lidars and cameras work at 850 to 1550 nm.
 WAVELENGTHS_NM = (550, 850, 905, 940, 1460, 1550)
-#: Changes when the computation does, so that the cache forgets.
+#: Changes with the computation, to invalidate the cache.
 VERSION = 1
+
+Arrays: TypeAlias = Mapping[str, Floats]
+
+logger = logging.getLogger(__name__)
 
 
 @cache
 def look_up(particles: Particles, wavelength_nm: float) -> Optics:
-    """What these particles do at a wavelength: shipped, from the cache, or computed in seconds.
-
-    Raises InputError for a wavelength outside 400 to 1700 nm.
-    """
+    """Optics of particles: shipped, cached, or computed in seconds; InputError as `fog`."""
     check_wavelength(wavelength_nm)
     for name, named in KINDS.items():
         if named == particles and wavelength_nm in WAVELENGTHS_NM:
@@ -36,12 +46,12 @@ def look_up(particles: Particles, wavelength_nm: float) -> Optics:
         optics = particle_optics(particles, wavelength_nm)
         return {field.name: np.asarray(getattr(optics, field.name)) for field in fields(optics)}
 
-    return _optics(retained(key, make))
+    return _optics(cached(key, make))
 
 
 @cache
 def shipped() -> dict[tuple[str, int], Optics]:
-    """Results for the named kinds at `WAVELENGTHS_NM`."""
+    """Results of the named kinds at `WAVELENGTHS_NM`."""
     with np.load(PATH) as file:
         arrays = dict(file)
     return {
@@ -59,3 +69,32 @@ def _optics(arrays: Mapping[str, Floats], where: tuple[int, ...] = ()) -> Optics
         phase=np.asarray(arrays["phase"][where], float),
         angles_deg=arrays["angles_deg"],
     )
+
+
+def cache_folder() -> Path:
+    """Folder of the results: `SPISIM_CACHE`, or the user's cache folder."""
+    if own := os.environ.get("SPISIM_CACHE"):
+        return Path(own)
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Caches" / "spisim"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "spisim"
+
+
+def cached(key: str, make: Callable[[], Arrays]) -> Arrays:
+    """What `make` returns, from the cache if possible; a damaged cache only costs time."""
+    try:
+        path = cache_folder() / f"mie-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
+    except RuntimeError:  # no home folder
+        return make()
+    # Results from a damaged file are computed again.
+    with suppress(Exception), path.open("rb") as opened, np.load(opened) as file:
+        if str(file["key"]) == key:
+            return {name: file[name] for name in file.files if name != "key"}
+    began = time.perf_counter()
+    made = make()
+    logger.info("Mie theory of custom droplets: %.1f s", time.perf_counter() - began)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, allow_pickle=False, key=np.array(key), **dict(made))
+    with suppress(OSError, InputError):
+        write_atomically(path, buffer.getvalue())
+    return made

@@ -1,10 +1,11 @@
-"""A medium at one wavelength, and several in the same air."""
+"""Media at one wavelength, and mixtures of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any
 
 from reconstruction.base.errors import InputError
@@ -18,8 +19,8 @@ DB_PER_NEPER = 10 / math.log(10)
 class Atmosphere:
     """A medium at the instrument's wavelength.
 
-    `visibility_m` and `water_g_per_m3` are None where they are not known. `warnings` says what
-    about it is not found in nature or lies outside the range of its model.
+    `visibility_m` and `water_g_per_m3` are None if unknown. `warnings` names properties that are
+    unnatural or outside the range of the model.
     """
 
     extinction_per_m: float  # 0: clear air
@@ -34,12 +35,12 @@ class Atmosphere:
 
     @property
     def g(self) -> float:
-        """Asymmetry: the mean cosine of the scattering angle."""
+        """Asymmetry: mean cosine of the scattering angle."""
         return self.phase.g
 
     @property
     def backscatter_per_sr(self) -> float:
-        """Phase function straight back, at 180°."""
+        """Phase function at 180°, 1/sr."""
         return float(self.phase.density(-1.0))
 
     @property
@@ -53,7 +54,7 @@ class Atmosphere:
         return self.extinction_per_m * (1.0 - self.albedo)
 
     def summary(self) -> dict[str, Any]:
-        """What is to be told about it, as plain numbers."""
+        """The medium in plain numbers."""
         return {
             "kind": self.kind,
             "extinction_per_m": self.extinction_per_m,
@@ -67,7 +68,9 @@ class Atmosphere:
         }
 
 
-#: Ten times that of milk: light goes a tenth of a millimetre.
+#: Maximum rates, mm/h of water, that last for minutes.
+MAX_RATE_MM_PER_H: Mapping[str, float] = MappingProxyType({"rain": 300.0, "snow": 20.0})
+#: Ten times that of milk: a mean free path of 0.1 mm.
 MAX_EXTINCTION_PER_M = 1e4
 
 CLEAR = Atmosphere(
@@ -75,10 +78,23 @@ CLEAR = Atmosphere(
 )
 
 
-def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere:
-    """A medium given by its coefficients and phase function at the instrument's wavelength.
+def check_rate(kind: str, rate_mm_per_h: float) -> None:
+    """InputError unless a rate of "rain" or "snow" is above 0 and at most the maximum."""
+    max_rate = MAX_RATE_MM_PER_H[kind]
+    if not 0 < rate_mm_per_h <= max_rate:
+        raise InputError(
+            f"rate_mm_per_h of {kind} should be greater than 0 and at most {max_rate:g}; found "
+            f"{rate_mm_per_h:g}"
+        )
 
-    Raises InputError unless 0 ≤ extinction ≤ `MAX_EXTINCTION_PER_M`, and 0 ≤ albedo ≤ 1.
+
+def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere:
+    """A medium given by coefficients and phase function at the instrument's wavelength.
+
+    Raises
+    ------
+    InputError
+        Unless 0 ≤ extinction ≤ `MAX_EXTINCTION_PER_M`, and 0 ≤ albedo ≤ 1.
     """
     if not 0 <= extinction_per_m <= MAX_EXTINCTION_PER_M:
         raise InputError(
@@ -90,10 +106,15 @@ def explicit(extinction_per_m: float, albedo: float, phase: Phase) -> Atmosphere
 
 
 def combine(media: Sequence[Atmosphere]) -> Atmosphere:
-    """Several media in the same air.
+    """Mixture of media in the same air.
 
-    Extinctions, scattering and water add up; phase functions blend by what each medium scatters.
-    The visibility is by Koschmieder's definition where all have one.
+    Extinction, scattering and water add up; phase functions are weighted by scattering. Visibility
+    follows Koschmieder's definition if all media have one.
+
+    Parameters
+    ----------
+    media : sequence of Atmosphere
+        `CLEAR` results from none, and a single medium is returned as it is.
     """
     parts = tuple(medium for medium in media if medium.extinction_per_m > 0)
     if not parts:
@@ -114,7 +135,7 @@ def combine(media: Sequence[Atmosphere]) -> Atmosphere:
         " + ".join(part.kind for part in parts),
         _visibility(parts),
         water_g_per_m3=_water(parts),
-        warnings=tuple(doubt for part in parts for doubt in part.warnings),
+        warnings=tuple(warning for part in parts for warning in part.warnings),
         parts=parts,
     )
 

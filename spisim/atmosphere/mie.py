@@ -1,9 +1,8 @@
-"""Mie theory: what spheres of many sizes do to light of one wavelength.
+"""Mie theory of size distributions at one wavelength.
 
-The coefficients of each sphere are miepython's; the sums over orders, angles and sizes are matrix
-products (C. F. Bohren & D. R. Huffman, Absorption and Scattering of Light by Small Particles,
-1983, equations 4.61, 4.62, 4.74 and the asymmetry on page 120). Scattering is that of unpolarised
-light.
+miepython gives the coefficients of each sphere; sums over orders, angles and sizes are matrix
+products (C. F. Bohren & D. R. Huffman, Absorption and Scattering of Light by Small Particles, 1983,
+equations 4.61, 4.62, 4.74 and the asymmetry on page 120). Light is unpolarised.
 """
 
 from dataclasses import dataclass
@@ -15,20 +14,20 @@ from numpy.typing import NDArray
 from reconstruction.base.arrays import Complex, Floats
 from spisim.atmosphere.droplets import Particles
 
-#: Radii that a distribution is integrated over. Twice as many change extinction and asymmetry by
-#: less than 1e-3 and scattering straight back by less than 2 % for every named kind.
+#: Radii of the integration. Twice as many change extinction and asymmetry by less than 1e-3 and
+#: backscatter by less than 2 % for every named kind.
 RADII = 1500
-#: Spheres whose coefficients are held at once.
+#: Spheres per batch.
 BATCH = 64
-#: Scattering angles are finest around 0° (diffraction) and 180° (glory), and up to this apart.
-COARSEST_DEG = 0.5
+#: Maximum step of scattering angles, which are finest around 0° (diffraction) and 180° (glory).
+MAX_STEP_DEG = 0.5
 
 
 def scattering_angles(finest_deg: float = 0.02) -> Floats:
-    """Angles from 0° to 180°, in geometric steps from either end, then `COARSEST_DEG` apart."""
+    """Angles from 0° to 180°: geometric steps from either end, then `MAX_STEP_DEG`."""
     edge = 6.0
     fine = np.concatenate([[0], np.geomspace(finest_deg, edge, 120)])
-    middle = np.arange(edge, 180 - edge + COARSEST_DEG / 2, COARSEST_DEG)
+    middle = np.arange(edge, 180 - edge + MAX_STEP_DEG / 2, MAX_STEP_DEG)
     return np.concatenate([fine[:-1], middle, 180 - fine[:-1][::-1]])
 
 
@@ -36,7 +35,7 @@ ANGLES_DEG = scattering_angles()
 
 
 class Sums(NamedTuple):
-    """Cross sections of many spheres, each times its weight."""
+    """Weighted sums of the cross sections of many spheres."""
 
     extinction_m2: float
     scattering_m2: float
@@ -46,10 +45,7 @@ class Sums(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """What one particle does on average at one wavelength.
-
-    `phase` is the phase function, 1/sr, at `angles_deg`, linear in the angle between them.
-    """
+    """Mean optical properties of a particle at one wavelength; `phase` is 1/sr at `angles_deg`."""
 
     extinction_m2: float  # cross section
     albedo: float
@@ -59,17 +55,17 @@ class Optics:
 
     @property
     def table(self) -> Floats:
-        """Rows of (angle in degrees, 1/sr)."""
+        """Rows of (angle in degrees, phase function in 1/sr)."""
         return np.column_stack([self.angles_deg, self.phase])
 
     @property
     def backscatter_per_sr(self) -> float:
-        """Phase function straight back, at 180°."""
+        """Phase function at 180°, 1/sr."""
         return float(self.phase[-1])
 
 
 def particle_optics(particles: Particles, wavelength_nm: float, radii_count: int = RADII) -> Optics:
-    """Extinction cross section, albedo, asymmetry and phase function of a size distribution."""
+    """Mean optical properties of a size distribution."""
     low, high = particles.sizes.radius_range_um()
     edges = np.geomspace(low, high, radii_count + 1)
     radii = np.sqrt(edges[:-1] * edges[1:])
@@ -88,7 +84,7 @@ def scatter(
     radii_um: Floats, weights: Floats, index: complex, wavelength_nm: float, angles_deg: Floats
 ) -> Sums:
     """Weighted sums over spheres of refractive index n - ik."""
-    from miepython import coefficients  # slow to load, and shipped kinds need none
+    from miepython import coefficients  # slow to load, and not needed for shipped kinds
 
     wavenumber = 2e3 * np.pi / wavelength_nm  # 1/µm
     orders = len(coefficients(index, wavenumber * radii_um.max())[0])
@@ -116,7 +112,7 @@ def scatter(
 
 
 def _stacked(rows: list[Any]) -> Complex:
-    """Rows of any length as a matrix, filled up with zeros."""
+    """Rows of any length as a zero-padded matrix."""
     matrix = np.zeros((len(rows), max(len(row) for row in rows)), dtype=np.complex128)
     for filled, row in zip(matrix, rows, strict=True):
         filled[: len(row)] = row
@@ -124,14 +120,14 @@ def _stacked(rows: list[Any]) -> Complex:
 
 
 def _forward(a: Complex, b: Complex, n: NDArray[np.int_]) -> Floats:
-    """Sum of Bohren & Huffman's equation for the asymmetry, for each sphere."""
+    """Bohren & Huffman's sum for the asymmetry, per sphere."""
     step, here = n[:-1] * (n[:-1] + 2) / (n[:-1] + 1), (2 * n + 1) / (n * (n + 1))
     neighbours = (a[:, :-1] * a[:, 1:].conj() + b[:, :-1] * b[:, 1:].conj()).real
     return np.asarray(neighbours @ step + (a * b.conj()).real @ here)
 
 
 def _squared(coefficients: Complex, functions: Floats) -> Floats:
-    """|Σ c_n f_n|² of each sphere (rows) at each angle (columns)."""
+    """|Σ c_n f_n|² per sphere (rows) and angle (columns)."""
     functions = functions[: coefficients.shape[1]]
     return np.asarray((coefficients.real @ functions) ** 2 + (coefficients.imag @ functions) ** 2)
 

@@ -1,4 +1,4 @@
-"""Mie results as phase functions that the transport takes."""
+"""Phase functions from Mie results, for the transport."""
 
 from typing import Literal, TypeAlias, get_args
 
@@ -14,20 +14,19 @@ from spisim.atmosphere.table import tabulate
 PhaseName: TypeAlias = Literal["mie", "double-hg", "hg"]
 PHASES: tuple[PhaseName, ...] = get_args(PhaseName)
 
-#: Where the double Henyey-Greenstein function has the mean of Mie theory.
+#: The double Henyey-Greenstein function has the mean of Mie theory beyond this angle.
 BACK_DEG = 175.0
-#: No lobe is narrower than this mean cosine.
+#: Maximum mean cosine of a lobe.
 MIN_WIDTH = 0.999
 
 
 def phase_function(optics: Optics, form: str, name: str) -> Phase:
     """Phase function of a Mie result: "mie", "double-hg" or "hg".
 
-    "mie" is the table itself. "hg" has its mean cosine and 6 to 16 times less light straight back
-    for fog; "double-hg" has the right amount over the last 5°, and no rainbow and no glory.
-
-    Raises InputError for another form, where the forward lobe is too narrow for a table, and where
-    no double Henyey-Greenstein function fits.
+    "mie" is the table itself. "hg" has its mean cosine but, for fog, 6 to 16 times too little
+    backscatter. "double-hg" has the right amount over the last 5°, without rainbow and glory.
+    InputError for another form, a forward lobe too narrow to tabulate, and if no double
+    Henyey-Greenstein function fits.
     """
     if form == "mie":
         return tabulate(optics.table, declared_g=optics.g, name=name)
@@ -39,11 +38,11 @@ def phase_function(optics: Optics, form: str, name: str) -> Phase:
 
 
 def double_henyey_greenstein(optics: Optics, name: str) -> Blend:
-    """Forward and backward lobe with the table's <cos>, its <cos²> and its mean beyond 175°.
+    """Forward and backward lobe with the table's <cos>, <cos²> and mean beyond 175°.
 
-    Three numbers for three (G. W. Kattawar, J. Quant. Spectrosc. Radiat. Transfer 15, 839 (1975),
-    with the light straight back in place of the third moment). Between the lobes, around 90°, it is
-    1.4 to 3 times too bright for fog. Raises InputError where there is no such pair of lobes.
+    Three parameters from three conditions (G. W. Kattawar, J. Quant. Spectrosc. Radiat. Transfer
+    15, 839 (1975), with backscatter in place of the third moment). Around 90° it is 1.4 to 3 times
+    too bright for fog. InputError if no such lobes exist.
     """
     cos, weights = _back()
     wanted = np.interp(np.degrees(np.arccos(cos)), optics.angles_deg, optics.phase) @ weights
@@ -58,18 +57,18 @@ def double_henyey_greenstein(optics: Optics, name: str) -> Blend:
     def excess(backward: float) -> float:
         return float(lobes(backward).density(cos) @ weights - wanted)
 
-    # The forward lobe grows narrower as the backward lobe moves towards it.
+    # The forward lobe narrows as the backward lobe approaches it.
     nearest_lobe = g - spread / (MIN_WIDTH - g)
     if (
         not (spread > 0 and nearest_lobe > -MIN_WIDTH)
         or excess(-MIN_WIDTH) * excess(nearest_lobe) > 0
     ):
-        raise InputError(f"phase 'double-hg' does not fit {name}: take 'mie'")
+        raise InputError(f"phase 'double-hg' does not fit {name}: use 'mie'")
     return lobes(float(brentq(excess, -MIN_WIDTH, nearest_lobe)))
 
 
 def legendre_2(optics: Optics) -> float:
-    """Mean of the Legendre polynomial P2 of the cosine, which is g² of Henyey-Greenstein's."""
+    """Mean Legendre polynomial P2 of the cosine; g² for Henyey-Greenstein."""
     angles = np.radians(optics.angles_deg)
     weights = optics.phase * np.sin(angles)
     cos = np.cos(angles)
@@ -78,7 +77,7 @@ def legendre_2(optics: Optics) -> float:
 
 
 def _back() -> tuple[Floats, Floats]:
-    """Cosines between `BACK_DEG` and 180°, and weights of their mean."""
+    """Cosines from `BACK_DEG` to 180°, and the weights of their mean."""
     nodes, weights = np.polynomial.legendre.leggauss(64)
     high = np.cos(np.radians(BACK_DEG))
     return (high - 1) / 2 + (high + 1) / 2 * nodes, weights / 2

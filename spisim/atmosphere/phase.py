@@ -1,8 +1,7 @@
-"""Phase functions: how much light a medium scatters into which direction.
+"""Phase functions: the angular distribution of scattered light.
 
-A phase function gives the density, per steradian, of the cosine between the directions of travel
-before and after; it integrates to 1 over the sphere, and cos = +1 is straight on. Its mean cosine
-is the asymmetry g.
+A phase function is the density, 1/sr, by the cosine of the scattering angle; it integrates to 1
+over the sphere, and cos = +1 is forward. Its mean cosine is the asymmetry g.
 """
 
 from __future__ import annotations
@@ -17,15 +16,15 @@ from numpy.typing import ArrayLike
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 
-#: A table whose asymmetry is further than this from the declared one is too coarse.
+#: Maximum error of a table's asymmetry; a larger one means that it is too coarse.
 G_TOLERANCE = 0.002
-#: Weights of a blend may miss 1 by what rounding to a few digits costs, and are then scaled.
+#: Rounding tolerance of the weights' sum before they are normalised.
 WEIGHT_TOLERANCE = 1e-3
 
 
 @dataclass(frozen=True)
 class Isotropic:
-    """The same into every direction."""
+    """Equal in every direction."""
 
     @property
     def g(self) -> float:
@@ -39,11 +38,15 @@ class Isotropic:
 
 @dataclass(frozen=True)
 class HenyeyGreenstein:
-    """One smooth lobe of mean cosine `g` (Henyey & Greenstein 1941).
+    """One smooth lobe of mean cosine `g`, -1 < g < 1 (Henyey & Greenstein 1941).
 
-    For water fog that gives the right width of the forward lobe but underestimates scattering
-    straight back (180°) 6 to 16 times against Mie theory, and with it the fog's own echo in bucket
-    and time of flight. Raises InputError unless -1 < g < 1.
+    For fog its forward lobe has the right width, but against Mie theory it underestimates
+    backscatter (180°) 6 to 16 times, and with it the echo of fog.
+
+    Raises
+    ------
+    InputError
+        For another g.
     """
 
     g: float
@@ -60,14 +63,22 @@ class HenyeyGreenstein:
 
 @dataclass(frozen=True, eq=False)
 class Tabulated:
-    """A table on a uniform grid of the cosine from -1 to +1, linear between its nodes.
+    """A table uniform in the cosine from -1 to +1, linear between its nodes.
 
-    The scale of `values` is free: the table is normalised as it is interpolated, which is how
-    Mitsuba's `tabphase` reads it. `declared_g` is the asymmetry that the table should have; a grid
-    too coarse for a narrow forward lobe shows in it. `name` is what messages call the table.
+    Parameters
+    ----------
+    values : (nodes,) array
+        Of any scale: normalised as interpolated, as Mitsuba's `tabphase` does.
+    declared_g : float, optional
+        Expected asymmetry, which a grid too coarse for a narrow forward lobe misses.
+    name : str
+        What messages call the table.
 
-    Raises InputError for fewer than two values, values that are negative, not finite or all zero,
-    and a table whose asymmetry is not the declared one.
+    Raises
+    ------
+    InputError
+        For fewer than two values, values that are negative, not finite or all zero, and a table
+        with another asymmetry than the declared one.
     """
 
     values: Floats  # (nodes,)
@@ -75,7 +86,7 @@ class Tabulated:
     name: str = "table"
 
     def __post_init__(self) -> None:
-        values = np.array(self.values, dtype=np.float64)  # a copy that nobody else can change
+        values = np.array(self.values, dtype=np.float64)  # a private copy
         if values.ndim != 1 or values.size < 2:
             raise InputError(
                 f"phase function {self.name!r} should be a list of 2 or more values; "
@@ -115,9 +126,12 @@ class Tabulated:
 
 @dataclass(frozen=True)
 class Blend:
-    """A mixture of phase functions, as (weight, phase function).
+    """A mixture of phase functions.
 
-    Raises InputError unless there is a part, every weight is above 0, and they sum to 1.
+    Parameters
+    ----------
+    parts : tuple of (weight, Phase)
+        Weights are above 0 and sum to 1; InputError otherwise.
     """
 
     parts: tuple[tuple[float, Phase], ...]
@@ -147,8 +161,5 @@ Phase: TypeAlias = HenyeyGreenstein | Isotropic | Tabulated | Blend
 
 
 def henyey_greenstein(g: float) -> HenyeyGreenstein | Isotropic:
-    """Henyey-Greenstein phase function, which is the isotropic one for g = 0.
-
-    Raises InputError unless -1 < g < 1.
-    """
+    """Henyey-Greenstein phase function, isotropic for g = 0; InputError unless -1 < g < 1."""
     return Isotropic() if g == 0 else HenyeyGreenstein(g)

@@ -1,8 +1,8 @@
-"""Rain and snow as populations of single drops: how many, how large, how fast, where.
+"""Rain and snow as populations of single drops: number, size, speed and position.
 
-Sizes follow N(D) = N0 exp(-Λ D) between a smallest and a largest diameter. Within the range of a
-drone's instrument even rain of 100 mm/h takes less than a tenth of the light: what matters is the
-single drop that crosses a beam while a frame is recorded.
+Sizes follow N(D) = N0 exp(-Λ D) between a minimum and a maximum diameter. Within the range of a
+drone's instrument even rain of 100 mm/h extinguishes less than a tenth of the light; what matters
+is the single drop that crosses a beam during a frame.
 """
 
 import math
@@ -18,32 +18,29 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
-from spisim.atmosphere.medium import DB_PER_NEPER
+from spisim.atmosphere.medium import DB_PER_NEPER, check_rate
 from spisim.atmosphere.rain import rain_sizes
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.snow import MELTWATER_KG_PER_M3, flake_albedo, melted_sizes
 from spisim.atmosphere.visibility import visibility
 
 Vector3 = tuple[float, float, float]
 
-#: Of flakes, assumed and within what is measured.
+#: Assumed density and fall speed of flakes, within measured values.
 FLAKE_KG_PER_M3, FLAKE_SPEED_M_S = 100.0, 1.2
 ICE_KG_PER_M3 = 917.0
-#: Sizes over which properties of the whole population are integrated.
+#: Integration points over the sizes.
 SIZES = 2000
-#: Directions over which they are.
+#: Integration points over the directions.
 COSINES = np.cos(np.radians(ANGLES_DEG))
 
 
 @dataclass(frozen=True, eq=False)
 class Precipitation:
-    """Drops or flakes of a whole scene, each seen as a disc of its own.
+    """Drops or flakes of a whole scene, each seen as a disc.
 
-    Diameters are those of the discs. `near_m` and `far_m` bound the depths, along the optical
-    axis, at which they are followed: nearer ones are kept off by the instrument's hood, further
-    ones left out. Per unit volume of air: `number_per_m3`; `extinction_per_m` without diffraction
-    (Q = 1).
+    Diameters are those of the discs. `near_m` and `far_m` bound the simulated depths along the
+    optical axis: a hood keeps nearer drops off, and farther ones are left out.
     """
 
     kind: str
@@ -67,18 +64,18 @@ class Precipitation:
 
     @property
     def number_per_m3(self) -> float:
-        """Of drops between the smallest and the largest diameter."""
+        """Number of drops within the size limits per volume of air."""
         ends = np.exp(-self.slope_per_mm * np.array([self.smallest_mm, self.largest_mm]))
         return float(self.intercept_per_m3_mm / self.slope_per_mm * (ends[0] - ends[1]))
 
     @property
     def extinction_per_m(self) -> float:
-        """Area of all discs per volume; Mie theory's extinction is twice that."""
+        """Area of all discs per volume (Q = 1); Mie theory's extinction is twice that."""
         return self._total(lambda diameter: np.ones_like(diameter))
 
     @property
     def albedo(self) -> float:
-        """Share of the light on the discs that is scattered."""
+        """Scattered fraction of the light on the discs."""
         return self._total(self.optics.albedo) / self.extinction_per_m
 
     @property
@@ -94,10 +91,7 @@ class Precipitation:
         return 1e3 * self.density_kg_m3 * volume
 
     def summary(self) -> dict[str, Any]:
-        """Of the mean over all drops, as `Atmosphere.summary`.
-
-        The eye loses what the discs diffract as well, so visibility is that of twice their area.
-        """
+        """Plain numbers as `Atmosphere.summary`; the eye also loses diffracted light."""
         scattering = self.extinction_per_m * self.albedo
         return {
             "kind": f"{self.kind}, {self.rate_mm_per_h:g} mm/h, single drops",
@@ -113,7 +107,7 @@ class Precipitation:
 
     @property
     def left_out(self) -> float:
-        """Share of the area of all discs that drops outside the bounds of size would have."""
+        """Fraction of the total disc area that drops outside the size limits would have."""
         low, high = (
             float(gammainc(3, self.slope_per_mm * size))
             for size in (self.smallest_mm, self.largest_mm)
@@ -121,7 +115,7 @@ class Precipitation:
         return 1 - (high - low)
 
     def scattering_per_m_sr(self, cos: ArrayLike) -> Floats:
-        """Scattering coefficient per steradian at some cosines of the scattering angle."""
+        """Scattering coefficient per steradian at cosines of the scattering angle."""
         return np.array(
             [
                 self._total(lambda diameter, one=one: self.optics.scattered_per_sr(one, diameter))
@@ -135,7 +129,7 @@ class Precipitation:
         return np.asarray(-np.log(low - rng.random(count) * (low - high)) / self.slope_per_mm)
 
     def _total(self, fraction: Callable[..., Floats]) -> float:
-        """∫ N(D) π D²/4 share(D) dD, 1/m."""
+        """∫ N(D) π D²/4 fraction(D) dD, 1/m."""
         diameter = np.linspace(self.smallest_mm, self.largest_mm, SIZES)
         number = self.intercept_per_m3_mm * np.exp(-self.slope_per_mm * diameter)
         area_m2 = np.pi / 4 * (diameter * 1e-3) ** 2
@@ -143,9 +137,10 @@ class Precipitation:
 
 
 def terminal_speed_m_s(diameter_mm: Floats) -> Floats:
-    """Of rain drops (Atlas, Srivastava & Sekhon 1973), within a few percent from 0.6 to 5.8 mm.
+    """Terminal speed of raindrops (Atlas, Srivastava & Sekhon 1973).
 
-    Smaller drops are a little slower than that, down to 0.5 against 0.7 m/s at 0.2 mm.
+    Within a few percent from 0.6 to 5.8 mm; smaller drops are slower, 0.5 instead of 0.7 m/s at
+    0.2 mm.
     """
     return np.maximum(9.65 - 10.3 * np.exp(-0.6 * np.asarray(diameter_mm)), 0.0)
 
@@ -163,11 +158,9 @@ def rain(
 ) -> Precipitation:
     """Rain of a kind in `RAINS`.
 
-    Drops below `smallest_mm`, many but small, are left out: of Marshall & Palmer's 1.4 % of the
-    area at 10 mm/h, 5 % at 1 mm/h, as `left_out` tells. Larger ones than 8 mm break up.
-
-    Raises InputError for a rate that is not above 0 and at most 300 mm/h, an unknown kind, sizes or
-    distances out of order, and a wavelength that rain is not tabulated at.
+    `smallest_mm` leaves out many small drops: of Marshall & Palmer's, 1.4 % of the area at 10 mm/h
+    and 5 % at 1 mm/h, see `left_out`. Drops above 8 mm break up. InputError for a rate outside 0 to
+    300 mm/h, an unknown kind, limits out of order, and a wavelength without a rain table.
     """
     check_rate("rain", rate_mm_per_h)
     drops = rain_sizes(kind)
@@ -204,13 +197,11 @@ def snow(
 ) -> Precipitation:
     """Snow of Gunn & Marshall (1958), see `melted_sizes`.
 
-    A flake is wider than the drop it melts into, by the cube root of water's density over its own.
-    Flakes all fall at one speed (1 to 1.5 m/s for aggregates, Locatelli & Hobbs 1974). Density,
-    albedo (`flake_albedo` unless it is given) and g are assumptions: with diffraction put back, the
-    defaults amount to an albedo of 0.75 at 1550 nm and g = 0.87.
-
-    Raises InputError for a rate that is not above 0 and at most 20 mm/h, and for the rest out of
-    its range.
+    A flake is wider than its melted drop by the cube root of the density ratio. All flakes fall at
+    one speed (1 to 1.5 m/s for aggregates, Locatelli & Hobbs 1974). Density, albedo (by default
+    `flake_albedo`) and g are assumptions: with diffraction added back, the defaults amount to an
+    albedo of 0.75 at 1550 nm and g = 0.87. InputError for a rate outside 0 to 20 mm/h, and other
+    values out of range.
     """
     check_rate("snow", rate_mm_per_h)
     _check_sizes(smallest_mm, largest_mm)

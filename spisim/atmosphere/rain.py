@@ -1,7 +1,7 @@
 """Rain as a medium: the mean over very many drops.
 
-Within the range of a drone rain is a matter of single drops that cross the beams; a medium has
-their mean extinction and their mean echo, and none of their flicker.
+Within a drone's range rain is single drops that cross the beams; a medium has their mean extinction
+and echo without their fluctuations.
 """
 
 import math
@@ -16,10 +16,9 @@ from scipy.special import gammainc
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
-from spisim.atmosphere.medium import Atmosphere
+from spisim.atmosphere.medium import Atmosphere, check_rate
 from spisim.atmosphere.phase import Tabulated
 from spisim.atmosphere.rain_table import EDGES_MM, RainTable, rain_table
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.table import NODES, tabulate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 
@@ -38,7 +37,7 @@ class DropSizes:
         return self.slope * rate_mm_per_h**-0.21
 
     def moments(self, rate_mm_per_h: float, power: int) -> Floats:
-        """Σ D^power of the drops of each size class in a cubic metre, mm^power/m³."""
+        """Σ D^power over the drops of each size class in a cubic metre, mm^power/m³."""
         decay = self.decay(rate_mm_per_h)
         below = gammainc(power + 1, decay * EDGES_MM)
         whole = self.intercept * math.factorial(power) / decay ** (power + 1)
@@ -71,17 +70,28 @@ def rain(
     wavelength_nm: float = 1550.0,
     diffraction: str = "remove",
 ) -> Atmosphere:
-    """Rain of this rate, from drops of 0.1 to 6 mm by Mie theory.
+    """Rain of a rate, from drops of 0.1 to 6 mm by Mie theory.
 
-    Half the extinction is diffraction into a milliradian or two. With "remove" (the default) that
-    light counts as not scattered at all, since every pixel and every detector here is wider than
-    that: extinction σ(1 - ωf) and albedo ω(1 - f)/(1 - ωf), f the diffracted share of what is
-    scattered. "include" is what a narrow laser link loses; its peak is then drawn out to the
-    0.4° that the tabulated phase function resolves. Water absorbs 22 to 35 % of the extinction
-    at 1550 nm, and twice that share once the diffraction is gone.
+    Half the extinction is diffraction into one or two milliradians. "remove" counts that light as
+    unscattered, since every pixel and detector here is wider: extinction σ(1 - ωf) and albedo
+    ω(1 - f)/(1 - ωf), with f the diffracted fraction of scattered light. "include" is the loss of a
+    narrow laser link, with the peak widened to the 0.4° that the tabulated phase function resolves.
+    Water absorbs 22 to 35 % of the extinction at 1550 nm, and twice that without diffraction.
 
-    Raises InputError for a rate outside 0 to 300 mm/h, an unknown kind, another word for
-    `diffraction`, and a wavelength that rain is not tabulated at.
+    Parameters
+    ----------
+    rate_mm_per_h : float
+        Above 0, at most 300.
+    kind : str
+        Name in `RAINS`.
+    wavelength_nm : float
+    diffraction : str
+        "remove" or "include".
+
+    Raises
+    ------
+    InputError
+        For other values, and a wavelength that rain is not tabulated at.
     """
     check_rate("rain", rate_mm_per_h)
     drops = rain_sizes(kind)
@@ -119,7 +129,7 @@ def _without_peak(table: RainTable, scattered: Floats) -> Tabulated:
 
 
 def _with_peak(phase: Tabulated, diffracted: float) -> Tabulated:
-    """The diffracted light in the table's last cell, the narrowest peak that it can have."""
+    """Diffracted light in the table's last cell, the narrowest peak possible."""
     density = phase.density(np.linspace(-1, 1, NODES)) * (1 - diffracted)
     density[-1] += diffracted * (NODES - 1) / (2 * np.pi)
     return Tabulated(density, name="rain")

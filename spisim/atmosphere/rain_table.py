@@ -1,7 +1,7 @@
-"""What rain drops of each size do to light: geometry and diffraction, told apart.
+"""Scattering by raindrops of each size, with geometric part and diffraction separated.
 
-A drop takes twice its cross section out of a beam (C. F. Bohren & D. R. Huffman 1983, section 4.4):
-once by meeting the light, once by diffracting it into a cone of 1.22 λ/D, 1.9 mrad for 1 mm.
+A drop's extinction is twice its cross section (C. F. Bohren & D. R. Huffman 1983, section 4.4): the
+light it meets, and light it diffracts into a cone of 1.22 λ/D, 1.9 mrad for 1 mm.
 """
 
 from dataclasses import dataclass
@@ -18,16 +18,15 @@ from spisim.atmosphere.mie import scatter
 
 PATH = Path(__file__).with_name("rain.npz")
 WAVELENGTHS_NM = (550, 850, 905, 940, 1460, 1550)
-EDGES_MM = np.geomspace(0.1, 6.0, 25)  # diameters; each class holds what lies between two
+EDGES_MM = np.geomspace(0.1, 6.0, 25)  # diameters between classes
 DROPS = 96  # of each class
-#: What is scattered by less than this, beyond what its surroundings have, counts as diffracted.
-#: From 0.1 mm on, a drop's Airy disc lies within it.
+#: Scattering below this angle, in excess of its surroundings, counts as diffracted. The Airy disc
+#: of drops from 0.1 mm on lies within it.
 CONE_DEG = 1.5
-#: The glory is averaged over so much around straight back: that of clear spheres is a spike of
-#: hundredths of a degree, which drops, flattened as they fall, do not have.
+#: The glory is averaged over this angle: for clear spheres it is a spike of hundredths of a degree,
+#: which drops flattened by their fall do not have.
 GLORY_DEG = 0.4
-#: How far from a tabulated wavelength its table may be used; water's absorption changes by up to
-#: 60 % over that.
+#: Maximum distance from a tabulated wavelength; water's absorption changes by up to 60 % over it.
 NEAR_NM = 50.0
 PROPERTIES = ("extinction", "albedo", "g", "diffracted", "phase")
 ANGLES_DEG = np.concatenate(
@@ -43,27 +42,24 @@ ANGLES_DEG = np.concatenate(
 
 @dataclass(frozen=True, eq=False)
 class RainTable:
-    """Efficiencies and phase functions of the size classes (classes,) at one wavelength.
-
-    `diffracted` is the share of what is scattered; `phase` (classes, angles), 1/sr, is of the rest.
-    """
+    """Efficiencies and phase functions, 1/sr, of the size classes (classes,) at one wavelength."""
 
     angles_deg: Floats
     extinction: Floats  # over the geometric cross section
     albedo: Floats
-    g: Floats  # mean cosine of all that is scattered, diffraction included
-    diffracted: Floats
-    phase: Floats
+    g: Floats  # mean cosine, diffraction included
+    diffracted: Floats  # fraction of scattered light
+    phase: Floats  # (classes, angles), of the rest
 
 
 def rain_table(wavelength_nm: float) -> RainTable:
-    """Of the nearest of `WAVELENGTHS_NM`; InputError where none is within 50 nm."""
+    """Table of the nearest of `WAVELENGTHS_NM`; InputError if none is within 50 nm."""
     nearest_nm = min(WAVELENGTHS_NM, key=lambda available: abs(available - wavelength_nm))
     if not abs(nearest_nm - wavelength_nm) <= NEAR_NM:
         available = ", ".join(map(str, WAVELENGTHS_NM))
         raise InputError(
-            f"rain is tabulated at {available} nm, each for up to {NEAR_NM:g} nm more or "
-            f"less; found wavelength_nm {wavelength_nm:g}"
+            f"rain is tabulated at {available} nm, each within {NEAR_NM:g} nm; found "
+            f"wavelength_nm {wavelength_nm:g}"
         )
     return _read()[nearest_nm]
 
@@ -81,7 +77,7 @@ def _read() -> dict[float, RainTable]:
 
 
 def compute(wavelength_nm: float, first: int = 0, last: int | None = None) -> RainTable:
-    """Mie theory for the classes from `first` to before `last`."""
+    """Mie theory of the classes from `first` to before `last`."""
     pairs = list(pairwise(EDGES_MM))[first:last]
     rows = [_drops(low, high, wavelength_nm) for low, high in pairs]
     return RainTable(ANGLES_DEG, *map(np.array, zip(*rows, strict=True)))
@@ -90,7 +86,7 @@ def compute(wavelength_nm: float, first: int = 0, last: int | None = None) -> Ra
 def _drops(
     low_mm: float, high_mm: float, wavelength_nm: float
 ) -> tuple[float, float, float, float, Floats]:
-    """One class: drops at equal steps of the logarithm, each as its cross section weighs."""
+    """One class: drops at equal logarithmic steps, weighted by cross section."""
     edges = np.geomspace(low_mm, high_mm, DROPS + 1)
     radii_um = 500 * np.sqrt(edges[:-1] * edges[1:])
     area_m2 = float(np.pi * (radii_um**2).sum()) * 1e-12
@@ -112,7 +108,7 @@ def _drops(
 
 
 def solid_angle_weights(angles_deg: Floats) -> Floats:
-    """Weights that integrate over the sphere what is linear in the angle between these angles."""
+    """Weights that integrate over the sphere what is linear between these angles."""
     angles = np.radians(angles_deg)
     left, right = angles[:-1], angles[1:]
     step = right - left

@@ -7,14 +7,13 @@ from typing import NamedTuple
 
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.indices import check_wavelength, refractive_index
-from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere
+from spisim.atmosphere.medium import DB_PER_NEPER, Atmosphere, check_rate
 from spisim.atmosphere.phase import henyey_greenstein
-from spisim.atmosphere.rates import check_rate
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 
-#: Nobody has measured these at 1550 nm. Ice absorbs three times as much as water there, and flakes
-#: are as large as drops: an albedo of 0.65 to 0.85, half of the light on a flake being absorbed for
-#: the 0.75 that is taken, and a g of 0.85 to 0.92 are plausible.
+#: Not measured at 1550 nm. Ice absorbs three times as much as water there, and flakes are as large
+#: as drops: an albedo of 0.65 to 0.85 (0.75 if half of the light on a flake is absorbed) and a g of
+#: 0.85 to 0.92 are plausible.
 SNOW_G = 0.88
 HALF_ABSORBED_AT_NM = 1550.0
 MELTWATER_KG_PER_M3 = 1000.0
@@ -36,10 +35,7 @@ class SnowLaw(NamedTuple):
 #: Recommendation ITU-R P.1817-1. For one rate, visibilities spread by a factor of 3 to 10 (R. M.
 #: Rasmussen et al., J. Appl. Meteorol. 38, 1542 (1999)).
 SNOWS: Mapping[str, SnowLaw] = MappingProxyType(
-    {
-        "wet": SnowLaw(1.023e-4, 3.7855466, 0.72),
-        "dry": SnowLaw(5.42e-5, 5.4958776, 1.38),
-    }
+    {"wet": SnowLaw(1.023e-4, 3.7855466, 0.72), "dry": SnowLaw(5.42e-5, 5.4958776, 1.38)}
 )
 
 
@@ -51,13 +47,26 @@ def snow(
     albedo: float | None = None,
     g: float = SNOW_G,
 ) -> Atmosphere:
-    """Snow of this rate, "wet" or "dry", as the ITU's law has it; scattering is assumed.
+    """Snow of a rate by the ITU's attenuation law, with assumed scattering.
 
-    The albedo is that of flakes (see `flake_albedo`) and as much light again, diffracted, unless it
-    is given. The water is that of Gunn & Marshall's flakes, which the law knows nothing of.
+    Half of the light is diffracted, half falls on the flakes (see `flake_albedo`), unless an albedo
+    is given. The water is that of Gunn & Marshall's flakes, which the law does not involve.
 
-    Raises InputError for a rate outside 0 to 20 mm/h, an unknown kind, an albedo or g out of
-    range, and a wavelength outside 400 to 1700 nm.
+    Parameters
+    ----------
+    rate_mm_per_h : float
+        As water, above 0, at most 20.
+    kind : str
+        "wet" or "dry".
+    wavelength_nm : float
+        400 to 1700 nm.
+    albedo, g : float
+        Scattered fraction and mean cosine.
+
+    Raises
+    ------
+    InputError
+        For other values.
     """
     check_rate("snow", rate_mm_per_h)
     if kind not in SNOWS:
@@ -80,18 +89,15 @@ def snow(
 
 
 def melted_sizes(rate_mm_per_h: float) -> tuple[float, float]:
-    """N0 (m⁻³ mm⁻¹) and Λ (mm⁻¹) of the drops that flakes melt into, N(D) = N0 exp(-Λ D).
+    """N0 (m⁻³ mm⁻¹) and Λ (mm⁻¹) of melted flakes, N(D) = N0 exp(-Λ D); the rate is of water.
 
-    K. L. S. Gunn & J. S. Marshall, J. Meteorol. 15, 452 (1958); the rate is of water.
+    K. L. S. Gunn & J. S. Marshall, J. Meteorol. 15, 452 (1958).
     """
     return 3800.0 * rate_mm_per_h**-0.87, 2.55 * rate_mm_per_h**-0.48
 
 
 def flake_albedo(wavelength_nm: float) -> float:
-    """Share of the light on flakes that is not absorbed, assumed: half at 1550 nm.
-
-    At other wavelengths it follows from the way through ice that this takes, 0.2 mm.
-    """
+    """Scattered fraction of the light on flakes: half at 1550 nm, assumed, after 0.2 mm of ice."""
     here, there = (
         refractive_index("ice", nm).imag / nm for nm in (HALF_ABSORBED_AT_NM, wavelength_nm)
     )

@@ -1,14 +1,13 @@
-"""Fog that is not the same everywhere: banks and patches, layers, a plume, and their drift.
+"""Inhomogeneous fog: patches, layers, a plume, and their drift.
 
-A density field multiplies a medium's extinction within a box. Its mean over the box is 1 at the
-start, so that the extinction given is the mean one.
+A density field multiplies a medium's extinction within a box. Its initial mean over the box is 1,
+so the given extinction is the mean.
 
-Patches are log-normal: exp(s g - s²/2) of a Gaussian random field g with correlation
-exp(-r²/l²). Its moments are known: mean 1, rms over mean c = √(exp(s²) - 1), and the correlation
-(exp(s² exp(-r²/l²)) - 1) / c², which is to be 1/e at the correlation length; l follows from that.
-The field is a sum of waves with random directions, lengths and phases (Shinozuka & Jan, J. Sound
-Vib. 25, 111 (1972)); it has no edges and no period, and drifts with the wind unchanged (Taylor's
-frozen turbulence, good for the seconds in which a bank passes by).
+Patches are log-normal: exp(s g - s²/2) of a Gaussian random field g with correlation exp(-r²/l²).
+They have mean 1, rms over mean c = √(exp(s²) - 1), and correlation (exp(s² exp(-r²/l²)) - 1) / c²,
+which defines l by being 1/e at the correlation length. The field is a sum of waves with random
+directions, lengths and phases (Shinozuka & Jan, J. Sound Vib. 25, 111 (1972)). It has no edges and
+no period, and drifts unchanged with the wind (Taylor's frozen turbulence, valid for seconds).
 """
 
 from __future__ import annotations
@@ -23,40 +22,37 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.base.config import NonNegative, Number, Positive, Section, Vector
 
-#: Waves in a field: as many make it Gaussian.
+#: Waves in a field, enough to make it Gaussian.
 WAVES = 1024
-#: Cells in the shortest length that a field shows, and the most in one box.
+#: Cells per shortest length of a field, and the maximum cells in a box.
 CELLS_PER_LENGTH = 4
 MAX_CELLS = 2**22
 
 
 class Layer(Section):
-    """Ground fog: 1 / (1 + exp((z - top) / edge)), dense below its top and nothing above."""
+    """Ground fog: 1 / (1 + exp((z - top) / edge))."""
 
     top_m: Number
     """World height at which the density is half of that on the ground."""
     edge_m: Positive
-    """Height over which it falls by e, far above the top."""
+    """Height over which it falls by a factor e, far above the top."""
 
     def density(self, points: Floats) -> Floats:
-        """At world points (..., 3), 0 to 1."""
+        """Density, 0 to 1, at world points (..., 3)."""
         return np.asarray(0.5 - 0.5 * np.tanh((points[..., 2] - self.top_m) / (2 * self.edge_m)))
 
 
 class Plume(Section):
-    """Smoke that leaves a source and widens as it goes; what crosses each section is the same.
-
-    Gaussian across, with a standard deviation that grows by `spread` per metre.
-    """
+    """Gaussian smoke that widens from a source, with the same flux through each cross section."""
 
     source_m: Vector
-    """Where it leaves, world coordinates."""
+    """Position of the source, world coordinates."""
     direction: Vector
-    """In which it goes."""
+    """Direction of the plume."""
     width_m: Positive
     """Standard deviation across, per axis, at the source."""
     spread: NonNegative = 0.1
-    """Growth of that, per metre of way."""
+    """Growth of the width per metre."""
 
     @model_validator(mode="after")
     def _goes_somewhere(self) -> Plume:
@@ -65,7 +61,7 @@ class Plume(Section):
         return self
 
     def density(self, points: Floats) -> Floats:
-        """At world points (..., 3): 1 at the source."""
+        """Density at world points (..., 3), relative to the source."""
         heading = np.array(self.direction) / np.linalg.norm(self.direction)
         offset = points - np.array(self.source_m)
         along = offset @ heading
@@ -79,20 +75,16 @@ class Plume(Section):
 
 
 class Structure(Section):
-    """How dense a medium is where, relative to its mean over a box; world axes.
-
-    Patches of a `contrast` (rms over mean) and a `correlation_length_m` (correlation 1/e) drift
-    with `wind_m_s` through a layer, a plume or the whole box.
-    """
+    """Density of a medium relative to its mean over a box; patches drift with the wind."""
 
     contrast: Annotated[Number, Field(ge=0, le=3)] = 0.0
-    """Rms of the density over its mean; 0 for no patches."""
+    """Rms of the density over its mean; 0 without patches."""
     correlation_length_m: Positive = 1.0
     """Distance at which the correlation of patches is 1/e."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Other patches for each."""
+    """Seed of the patches."""
     wind_m_s: Vector = (0.0, 0.0, 0.0)
-    """Drift of the patches."""
+    """Drift velocity of the patches."""
     layer: Layer | None = None
     """Ground fog."""
     plume: Plume | None = None
@@ -104,12 +96,7 @@ class Structure(Section):
         return self.contrast > 0 and any(self.wind_m_s)
 
     def density(self, to_world: Floats, time_s: float = 0.0) -> NDArray[np.float32]:
-        """Relative density (nz, ny, nx) in the cells of a box, after some time.
-
-        `to_world` (4, 4) places the unit cube. With time, the mean over the box varies by what
-        drifts in and out. Raises InputError for a box that needs too many cells, or one that lies
-        outside layer or plume.
-        """
+        """Relative density (nz, ny, nx) in the cells of a box, placed by `to_world` (4, 4)."""
         shape = self._cells(to_world)
         outline = self._outline(to_world, shape)
         start = self.patches(to_world, shape) * outline
@@ -121,7 +108,7 @@ class Structure(Section):
         return np.asarray(start / mean, dtype=np.float32)
 
     def patches(self, to_world: Floats, shape: tuple[int, int, int], time_s: float = 0.0) -> Floats:
-        """The log-normal field, of expectation 1, at the centres of cells (nz, ny, nx)."""
+        """The log-normal field, of expectation 1, at cell centres (nz, ny, nx)."""
         if self.contrast == 0:
             return np.ones(shape)
         spread = np.sqrt(np.log1p(self.contrast**2))
@@ -137,7 +124,7 @@ class Structure(Section):
             for count, turn in zip(shape[::-1], turns.T, strict=True)
         )
         z = z * np.exp(1j * phases)
-        # The phase is a sum over the edges: a product of waves, layer by layer.
+        # The phase is a sum over the edges, so the field is a product of waves, layer by layer.
         field = np.array([((y * layer) @ x.T).real for layer in z])
         return np.asarray(np.exp(spread * np.sqrt(2 / WAVES) * field - spread**2 / 2))
 
@@ -151,7 +138,7 @@ class Structure(Section):
         return np.prod([part.density(points) for part in parts], axis=0)
 
     def _cells(self, to_world: Floats) -> tuple[int, int, int]:
-        """Number of cells along the edges, (nz, ny, nx)."""
+        """Number of cells (nz, ny, nx)."""
         lengths = [self.correlation_length_m] if self.contrast > 0 else []
         lengths += [self.layer.edge_m] if self.layer is not None else []
         lengths += [self.plume.width_m] if self.plume is not None else []
@@ -168,5 +155,5 @@ class Structure(Section):
 
 
 def centres(count: int) -> Floats:
-    """Centres (count,) of the cells that divide an edge of length 1."""
+    """Centres (count,) of the cells along an edge of length 1."""
     return (np.arange(count) + 0.5) / count

@@ -1,4 +1,4 @@
-"""Phase functions measured or computed elsewhere, as two columns of numbers."""
+"""Phase functions from tables of two columns."""
 
 from typing import NamedTuple
 
@@ -9,15 +9,15 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import G_TOLERANCE, Tabulated
 
-#: Nodes of the resampled table. The forward lobe of large droplets needs them: with 1001, heavy
-#: advection fog would get g = 0.950 instead of 0.868.
+#: Nodes of the resampled table, for the forward lobe of large droplets: with 1001, heavy advection
+#: fog would get g = 0.950 instead of 0.868.
 NODES = 100_001
-#: How far the integral of a table in 1/sr may be from 1.
+#: Tolerance of the integral of a table in 1/sr.
 NORMALISATION_TOLERANCE = 0.01
 
 
 class _Columns(NamedTuple):
-    """A table that is linear between its rows, over the cosine or over the angle."""
+    """A table, linear between its rows in the cosine or the angle."""
 
     x: Floats  # rising, over the full range: cosine, or angle in rad
     values: Floats
@@ -28,7 +28,7 @@ class _Columns(NamedTuple):
         return np.asarray(np.interp(x, self.x, self.values))
 
     def moments(self) -> tuple[float, float]:
-        """∫ p dΩ and the mean cosine of the table as it stands."""
+        """∫ p dΩ and mean cosine of the table."""
         nodes, weights = np.polynomial.legendre.leggauss(8)
         half = np.diff(self.x)[:, None] / 2
         x = self.x[:-1, None] + half * (1 + nodes)
@@ -47,13 +47,25 @@ def tabulate(
 ) -> Tabulated:
     """Phase function from rows of (cosine, value) or (angle in degrees, value).
 
-    The first column rises or falls over the full range: -1 to 1 is a cosine, 0 to 180 an angle. The
-    steps may be uneven; between rows the value is linear over that column. The table is resampled
-    to `NODES` steps of the cosine and has to keep its asymmetry, which should be `declared_g` where
-    that is given. With `per_steradian` the values are absolute and have to integrate to 1.
+    The table is resampled to `NODES` uniform steps of the cosine and must keep its asymmetry.
 
-    Raises InputError for a table of another shape or range, one that is not normalised, and one
-    whose forward lobe is too narrow for it.
+    Parameters
+    ----------
+    table : (rows, 2) array
+        The first column rises or falls over the full range: -1 to 1 is a cosine, 0 to 180 an angle.
+        Steps may be uneven; values are linear in between.
+    per_steradian : bool
+        Whether values are absolute and must integrate to 1.
+    declared_g : float, optional
+        Expected asymmetry.
+    name : str
+        What messages call the table.
+
+    Raises
+    ------
+    InputError
+        For another shape or range, a table that is not normalised, and one whose forward lobe is
+        too narrow for it.
     """
     columns = _columns(np.asarray(table, dtype=np.float64), name)
     integral, own_g = columns.moments()

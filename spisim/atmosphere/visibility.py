@@ -1,4 +1,4 @@
-"""Visibility: a property of the eye's wavelengths, which fixes the extinction at 550 nm."""
+"""Visibility, a property at visible wavelengths, and the extinction at 550 nm that it fixes."""
 
 import math
 from collections.abc import Mapping
@@ -7,19 +7,27 @@ from types import MappingProxyType
 from reconstruction.base.errors import InputError, nearest
 
 VISUAL_NM = 550.0
-#: No air, however thick with smoke, has less; light would not come out of its own volume.
+#: Minimum visibility, even of dense smoke.
 MIN_VISIBILITY_M = 0.01
-# Contrast of a black object against the horizon at which it counts as just visible.
+# Contrast at which a black object against the horizon is just visible.
 CONTRAST_THRESHOLDS: Mapping[str, float] = MappingProxyType({"koschmieder": 0.02, "mor": 0.05})
 
 
 def extinction_at_550nm(visibility_m: float, definition: str = "koschmieder") -> float:
-    """Extinction coefficient at 550 nm, 1/m, of air with this visibility.
+    """Extinction coefficient at 550 nm, 1/m, of air with a visibility.
 
-    `definition` is "koschmieder" (2 % contrast, 3.912/V) or "mor" (the meteorological optical
-    range of the WMO, 5 % contrast, 2.996/V); taking one for the other is an error of 31 %.
-    Raises InputError for an unknown definition or a visibility that is not finite, or below the
-    least.
+    Parameters
+    ----------
+    visibility_m : float
+        Finite, at least `MIN_VISIBILITY_M`.
+    definition : str
+        "koschmieder" (2 % contrast, 3.912/V) or "mor" (the meteorological optical range of the WMO,
+        5 % contrast, 2.996/V); confusing them is an error of 31 %.
+
+    Raises
+    ------
+    InputError
+        For other values.
     """
     if not (math.isfinite(visibility_m) and visibility_m > 0):
         raise InputError(f"visibility_m should be greater than 0 and finite; found {visibility_m}")

@@ -1,4 +1,4 @@
-"""What fills all of the air, as a scene file tells it: a medium, or drops that fall."""
+"""Weather sections of scene files: media in all the air, or falling drops."""
 
 from __future__ import annotations
 
@@ -19,19 +19,11 @@ class Weather(Section, ABC):
 
     @abstractmethod
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
-        """What it describes, at a wavelength; files are relative to `folder`.
-
-        Raises InputError for what the section's fields cannot tell alone: unknown kinds, values
-        outside the range of a model, contradictions, and phase functions that are none.
-        """
+        """The medium or drops described, at a wavelength; files are relative to `folder`."""
 
 
 class Falling(Weather):
-    """What rain and snow have in common.
-
-    As a `medium` they are smooth; as `drops` each drop or flake crosses the beams by itself, and
-    drifts with the wind. Fields `of_medium` do not go with drops, nor those `of_drops` with it.
-    """
+    """Rain or snow; fields in `of_medium` and `of_drops` go with one model only."""
 
     of_medium: ClassVar[frozenset[str]]
     of_drops: ClassVar[frozenset[str]] = frozenset({"wind_m_s"})
@@ -40,7 +32,7 @@ class Falling(Weather):
     model: Literal["medium", "drops"] = "medium"
     """A smooth medium, or single drops that cross the beams."""
     wind_m_s: Vector = (0.0, 0.0, 0.0)
-    """What the drops drift with; goes with `drops`."""
+    """Wind that drops drift with; goes with `drops`."""
 
     @model_validator(mode="after")
     def _fields_of_its_model(self) -> Falling:

@@ -1,1 +1,1 @@
-"""What everything else stands on: configuration, LLVM for Dr.Jit, progress."""
+"""Configuration files, LLVM for Dr.Jit, and progress bars."""

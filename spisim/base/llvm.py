@@ -1,8 +1,7 @@
-"""Find an LLVM library that Dr.Jit can work with, before Dr.Jit loads a wrong one.
+"""Find an LLVM library that works with Dr.Jit before Dr.Jit loads one that does not.
 
-Dr.Jit loads a library when it is imported, whichever the system offers. Versions 14 to 16 then
-abort the whole process on machines with AVX-512 ("Cannot select: fminimum"), so versions are told
-apart here without loading the library into this process.
+Dr.Jit loads a system library on import. LLVM 14 to 16 abort the process on machines with AVX-512
+("Cannot select: fminimum"), so versions are determined here without loading the library.
 """
 
 import ctypes
@@ -26,7 +25,7 @@ MIN_VERSION = 19  # 19 and 22 work, 14 to 16 abort, 17 and 18 are untried
 WHEEL = "karellen-llvm-core"
 # Filled by `spisim doctor --install-llvm`.
 PRIVATE_FOLDER = Path(sys.prefix).resolve() / "lib" / "llvm"
-#: Where Dr.Jit keeps compiled kernels.
+#: Cache of compiled kernels of Dr.Jit.
 KERNELS = Path.home() / ".drjit"
 
 _LIBRARY_NAME = re.compile(r"libLLVM(-\d[\d.]*)?\.(so[\d.]*|dylib)")
@@ -60,14 +59,11 @@ assert dr.sum(dr.minimum(dr.arange(Float, 64), 1.0))[0] == 63.0
 
 
 class LLVMNotFound(InputError):
-    """No LLVM library that Dr.Jit can work with; the message says what was found and what to do."""
+    """No usable LLVM library; the message lists those present and how to get one."""
 
 
 def find_llvm() -> Path:
-    """Return the LLVM library to use: `DRJIT_LIBLLVM_PATH` where set, else the first usable one.
-
-    Raises LLVMNotFound where there is none, or where the variable names an unusable one.
-    """
+    """Path of `DRJIT_LIBLLVM_PATH` if set, else the first usable library; LLVMNotFound if none."""
     if chosen := os.environ.get(VARIABLE):
         return _checked(Path(chosen))
     rejected = []
@@ -76,17 +72,14 @@ def find_llvm() -> Path:
         if version is not None and version >= MIN_VERSION:
             return path
         rejected.append(f"{path} (version {version or 'unknown'})")
-    result = "found only " + ", ".join(rejected) if rejected else "found none"
+    found = "found only " + ", ".join(rejected) if rejected else "found none"
     raise LLVMNotFound(
-        f"LLVM {MIN_VERSION} or newer is needed to trace light; {result}.\n{advice()}"
+        f"LLVM {MIN_VERSION} or newer is needed to trace light; {found}.\n{advice()}"
     )
 
 
 def prefer_working_llvm() -> None:
-    """Make Dr.Jit load a working LLVM when it is imported; one that the user names goes first.
-
-    Where there is none nothing is done: a GPU may do, and who traces light says what is missing.
-    """
+    """Make Dr.Jit load a working LLVM on import, if there is one and the user names none."""
     if not os.environ.get(VARIABLE):
         try:
             os.environ[VARIABLE] = str(find_llvm())
@@ -97,7 +90,7 @@ def prefer_working_llvm() -> None:
 
 
 def candidates() -> Iterator[Path]:
-    """Every LLVM library on this machine, the most trusted place first, newest first in each."""
+    """All LLVM libraries on this machine: most trusted folder first, newest version first."""
     seen = set()
     for folder in _folders():
         libraries = [p for p in folder.glob("libLLVM*") if _LIBRARY_NAME.fullmatch(p.name)]
@@ -109,12 +102,12 @@ def candidates() -> Iterator[Path]:
 
 
 def version_of(path: Path) -> int | None:
-    """Major version of an LLVM library, None where it cannot be told."""
+    """Major version of an LLVM library, or None if unknown."""
     return version_in_name(path) or _version_inside(path)
 
 
 def version_in_name(path: Path) -> int | None:
-    """Major version that a library's name or folder tells, links followed."""
+    """Major version in the name or folder of a library, with links resolved."""
     file = path.resolve()
     match = (
         _VERSION_IN_NAME.search(path.name)
@@ -125,10 +118,7 @@ def version_in_name(path: Path) -> int | None:
 
 
 def probe(path: Path) -> str | None:
-    """Run a small kernel with this library in a process of its own.
-
-    Returns None where it works, else what went wrong; an abort ends only that process.
-    """
+    """Run a small kernel with this library in another process: None if it works, else the error."""
     environment = os.environ | {VARIABLE: str(path)}
     if path.parent == PRIVATE_FOLDER:
         environment["LD_LIBRARY_PATH"] = str(PRIVATE_FOLDER)
@@ -142,7 +132,7 @@ def probe(path: Path) -> str | None:
 
 
 def advice() -> str:
-    """What to do on this kind of machine to get a working LLVM."""
+    """How to install a working LLVM on this platform."""
     if sys.platform == "darwin":
         return "To get one: brew install llvm"
     return (
@@ -152,7 +142,7 @@ def advice() -> str:
 
 
 def _folders() -> Iterator[Path]:
-    """Where a libLLVM may lie."""
+    """Folders that may hold libLLVM."""
     try:
         wheel = importlib.metadata.distribution(WHEEL)
         yield from {
@@ -174,7 +164,7 @@ def _checked(path: Path) -> Path:
         raise LLVMNotFound(f"{VARIABLE} names {path}, which is not a file. Correct or unset it.")
     version = _version_inside(path) or version_in_name(path)
     if version is None:
-        raise LLVMNotFound(f"{VARIABLE} names {path}, which is no LLVM library. Unset it.")
+        raise LLVMNotFound(f"{VARIABLE} names {path}, which is not an LLVM library. Unset it.")
     if version < MIN_VERSION:
         raise LLVMNotFound(
             f"{VARIABLE} names {path}, which is LLVM {version}; "
@@ -185,16 +175,13 @@ def _checked(path: Path) -> Path:
 
 @cache
 def _version_inside(path: Path) -> int | None:
-    """Major version that the library itself tells, in a process of its own (LLVM 16 and newer)."""
+    """Major version reported by the library itself (LLVM 16 and newer), in another process."""
     run = _python(_ASK_VERSION, str(path), environment=dict(os.environ))
     return int(run.stdout) or None if run.returncode == 0 else None
 
 
 def _preload(folder: Path) -> None:
-    """Load the libraries that a private libLLVM needs, which no search path leads to.
-
-    They need each other too: loading goes on for as long as one more of them can be loaded.
-    """
+    """Load the dependencies of a private libLLVM, which need each other, while more can load."""
     waiting = [p for p in folder.glob("lib*.so*") if not p.name.startswith("libLLVM")]
     while waiting:
         failed = [path for path in waiting if not _load(path)]
@@ -214,7 +201,7 @@ def _load(path: Path) -> bool:
 def _python(
     code: str, *arguments: str, environment: dict[str, str]
 ) -> subprocess.CompletedProcess[str]:
-    """Run Python code in a process of its own and return how it went."""
+    """Run Python code in another process and return its result."""
     return subprocess.run(
         [sys.executable, "-c", code, *arguments],
         env=environment,

@@ -1,4 +1,4 @@
-"""How far long work is: a bar on a terminal, or below the cell of a notebook."""
+"""Progress bars on a terminal or below the cell of a notebook."""
 
 from __future__ import annotations
 
@@ -15,10 +15,20 @@ Advance: TypeAlias = Callable[[float], None]
 
 
 def progress_bar(title: str) -> AbstractContextManager[Advance]:
-    """Show a bar that the function in hand moves to a fraction, 0 to 1; none in files and pipes.
+    """Show a progress bar, driven by the function returned; none in files and pipes.
 
     with spisim.progress_bar("Tracing light") as advance:
         spisim.simulate(scene, instrument, progress=advance)
+
+    Parameters
+    ----------
+    title : str
+        Text in front of the bar.
+
+    Returns
+    -------
+    context manager of a callable
+        Takes the finished fraction of the work, 0 to 1.
     """
     if _in_notebook():
         return nullcontext(_below_the_cell(title))
@@ -30,7 +40,7 @@ def progress_bar(title: str) -> AbstractContextManager[Advance]:
 
 @contextmanager
 def terminal_bar(title: str, console: Console, *, displayed: bool) -> Iterator[Advance]:
-    """A bar on a console."""
+    """A progress bar on a console."""
     from rich.progress import (
         BarColumn,
         Progress,
@@ -48,13 +58,13 @@ def terminal_bar(title: str, console: Console, *, displayed: bool) -> Iterator[A
 
 
 def _in_notebook() -> bool:
-    """Whether a kernel runs this, and there is a page below whose cell a bar can stand."""
+    """Whether a Jupyter kernel runs this code."""
     ipython = sys.modules.get("IPython")
     return ipython is not None and hasattr(ipython.get_ipython(), "kernel")
 
 
 def _below_the_cell(title: str) -> Advance:
-    """A bar in HTML, which needs no widgets; stored with the notebook as it ends."""
+    """A progress bar in HTML, which needs no widgets; saved in its final state."""
     from IPython.display import HTML, display
 
     def drawn(fraction: float) -> HTML:

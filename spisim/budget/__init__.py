@@ -1,7 +1,7 @@
-"""What an instrument can do, in closed form: light, noise, range, eye safety.
+"""Performance of an instrument in closed form: light, noise, range, eye safety.
 
 For a flat Lambertian target across the optical axis that fills the field. `spisim.transport` and
-`spisim.simulation` answer the same questions for any scene; where both apply, they agree.
+`spisim.simulation` compute the same for any scene, and agree where both apply.
 """
 
 from spisim.budget.diagnostics import background_warnings, budget_warnings, instrument_warnings

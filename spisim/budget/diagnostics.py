@@ -1,4 +1,4 @@
-"""What a user should know before building an instrument."""
+"""Warnings about an instrument before it is built."""
 
 import numpy as np
 
@@ -7,12 +7,19 @@ from spisim.budget.image import image_warnings
 from spisim.budget.link import Target, bucket_link, spot_link
 from spisim.instrument import Instrument
 
-#: What ranging may take longer than the patterns, relative: whole numbers of periods seldom fit.
+#: Relative excess of ranging over patterns: whole numbers of periods seldom fit.
 SLACK = 0.01
 
 
 def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
-    """Sentences about what does not fit, for one target."""
+    """Warnings about an instrument and one target.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    target : Target
+        Plain numbers.
+    """
     return [
         *(_image_warnings(instrument, target) if instrument.images else []),
         *(_range_warnings(instrument, target) if instrument.ranges else []),
@@ -21,7 +28,7 @@ def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
 
 
 def instrument_warnings(instrument: Instrument) -> list[str]:
-    """Sentences about what does not fit, whatever the instrument looks at."""
+    """Warnings about an instrument, whatever the target."""
     return [*safety_warnings(instrument), *_timing_warnings(instrument)]
 
 
@@ -40,9 +47,15 @@ def _timing_warnings(instrument: Instrument) -> list[str]:
 def background_warnings(
     instrument: Instrument, bucket_electrons: float, spots_per_s: float
 ) -> list[str]:
-    """Detectors that the background alone, all but lasers and image, overwhelms.
+    """Warnings about detectors that the background alone saturates.
 
-    Electrons of one exposure, and per second on the brightest of the ranging detectors.
+    Parameters
+    ----------
+    instrument : Instrument
+    bucket_electrons : float
+        Background electrons of one exposure.
+    spots_per_s : float
+        Background electrons per second on the brightest ranging detector.
     """
     warnings = []
     if instrument.images:
@@ -68,7 +81,7 @@ def _range_warnings(instrument: Instrument, target: Target) -> list[str]:
     if float(np.max(link.path_m)) > 2 * longest:
         warnings.append(
             f"ranges at {target.distance_m:g} m are ambiguous: tof.method {tof.method} "
-            f"tells ranges apart up to {longest:.4g} m"
+            f"resolves ranges up to {longest:.4g} m"
         )
     unseen = np.flatnonzero(link.echo_w == 0)
     if unseen.size:
@@ -81,11 +94,10 @@ def _range_warnings(instrument: Instrument, target: Target) -> list[str]:
 
 
 def _bucket_warnings(instrument: Instrument, background: float, whole: float) -> list[str]:
-    """By the electrons of one exposure."""
+    """For the electrons of one exposure."""
     detector, modulation = instrument.imaging.detector, instrument.imaging.projector.modulation
-    fraction = (
-        1.0 if modulation is None else modulation.taps.fraction
-    )  # each tap has its own converter
+    # each tap has its own converter
+    fraction = 1.0 if modulation is None else modulation.taps.fraction
     time_s = instrument.imaging.exposure_time_s
     return detector.sensor.warnings(
         "detector", detector, time_s, fraction * background, fraction * whole

@@ -1,6 +1,12 @@
-"""Laser class and risk group, as engineering checks. They are no certification.
+"""Laser class and risk group, as engineering checks without certification.
 
-IEC 60825-1:2014 for the lasers, whose limits are in `laser_limits`, IEC 62471:2006 for the array.
+IEC 60825-1:2014 for the lasers, as point sources, IEC 62471:2006 for the array.
+
+Laser light up to 1400 nm reaches the retina, whose limits apply; C4 is for low absorption by the
+pigments behind it, C7 for absorption by the eye in front. Beyond, the cornea absorbs the light, and
+limits follow from the exposure limits of Directive 2006/25/EC: between 1500 and 1800 nm 10⁴ J/m² up
+to 10 s and 1000 W/m² for longer, through an aperture of 1 mm up to 0.35 s, 1.5 t^0.375 mm up to 10
+s and 3.5 mm for longer.
 """
 
 import math
@@ -10,45 +16,46 @@ from typing import Literal
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.budget.laser_limits import (
-    POWER_3B_W,
-    RETINA_UP_TO_NM,
-    TIME_BASE_S,
-    accessible_energy_j,
-    class_3b_energy_j,
-    merging_time_s,
-    repeated_pulse_factor,
-)
+from reconstruction.base.errors import InputError
 from spisim.instrument import Emission, Instrument
+
+#: Wavelengths that these limits are for.
+MIN_NM, MAX_NM = 700.0, 1800.0
+RETINA_UP_TO_NM = 1400.0
+MIN_PULSE_S = 1e-9
+POWER_3B_W = 0.5
+#: Pulses within 100 s that do not lower the retina's limit, and the minimum that remains of it.
+FREE_PULSES, MIN_C5 = 600, 0.4
+TIME_BASE_S = 100.0
 
 LaserClass = Literal["1", "3R", "3B", "4"]
 RiskGroupName = Literal["exempt", "1", "2", "3"]
 LASER_CLASSES: tuple[LaserClass, ...] = ("1", "3R", "3B", "4")
 RISK_GROUPS: tuple[RiskGroupName, ...] = ("exempt", "1", "2", "3")
 
-#: Distance at which lasers are measured for the naked eye, and the aperture: a pupil of 7 mm up to
-#: 1400 nm, 3.5 mm for long exposures of a cornea.
+#: Measuring distance of lasers for the naked eye, and apertures: a pupil of 7 mm up to 1400 nm, 3.5
+#: mm for long exposures of the cornea.
 MEASURED_AT_M, PUPIL_M, APERTURE_M = 0.1, 7e-3, 3.5e-3
 #: Class 3R is five times class 1.
 TIMES_3R = 5.0
-#: A power computed to be just within a limit is within it.
+#: Rounding tolerance of a power at its limit.
 ROUNDING = 1e-9
 
-#: Distance and exposure limits of risk groups, W/m² at 780 to 3000 nm on cornea and lens:
-#: 18000 t^-¾ with t = 100 s (group 1) and 10 s (group 2); 100 W/m² for 1000 s and longer.
+#: Distance and exposure limits of risk groups, W/m² at 780 to 3000 nm on cornea and lens: 18000
+#: t^-¾ with t = 100 s (group 1) and 10 s (group 2); 100 W/m² from 1000 s on.
 ARRAY_AT_M = 0.2
 GROUP_LIMITS_W_PER_M2 = (100.0, 18000 * 100**-0.75, 18000 * 10**-0.75)
-#: Infrared light that nobody looks away from must not exceed this radiance, W m⁻² sr⁻¹ over the
-#: angle of the source, at any time (section 4.3.6); the eye's movements smear smaller sources.
+#: Maximum radiance of infrared light, which causes no aversion response, W m⁻² sr⁻¹ over the
+#: source's angle, at any time (section 4.3.6); eye movements smear smaller sources.
 RETINA_W_PER_M2_SR, MIN_ANGLE_RAD, MAX_ANGLE_RAD = 6000.0, 0.011, 0.1
 
 
 @dataclass(frozen=True)
 class LaserSafety:
-    """Lasers against the limits of class 1; margins are value over limit, safe up to 1."""
+    """Lasers against class 1; margins are value over limit, safe up to 1."""
 
     laser_class: LaserClass
-    beams: int  # that may enter one limiting aperture
+    beams: int  # within one limiting aperture
     mean_w: float
     pulse_j: float
     mean_margin: float
@@ -57,10 +64,10 @@ class LaserSafety:
 
 @dataclass(frozen=True)
 class RiskGroup:
-    """The array at 0.2 m, all pixels on.
+    """The array at 0.2 m with all pixels on.
 
-    The margin is the irradiance over the exempt group's limit for cornea and lens, `retinal_margin`
-    the radiance over the retina's, which is the same for all groups but the highest.
+    `margin` is the irradiance over the exempt group's limit for cornea and lens, `retinal_margin`
+    the radiance over the retina's limit, which is that of all groups but the highest.
     """
 
     risk_group: RiskGroupName
@@ -70,12 +77,15 @@ class RiskGroup:
 
 
 def laser_safety(instrument: Instrument) -> LaserSafety:
-    """Class of the lasers: pulses, alone and in their train, and a beam left on for 100 s.
+    """Class of the lasers, from single pulses, their train, and 100 s of exposure.
 
-    Beams count together if their axes are closer to each other than the limiting aperture and
-    their own widths, 10 cm from where they leave.
+    Beams add up if, 10 cm from their exit, their axes are closer than the limiting aperture plus
+    their own width.
 
-    Raises InputError for a wavelength outside 700 to 1800 nm.
+    Raises
+    ------
+    InputError
+        For a wavelength outside 700 to 1800 nm.
     """
     one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
     beams = _beams_together(instrument)
@@ -92,16 +102,16 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
 
 def class_1_power_w(instrument: Instrument) -> float:
-    """`lasers.power_w` with which the instrument's lasers would just be of class 1."""
+    """Maximum `lasers.power_w` for class 1."""
     safety = laser_safety(instrument)
     return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
 
 def array_risk_group(instrument: Instrument) -> RiskGroup:
-    """Risk group of the projector at 0.2 m, where its brightest pixel falls; all its light counts.
+    """Risk group of the projector at 0.2 m, where its brightest pixel falls.
 
-    Risk groups of real lamps are measured; this one takes the array as an evenly lit lens, or as a
-    point without one, and all its light as that of the spectrum's peak.
+    Real lamps are measured; here the array counts as a uniformly lit lens, or a point without one,
+    and all its light as that of the spectrum's peak.
     """
     projector = instrument.imaging.projector
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * ARRAY_AT_M**2
@@ -116,10 +126,10 @@ def array_risk_group(instrument: Instrument) -> RiskGroup:
 def risk_group(
     irradiance_w_per_m2: float, wavelength_nm: float = 1550.0, source_m: float = 0.0
 ) -> RiskGroup:
-    """Risk group by the irradiance at 0.2 m of a source of some diameter.
+    """Risk group from the irradiance at 0.2 m of a source of some diameter.
 
-    The retina has no limit beyond 1400 nm. Up to there, a source that is too bright for it is in
-    the highest group, since infrared light does not make anyone look away.
+    The retina has no limit beyond 1400 nm. Below, a source that exceeds it is in the highest group,
+    since infrared light causes no aversion response.
     """
     index = int(np.searchsorted(GROUP_LIMITS_W_PER_M2, irradiance_w_per_m2))
     angle = min(max(source_m / ARRAY_AT_M, MIN_ANGLE_RAD), MAX_ANGLE_RAD)
@@ -134,7 +144,7 @@ def risk_group(
 
 
 def retinal_weight(wavelength_nm: float) -> float:
-    """R(λ) of the thermal hazard to the retina (IEC 62471:2006, table 4.2), from 700 nm on."""
+    """R(λ) of the retinal thermal hazard (IEC 62471:2006, table 4.2), from 700 nm on."""
     if wavelength_nm >= RETINA_UP_TO_NM:
         return 0.0
     if wavelength_nm < 1050:
@@ -145,7 +155,7 @@ def retinal_weight(wavelength_nm: float) -> float:
 
 
 def safety_warnings(instrument: Instrument) -> list[str]:
-    """What exceeds the classes that the instrument declares."""
+    """Warnings about classes above the declared ones."""
     declared, warnings = instrument.eye_safety, []
     lasers = laser_safety(instrument) if instrument.ranges else None
     array = array_risk_group(instrument) if instrument.images else None
@@ -163,16 +173,12 @@ def safety_warnings(instrument: Instrument) -> list[str]:
 
 
 def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> bool:
-    """Whether a class comes after the declared one, if there is one."""
+    """Whether a class is above the declared one, if any."""
     return declared is not None and classes.index(computed) > classes.index(declared)
 
 
 def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
-    """Mean power and pulses over their limits of class 1.
-
-    The retina takes pulses within a few microseconds as one, and fewer joules of each where many
-    follow one another; a cornea's limits know no trains.
-    """
+    """Mean power, and merged and repeated pulses, over their limits of class 1."""
     mean = one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
     merging_s = merging_time_s(wavelength_nm)
     limit_j = accessible_energy_j(one.pulse_s, wavelength_nm)
@@ -184,7 +190,7 @@ def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
 
 
 def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
-    """By the larger of the margins to class 1."""
+    """Class from the larger of the margins to class 1."""
     margin -= ROUNDING
     if margin <= 1:
         return "1"
@@ -195,7 +201,7 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
 
 
 def _beams_together(instrument: Instrument) -> int:
-    """The most beams that one limiting aperture may take in."""
+    """Maximum number of beams within one limiting aperture."""
     lasers = instrument.ranging.lasers
     directions = lasers.directions
     positions: Floats = MEASURED_AT_M * directions / directions[:, 2:]
@@ -203,3 +209,85 @@ def _beams_together(instrument: Instrument) -> int:
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
     aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
     return int(np.max(np.sum(apart < aperture_m + width, axis=1)))
+
+
+def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:
+    """Class 1 energy limit for a time from 10 ps; InputError outside 700 to 1800 nm."""
+    if not MIN_NM <= wavelength_nm <= MAX_NM:
+        raise InputError(
+            f"wavelength_nm should lie between {MIN_NM:g} and {MAX_NM:g} for laser classes; "
+            f"found {wavelength_nm:g}"
+        )
+    if wavelength_nm < RETINA_UP_TO_NM:
+        return min(_retinal_j(time_s, wavelength_nm), class_3b_energy_j(time_s, wavelength_nm))
+    if wavelength_nm < 1500:
+        return _corneal_j_below_1500(time_s)
+    return _corneal_j(time_s)
+
+
+def class_3b_energy_j(time_s: float, wavelength_nm: float) -> float:
+    """Class 3B energy limit for a time."""
+    pulse_j = 0.03 * _c4(wavelength_nm) if wavelength_nm < RETINA_UP_TO_NM else 0.125
+    if time_s < MIN_PULSE_S:
+        return pulse_j / MIN_PULSE_S * time_s
+    return max(pulse_j, POWER_3B_W * time_s)
+
+
+def merging_time_s(wavelength_nm: float) -> float:
+    """T_i: pulses within it count as one for the retina; 0 beyond 1400 nm."""
+    if wavelength_nm >= RETINA_UP_TO_NM:
+        return 0.0
+    return 5e-6 if wavelength_nm < 1050 else 13e-6
+
+
+def repeated_pulse_factor(rate_hz: float, wavelength_nm: float) -> float:
+    """C5: remaining fraction of a single pulse's limit, for 100 s of pulses up to T_i."""
+    merging_s = merging_time_s(wavelength_nm)
+    if merging_s == 0:
+        return 1.0
+    pulses = TIME_BASE_S * min(rate_hz, 1 / merging_s)
+    return 1.0 if pulses <= FREE_PULSES else max(5 * pulses**-0.25, MIN_C5)
+
+
+def _retinal_j(time_s: float, wavelength_nm: float) -> float:
+    c4, c7 = _c4(wavelength_nm), _c7(wavelength_nm)
+    if time_s > 10:
+        return 3.9e-4 * c4 * c7 * time_s
+    short_j, longer = (7.7e-8 * c4, 7e-4 * c4) if wavelength_nm < 1050 else (7.7e-7, 3.5e-3)
+    if time_s <= merging_time_s(wavelength_nm):
+        return short_j * c7
+    return float(longer * c7 * time_s**0.75)
+
+
+def _c4(wavelength_nm: float) -> float:
+    return float(min(10 ** (0.002 * (wavelength_nm - 700)), 5.0))
+
+
+def _c7(wavelength_nm: float) -> float:
+    if wavelength_nm <= 1150:
+        return 1.0
+    if wavelength_nm <= 1200:
+        return float(10 ** (0.018 * (wavelength_nm - 1150)))
+    return float(8 + 10 ** (0.04 * (wavelength_nm - 1250)))
+
+
+def _corneal_j_below_1500(time_s: float) -> float:
+    """1400 to 1500 nm: 0.8 mJ from 1 ns to 1 ms."""
+    if time_s < MIN_PULSE_S:
+        return 8e5 * time_s
+    if time_s <= 1e-3:
+        return 8e-4
+    if time_s <= 0.35:
+        return float(4.4e-3 * time_s**0.25)
+    return 1e-2 * time_s
+
+
+def _corneal_j(time_s: float) -> float:
+    """1500 to 1800 nm: 8 mJ from 1 ns to 0.35 s."""
+    if time_s < MIN_PULSE_S:
+        return 8e6 * time_s
+    if time_s <= 0.35:
+        return 8e-3
+    if time_s <= 10:
+        return float(1.8e-2 * time_s**0.75)
+    return 1e-2 * time_s

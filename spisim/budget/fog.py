@@ -1,10 +1,10 @@
-"""Ranging in fog, in closed form: the fog's own echo, what it does to plain ranges, and the bound.
+"""Ranging in fog, in closed form: the echo of fog, the bias of plain ranges, and the bound.
 
-Light that even fog in front of the wall scatters once, as in `reconstruction.ranging.fog`, is
-recorded by the instrument's own method without noise. Plain ranges of that have the bias of the
-echo, be it in a phase, in the shares of windows or in a histogram. The Cramér-Rao bound of wall and
-fog together, with the noise of readings that include the echo, is what a joint fit may reach.
-Breaks as the link does, and where light is scattered more often: in dense fog and wide fields.
+Light scattered once by uniform fog, as in `reconstruction.ranging.fog`, is recorded without noise
+by the instrument's own method. The resulting ranges have the bias of the echo, whether in a phase,
+in windows or in a histogram. The Cramér-Rao bound of wall and fog together, with the noise of
+readings that include the echo, limits a joint fit. Valid as the link is, and without multiple
+scattering, which matters in dense fog and wide fields.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from spisim.budget.link import Target, spot_link
 from spisim.budget.ranging import last_below
 from spisim.instrument import Instrument, SpotLight
 
-#: Steps of the path lengths into which light is sorted, and of the fog along the beam.
+#: Steps of the path-length bins, and of the fog along the beam.
 PATH_STEP_M, FOG_STEP_M = 0.01, 0.0025
-#: Distances among which the longest is looked for.
-NEAREST_M, FARTHEST_M, DISTANCES = 0.3, 40.0, 60
+#: Distances searched for the longest range.
+MIN_DISTANCE_M, MAX_DISTANCE_M, DISTANCES = 0.3, 40.0, 60
 
 
 @dataclass(frozen=True)
 class FogBudget:
-    """Ranging of a wall in fog; None where a method tells nothing.
+    """Ranging of a wall in fog; None where a method gives nothing.
 
-    `echo_fraction` is the fog's part of a laser's light on its detector, `plain_bias_m` the error
-    of the instrument's own method without noise, both means over the spots that have one; `sigma_m`
-    and `longest_m` are those of the bound, for the worst of the spots.
+    `echo_fraction` is the fog's fraction of a laser's light on its detector, `plain_bias_m` the
+    error of the instrument's own method without noise, both averaged over the spots; `sigma_m` and
+    `longest_m` are those of the bound for the worst spot.
     """
 
     echo_fraction: float
@@ -50,13 +50,24 @@ class FogBudget:
 def fog_budget(
     instrument: Instrument, target: Target, air: Atmosphere, limit_m: float
 ) -> FogBudget:
-    """Of one target: echo, bias and bound; and up to where the bound is below a limit."""
+    """Echo, bias and bound for one target, and the range up to which the bound holds a limit.
+
+    Parameters
+    ----------
+    instrument : Instrument
+    target : Target
+        Plain numbers.
+    air : Atmosphere
+        The fog.
+    limit_m : float
+        Maximum standard deviation of a range, for `longest_m`.
+    """
     here = np.array([float(target.distance_m)])
     light, fraction = _light(instrument, target, air, here)
     spots = instrument.ranging.tof.record(light, instrument.spot_optics, None)
     error_m = measure_ranges(spots).range_m - here / instrument.ranging.lasers.directions[:, 2]
-    farthest_m = min(instrument.ranging.tof.unambiguous_range_m, FARTHEST_M)
-    distances_m = np.geomspace(NEAREST_M, farthest_m, DISTANCES)
+    farthest_m = min(instrument.ranging.tof.unambiguous_range_m, MAX_DISTANCE_M)
+    distances_m = np.geomspace(MIN_DISTANCE_M, farthest_m, DISTANCES)
     sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
     finite = sigma_m is not None and np.isfinite(sigma_m[-1])
     return FogBudget(
@@ -72,7 +83,7 @@ def fog_budget(
 def _light(
     instrument: Instrument, target: Target, air: Atmosphere, distance_m: Floats
 ) -> tuple[SpotLight, float]:
-    """Light of walls at distances (D,), as of so many frames; the share of the fog in it."""
+    """Light of walls at distances (D,), one per frame, and the mean fraction of the fog in it."""
     link = spot_link(instrument, replace(target, distance_m=distance_m))
     longest_m = float(distance_m.max()) / instrument.ranging.lasers.directions[:, 2].min()
     range_m = np.arange(FOG_STEP_M / 2, longest_m, FOG_STEP_M)
@@ -95,7 +106,7 @@ def _light(
 
 
 def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
-    """Rates (bins,) of light of these paths, each shared between neighbours by its place."""
+    """Rates (bins,) of light of these paths, each split linearly between two bins."""
     position = path_m / PATH_STEP_M
     low = position.astype(int)
     above = rate * (position - low)
@@ -106,29 +117,29 @@ def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
 def _bound_m(
     instrument: Instrument, target: Target, air: Atmosphere, distance_m: Floats
 ) -> Floats | None:
-    """Bounds (D,) of the worst spot; None for readings that the fit in fog does not understand."""
+    """Bounds (D,) of the worst spot; None for readings that the fit in fog does not support."""
     light, _ = _light(instrument, target, air, distance_m)
     optics, tof = instrument.spot_optics, instrument.ranging.tof
-    reported = _as_recorded(instrument, light)
-    if not reads("fog", reported) or (
-        isinstance(reported, HistogramSpots) and not reported.piles_up
+    readings = _as_recorded(instrument, light)
+    if not reads("fog", readings) or (
+        isinstance(readings, HistogramSpots) and not readings.piles_up
     ):
         return None
     mean: NDArray[Any] = tof.record(light, optics, None).readings
     cosine = instrument.ranging.lasers.directions[:, 2]
-    bound = make_bound(reported, float(distance_m.max() / cosine.min()))
+    bound = make_bound(readings, float(distance_m.max() / cosine.min()))
     reflectance = float(target.reflectance) * cosine
     coefficients = air.extinction_per_m, _backscatter(air)
     return np.array(
         [
-            bound(Targets(each / cosine, reflectance, *coefficients), readings).max()
-            for each, readings in zip(distance_m, mean, strict=True)
+            bound(Targets(each / cosine, reflectance, *coefficients), expected).max()
+            for each, expected in zip(distance_m, mean, strict=True)
         ]
     )
 
 
 def _as_recorded(instrument: Instrument, light: SpotLight) -> Spots:
-    """Readings of no frame, with the response and the noise that a capture has."""
+    """Readings of no frame, with the response and noise of a capture."""
     one = replace(light, echo_per_s=light.echo_per_s[:1], steady_per_s=light.steady_per_s[:1])
     spots = instrument.ranging.tof.record(one, instrument.spot_optics, np.random.default_rng(0))
     return between(spots, 0, 0)

@@ -1,16 +1,16 @@
-"""What of an image comes through the patterns and their noise, in closed form.
+"""Images through patterns and their noise, in closed form.
 
-The image is a typical one, as bright on average as a wall at the target's distance: of `CONTRAST`,
-with the power spectrum 1/f² of natural images (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)).
-Coefficients are those of rows of unit length, N pixels of mean x̄ and contrast C have N (C x̄)² of
-power in them, and the patterns see a share S of it. With the noise ν of each of K coefficients
+The image is typical, with the mean of a wall at the target's distance, of `CONTRAST`, and the power
+spectrum 1/f² of natural images (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)). Coefficients are
+those of rows of unit length: N pixels of mean x̄ and contrast C hold the power N (C x̄)², of which
+the patterns sample a fraction S. With the noise ν of each of K coefficients
 
     SNR of a coefficient = √(S N (C x̄)² / K) / ν
     noise of a pixel of the zero-filled image = ν √(K / N)
     correlation of that image = √S / √(1 + 1 / SNR²)
 
-so that below an SNR of 1 a flat image is nearer to the truth. F frames, averaged, have √F of it.
-Breaks where the level of all light, which all single-ended readings share, is noisier than they.
+so below an SNR of 1 a flat image is nearer to the truth. Averaging F frames multiplies the SNR by
+√F. Not valid if the DC coefficient, shared by single-ended readings, is noisier than they are.
 """
 
 from dataclasses import dataclass
@@ -23,30 +23,29 @@ from reconstruction.base.errors import naming
 from reconstruction.image import Prior
 from reconstruction.operators import Decoder, MeasurementOperator, decoder_for, expose
 from spisim.budget.link import Target, bucket_link
-from spisim.budget.noise import NoiseBudget, bucket_noise
+from spisim.budget.noise import NoiseBudget, bucket_noise, collected_fraction
 from spisim.instrument import Instrument
-from spisim.instrument.demodulation import TAPS
 
-#: Standard deviation over mean: the median of drawn scenes, of which half lie in 0.44 to 0.89.
+#: Standard deviation over mean: the median of drawn scenes, half of which lie in 0.44 to 0.89.
 CONTRAST = 0.67
-#: SNR from which an eye sees a pattern for sure: A. Rose, J. Opt. Soc. Am. 38, 196 (1948).
-SURE = 5.0
-#: SNR below which no number of frames is enough: it would take longer than any drone flies.
-FAINTEST = 1e-6
-#: MTF that is but rounding.
-INVISIBLE = 1e-12
-#: Share of the correlation without noise that an average of frames is to have.
-NEARLY_ALL = 0.9
+#: Minimum SNR for reliable detection by eye: A. Rose, J. Opt. Soc. Am. 38, 196 (1948).
+DETECTION_SNR = 5.0
+#: SNR below which averaging takes longer than any flight.
+MIN_SNR = 1e-6
+#: MTF that is only rounding.
+MIN_MTF = 1e-12
+#: Fraction of the noiseless correlation that averaging aims at.
+GOAL_FRACTION = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class Resolution:
-    """How much of a grating the patterns see, in one direction.
+    """Response to gratings in one direction.
 
-    `cycles` (F,): its periods across the field, from 1 up to one in two pixels. `mtf` (F,): share
-    of its power that coefficients hold, on average over its phase, which is the factor by which the
-    zero-filled image has its amplitude. `contrast` (F,): of the faintest grating all over the field
-    that is sure to be seen, (max - min) / (max + min); above 1 there is none.
+    `cycles` (F,): periods across the field, up to one in two pixels. `mtf` (F,): fraction of a
+    grating's power in the coefficients, averaged over phase, which is the factor of its amplitude
+    in the zero-filled image. `contrast` (F,): minimum detectable (max - min) / (max + min) of a
+    grating all over the field; above 1 there is none.
     """
 
     cycles: Floats
@@ -55,10 +54,7 @@ class Resolution:
 
     @property
     def half_cycles(self) -> float:
-        """Periods across the field at which the MTF falls to a half, between two by interpolation.
-
-        0 where it is below everywhere, infinite where it is nowhere.
-        """
+        """Interpolated periods at an MTF of ½: 0 if it is always below, inf if never."""
         below = np.flatnonzero(self.mtf < 0.5)
         if not below.size:
             return np.inf
@@ -71,14 +67,14 @@ class Resolution:
 
 @dataclass(frozen=True, eq=False)
 class ImageBudget:
-    """One frame's image of one target; electrons are those of an exposure.
+    """Image of one frame of one target; electrons are those of an exposure.
 
-    `seen` is the share S of a typical image's power that the patterns see. `across` and `down` are
-    gratings that change along rows and along columns of the image.
+    `seen` is the fraction S of a typical image's power that the patterns sample. `across` and
+    `down` are gratings that vary along rows and along columns.
     """
 
     pixel_electrons: float
-    coefficient_noise_electrons: float  # of a coefficient as it is decoded, sum h x
+    coefficient_noise_electrons: float  # as decoded, sum h x
     pixel_noise_electrons: float
     coefficient_snr: float
     seen: float
@@ -92,42 +88,48 @@ class ImageBudget:
 
     @property
     def best_correlation(self) -> float:
-        """Of the zero-filled image with a typical truth, without noise."""
+        """Correlation of the noiseless zero-filled image with a typical truth."""
         return float(np.sqrt(self.seen))
 
     @property
     def correlation(self) -> float:
-        """The same with noise."""
+        """Correlation with noise."""
         return self.averaged_correlation(1)
 
     def frames(self, correlation: float | None = None) -> int | None:
-        """How many to average for a correlation, nearly all of the best if None.
-
-        None where there is none so good, however many frames there are.
-        """
-        wanted = NEARLY_ALL * self.best_correlation if correlation is None else correlation
-        if wanted >= self.best_correlation or self.coefficient_snr < FAINTEST:
+        """Frames to average for a correlation, by default nearly the best; None if unattainable."""
+        wanted = GOAL_FRACTION * self.best_correlation if correlation is None else correlation
+        if wanted >= self.best_correlation or self.coefficient_snr < MIN_SNR:
             return None
         fraction = wanted / self.best_correlation
         return max(ceil(fraction**2 / (1 - fraction**2) / self.coefficient_snr**2), 1)
 
     def averaged_correlation(self, frames: int) -> float:
-        """Of the zero-filled image of so many frames' mean."""
+        """Correlation of the zero-filled mean of some frames."""
         power = frames * self.coefficient_snr**2
         return self.best_correlation * float(np.sqrt(power / (1 + power)))
 
 
 def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
-    """What one frame's readings tell of an image as bright as a `target`, of plain numbers.
+    """Image quality of one frame.
 
-    Raises InputError where the patterns do not tell the background.
+    Parameters
+    ----------
+    instrument : Instrument
+    target : Target
+        Gives the mean brightness; plain numbers.
+
+    Raises
+    ------
+    InputError
+        If the patterns cannot remove the background.
     """
     plan = instrument.pattern_plan
     link = bucket_link(instrument, target)
     with naming("plan"):
         decoder = decoder_for(plan)
     operator = decoder.operator
-    signal = float(link.signal_electrons) * _collected(instrument)
+    signal = float(link.signal_electrons) * collected_fraction(instrument)
     pixel = (1 - instrument.imaging.projector.dark_level) * signal / plan.pixels
     variance = _coefficient_variance(instrument, decoder, bucket_noise(instrument, link))
     noise = float(np.sqrt(variance.mean())) / operator.row_length
@@ -147,12 +149,12 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
 
 
 def image_warnings(instrument: Instrument, target: Target) -> list[str]:
-    """A sentence where there is more noise than image, of plain numbers."""
+    """A warning if there is more noise than image."""
     budget = image_budget(instrument, target)
     if budget.coefficient_snr >= 1:
         return []
     frames = budget.frames()
-    advice = "no number of frames, averaged, makes one"
+    advice = "averaging more frames does not help"
     if frames is not None:
         advice = (
             f"average {frames} frames ({frames * instrument.frame_time_s:.2g} s) for a correlation "
@@ -166,14 +168,8 @@ def image_warnings(instrument: Instrument, target: Target) -> list[str]:
     ]
 
 
-def _collected(instrument: Instrument) -> float:
-    """Share of an exposure's electrons that are counted: of a modulated one what its taps take."""
-    modulation = instrument.imaging.projector.modulation
-    return 1.0 if modulation is None else TAPS * modulation.taps.fraction
-
-
 def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: NoiseBudget) -> Floats:
-    """Variance (K,) of coefficients in electrons², from that of a reading with all pixels on."""
+    """Variance (K,) of coefficients, electrons², from that of a reading with all pixels on."""
     plan, dark = instrument.pattern_plan, instrument.imaging.projector.dark_level
     lit = dark + (1 - dark) * expose(plan, np.full(plan.shape, 1 / plan.pixels))
     steady = sum(float(value) for name, value in all_on.variances.items() if name != "signal")
@@ -181,7 +177,7 @@ def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: Nois
 
 
 def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolution, Resolution]:
-    """Across and down, for a `noise` of coefficients over the mean of a pixel."""
+    """Across and down, for coefficient `noise` relative to the mean of a pixel."""
     height, width = operator.image_shape
     seen = operator.in_atoms(_waves(height), _waves(width)).by_atom()
     across, down = (
@@ -192,13 +188,13 @@ def _resolutions(operator: MeasurementOperator, noise: float) -> tuple[Resolutio
 
 def _resolution(mtf: Floats, noise: float, pixels: int) -> Resolution:
     with np.errstate(divide="ignore"):
-        contrast = np.asarray(SURE * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
-        contrast[mtf < INVISIBLE] = np.inf
+        contrast = np.asarray(DETECTION_SNR * noise / np.sqrt(pixels * mtf / 2), dtype=np.float64)
+        contrast[mtf < MIN_MTF] = np.inf
     return Resolution(np.arange(1.0, mtf.size + 1), mtf, contrast)
 
 
 def _waves(side: int) -> Floats:
-    """Orthonormal sinusoids in columns (side, side): the constant, cos 1, sin 1, cos 2, ..."""
+    """Orthonormal sinusoids in columns (side, side): constant, cos 1, sin 1, cos 2, ..."""
     turns = 2 * np.pi * np.outer(np.arange(side), np.arange(1, side // 2 + 1)) / side
     both = np.stack([np.cos(turns), np.sin(turns)], axis=-1).reshape(side, -1)[:, : side - 1]
     waves = np.column_stack([np.ones(side), both])
@@ -206,7 +202,7 @@ def _waves(side: int) -> Floats:
 
 
 def _phases_together(seen: Floats) -> Floats:
-    """Shares of sinusoids (side,) by frequency from 1 on: the mean of cosine and sine."""
+    """Power fractions of sinusoids (side,) by frequency: the mean of cosine and sine."""
     cosines, sines = seen[1::2], seen[2::2]
     if sines.size < cosines.size:  # the highest frequency has no sine
         sines = np.append(sines, cosines[-1])

@@ -1,20 +1,19 @@
-"""How much light comes back from a flat target, and how many electrons it makes.
+"""Light returned by a flat target, and the electrons it generates.
 
-A surface of reflectance ρ that receives the irradiance E is seen with the radiance ρ E / π from
-everywhere (Lambert). A patch that receives the power P therefore sends
+A surface of reflectance ρ and irradiance E has the radiance ρ E / π in every direction (Lambert). A
+patch that receives the power P therefore sends
 
     P ρ A cosθ_s cosθ_d cosᵐθ_d / (π r²)
 
-onto an aperture of area A at the distance r, θ_s and θ_d being the angles to the normal of the
-target and to the axis of the detector, and m the detector's vignetting. Daylight that fills a field
-of half angle θ puts ρ E / π · A · 2π (1 - cosᵐ⁺²θ) / (m + 2) onto it, which is ρ E A sin²θ for a
+onto an aperture of area A at the distance r, where θ_s and θ_d are the angles to the target's
+normal and the detector's axis, and m is the detector's vignetting. Daylight on a target that fills
+a field of half angle θ adds ρ E / π · A · 2π (1 - cosᵐ⁺²θ) / (m + 2), which is ρ E A sin²θ for a
 hard edge. With A from the étendue this is τ ρ E A_ph / (4 N²) of the paper's Eq. (1).
 
-Breaks where the target does not fill the field; where fog scatters light back, as only what it
-takes from the direct way, exp(-σ (way out + way back)), is counted; for daylight in fog, which is
-taken to be as bright as without, scattered daylight making up for what is lost; and where part of a
-laser's spot lies outside of its photodiode's field, or nearer than many diameters of the lens, as
-spots and lenses are taken as points.
+Assumptions: the target fills the field; fog attenuates direct light, exp(-σ (way out + way back)),
+but returns none; daylight in fog is as bright as without, since scattered daylight makes up for the
+loss; spots lie within the field of their photodiode; and spots and lenses are points, as they are
+at many lens diameters.
 """
 
 from dataclasses import dataclass
@@ -26,31 +25,36 @@ from reconstruction.capture import Optics
 from reconstruction.depth import pixel_rays
 from spisim.instrument import Detector, Instrument
 
-#: Directions at which the field of a ranging detector is probed for the projector's light. Pixels
-#: have edges, and with a lens taken as a point, so many find it to 0.2 %.
+#: Directions that probe the field of a ranging detector for the projector's light. With sharp pixel
+#: edges and a lens as a point, this many find it to 0.2 %.
 FIELD_SAMPLES = 512
 GOLDEN_ANGLE = np.pi * (3 - np.sqrt(5))
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """A flat Lambertian target, and what is between it and the instrument.
+    """A flat Lambertian target, and the air in front of it.
 
-    All fields are numbers or arrays that broadcast together, to the shape (...) of the results.
+    Parameters
+    ----------
+    distance_m : float or array
+        Of its plane, along the optical axis. Parameters broadcast to the results' shape (...).
+    reflectance : float or array
+    illuminance_klx : float or array
+        Daylight on the target.
+    extinction_per_m : float or array
+        Of the air.
     """
 
-    distance_m: float | Floats  # of its plane, along the optical axis
+    distance_m: float | Floats
     reflectance: float | Floats = 0.5
-    illuminance_klx: float | Floats = 0.0  # daylight on the target
+    illuminance_klx: float | Floats = 0.0
     extinction_per_m: float | Floats = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class BucketLink:
-    """Light of one exposure with all pixels on, settled, on the way to the bucket detector (...).
-
-    Powers are in-band and in front of the filter, summed over all photodiodes.
-    """
+    """Light (...) of one exposure with all pixels on; powers are in-band, before the filter."""
 
     emitted_w: float
     irradiance_w_per_m2: Floats  # mean over the lit field, on the target
@@ -63,10 +67,7 @@ class BucketLink:
 
 @dataclass(frozen=True, eq=False)
 class SpotLink:
-    """Light of the spots on the way to their detectors (..., spots), in front of the filter.
-
-    Rates are primary electrons per second; the echo's is that while the laser is on.
-    """
+    """Light of the spots on their detectors (..., spots), before the filter; laser on."""
 
     path_m: Floats  # whole optical path, laser to target to detector
     range_per_path: Floats  # change of the range along the laser's ray with that of the path
@@ -80,12 +81,12 @@ class SpotLink:
 
     @property
     def steady_per_s(self) -> Floats:
-        """All but the echo (..., spots)."""
+        """Everything but the echo (..., spots)."""
         return self.daylight_per_s + self.patterns_per_s + self.dark_per_s
 
 
 def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
-    """Light and electrons of one exposure with all pixels on."""
+    """Light and electrons of one exposure with all pixels on, for a target (...)."""
     projector, detector = instrument.imaging.projector, instrument.imaging.detector
     powers = instrument.pixel_powers_w.ravel()
     optics = Optics(projector.tan_half_width, projector.tan_half_height)
@@ -117,7 +118,7 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
 
 
 def spot_link(instrument: Instrument, target: Target) -> SpotLink:
-    """Light of lasers, sun and patterns on the ranging detectors."""
+    """Light of lasers, sun and patterns on the ranging detectors, for a target (...)."""
     ranging = instrument.ranging
     (lasers, tof), directions = ranging, ranging.lasers.directions
     detector, positions, axes = tof.detector, ranging.detector_positions_m, ranging.detector_axes
@@ -152,7 +153,7 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
 def _seen(
     detector: Detector, position: Floats, axis: Floats, points: Floats
 ) -> tuple[Floats, Floats]:
-    """Share of the light of white patches at `points` (..., 3) on the aperture; the way to it."""
+    """Fraction of the light of white patches at `points` (..., 3) on the aperture, and its path."""
     offset = points - position
     way = np.linalg.norm(offset, axis=-1)
     at_target, at_detector = offset[..., 2] / way, np.sum(offset * axis, axis=-1) / way
@@ -162,7 +163,7 @@ def _seen(
 
 
 def _daylight_w(instrument: Instrument, detector: Detector, target: Target) -> Floats:
-    """Daylight (...) on one aperture whose field the target fills."""
+    """Daylight (...) on one aperture; the target fills its field."""
     irradiance = instrument.daylight_irradiance(1.0) * np.asarray(target.illuminance_klx)
     radiance = target.reflectance * irradiance / np.pi
     return np.asarray(radiance * detector.aperture_area_m2 * _solid_angle(detector))
@@ -178,10 +179,7 @@ def _solid_angle(detector: Detector) -> float:
 def _pattern_light_w(
     instrument: Instrument, axes: Floats, distance: Floats, extinction: Floats
 ) -> Floats:
-    """Power (..., spots) of the patterns, on average, on the detectors from a white target.
-
-    The radiance is averaged over directions that fill the field evenly in projected solid angle.
-    """
+    """Mean power (..., spots) of the patterns on the detectors from a white target."""
     detector = instrument.ranging.tof.detector
     probes = _directions_within(axes, np.radians(detector.field_of_view_deg) / 2)  # (spots, n, 3)
     positions = instrument.ranging.detector_positions_m[:, None]
@@ -196,10 +194,7 @@ def _pattern_light_w(
 
 
 def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
-    """Irradiance (...) of the patterns, on average, at points (..., 3) of a target across z.
-
-    A pixel lights a rectangle of the plane evenly, as much of it as of the image plane.
-    """
+    """Mean irradiance (...) of the patterns at points (..., 3) of a target across z."""
     projector = instrument.imaging.projector
     height, width = projector.shape
     powers = instrument.mean_powers_w
@@ -213,7 +208,7 @@ def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:
 
 
 def _directions_within(axes: Floats, half_angle: float) -> Floats:
-    """Unit vectors (spots, n, 3) around each axis, even in projected solid angle (a sunflower)."""
+    """Unit vectors (spots, n, 3) around each axis, uniform in projected solid angle (sunflower)."""
     count = np.arange(FIELD_SAMPLES)
     sine = np.sin(half_angle) * np.sqrt((count + 0.5) / FIELD_SAMPLES)
     turn = GOLDEN_ANGLE * count

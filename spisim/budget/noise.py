@@ -1,9 +1,8 @@
-"""Which noise a reading has, source by source.
+"""Noise of a reading by source.
 
-Light and dark current arrive as Poisson processes, and an avalanche multiplies their variance by
-its excess noise factor F; amplifier and converter add theirs. Everything is in primary electrons.
-Breaks for single-photon diodes near saturation, whose dead time makes counts more regular than
-Poisson's.
+Light and dark current are Poisson processes, whose variance an avalanche multiplies by its excess
+noise factor F; amplifier and converter add theirs. Everything is in primary electrons. Not valid
+for single-photon diodes near saturation, whose dead time makes counts sub-Poissonian.
 """
 
 from collections.abc import Mapping
@@ -16,20 +15,20 @@ from spisim.budget.link import BucketLink, SpotLink
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.demodulation import TAPS
 
-#: Sources of noise, in the order of tables and pictures: shot noise first, electronics last.
+#: Sources of noise in the order of tables and plots: shot noise first, electronics last.
 SOURCES = ("signal", "daylight", "patterns", "dark current", "amplifier", "ADC")
 
 
 @dataclass(frozen=True, eq=False)
 class NoiseBudget:
-    """One reading: mean signal, and variance by source in electrons² (...)."""
+    """Mean signal of one reading, and variance by source, electrons² (...)."""
 
     signal_electrons: Floats
     variances: Mapping[str, Floats]
 
     @property
     def total_variance(self) -> Floats:
-        """In electrons² (...)."""
+        """Total variance, electrons² (...)."""
         return np.asarray(sum(self.variances.values()))
 
     @property
@@ -44,14 +43,14 @@ class NoiseBudget:
 
     @property
     def dominating(self) -> tuple[str, float]:
-        """The largest source of a single reading, and its share of the variance."""
+        """The largest source of a single reading, and its fraction of the variance."""
         totals = {name: float(np.sum(variance)) for name, variance in self.variances.items()}
         name = max(totals, key=lambda source: totals[source])
         return name, totals[name] / sum(totals.values())
 
 
 def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
-    """Noise of one exposure with all pixels on; of modulated ones, of the sum over the taps."""
+    """Noise of one exposure with all pixels on; of the sum over the taps if modulated."""
     return exposure_noise(
         instrument,
         {
@@ -74,16 +73,13 @@ def exposure_noise(instrument: Instrument, electrons: Mapping[str, Floats]) -> N
 
 
 def collected_fraction(instrument: Instrument) -> float:
-    """Share of an exposure's light that all taps together collect; all without modulation."""
+    """Fraction of an exposure's light that all taps together collect; 1 without modulation."""
     modulation = instrument.imaging.projector.modulation
     return 1.0 if modulation is None else TAPS * modulation.taps.fraction
 
 
 def spot_noise(instrument: Instrument, link: SpotLink) -> NoiseBudget:
-    """Noise of one reading of the ranging detectors (..., spots).
-
-    What a reading is, each method tells: `Tof.reading`.
-    """
+    """Noise of one reading (`Tof.reading`) of the ranging detectors (..., spots)."""
     return ranging_noise(
         instrument,
         {

@@ -1,4 +1,4 @@
-"""The budget as one picture: the image above, the ranges below, the image's gratings beside."""
+"""The budget as a figure: image, ranges, and the image's response to gratings."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,11 +19,7 @@ from spisim.instrument import Instrument
 MIN_DISTANCE_M, MAX_DISTANCE_M = 0.5, 30.0
 REFLECTANCES: Mapping[float, str] = {0.2: "#1f5f8b", 0.5: "#d1762c", 0.8: "#3f8f4f"}
 COLOURS = dict(
-    zip(
-        SOURCES,
-        ("#f2b134", "#e4572e", "#a23b72", "#7a6c5d", "#3d5a80", "#98c1d9"),
-        strict=True,
-    )
+    zip(SOURCES, ("#f2b134", "#e4572e", "#a23b72", "#7a6c5d", "#3d5a80", "#98c1d9"), strict=True)
 )
 #: Axes of the maps.
 MAP_REFLECTANCE = np.linspace(0.05, 1.0, 20)
@@ -32,11 +28,7 @@ IMAGE_SNR = 10.0
 
 
 def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: float) -> Figure:
-    """SNR, range and noise against distance, reach by reflectance and daylight, gratings.
-
-    `target` gives the reflectance of the noise panels, the daylight of all panels against distance
-    and the fog; its distance is marked. `limit_m` is the scatter of ranges that is asked for.
-    """
+    """SNR, range and noise by distance, maximum range by reflectance and daylight, gratings."""
     both = instrument.images and instrument.ranges
     figure = Figure(figsize=(19, 8.5 if both else 4.5), layout="constrained")
     light = f"{target.illuminance_klx:g} klx daylight"
@@ -51,22 +43,22 @@ def budget_figure(instrument: Instrument, target: Target, name: str, limit_m: fl
     panels = figure.subplots(2 if both else 1, columns, squeeze=False)
     marked: list[Axes] = []
     if instrument.images:
-        snr, noise, reach, mtf = panels[0, :4]
+        snr, noise, longest, mtf = panels[0, :4]
         _image_panel(snr, instrument, target, distance)
         budget = bucket_noise(instrument, bucket_link(instrument, _at(target, distance)))
         _noise_panel(noise, distance, budget, "image: noise of one exposure")
         title = f"image: distance with SNR {IMAGE_SNR:g} per exposure"
-        _map_panel(reach, _image_max_range(instrument, target), title)
+        _map_panel(longest, _image_max_range(instrument, target), title)
         _grating_panels(mtf, panels[-1, -1], image_budget(instrument, target))
         marked += [snr, noise]
     if instrument.ranges:
-        sigma, noise, reach = panels[-1, :3]
+        sigma, noise, longest = panels[-1, :3]
         _range_panel(sigma, instrument, target, distance, limit_m)
         budget = spot_noise(instrument, spot_link(instrument, _at(target, distance)))
         reading = instrument.ranging.tof.reading.name
         _noise_panel(noise, distance, budget, f"spots: noise of one {reading}")
         title = f"spots: distance with σ of range {100 * limit_m:g} cm"
-        _map_panel(reach, _ranging_max_range(instrument, target, limit_m), title)
+        _map_panel(longest, _ranging_max_range(instrument, target, limit_m), title)
         marked += [sigma, noise]
     for axes in marked:
         axes.axvline(float(target.distance_m), color="0.5", lw=1, ls=":")
@@ -83,10 +75,7 @@ def _grating_panels(mtf: Axes, contrast: Axes, budget: ImageBudget) -> None:
         contrast.plot(each.cycles, 100 * each.contrast, style, label=name)
     mtf.set(title="image: MTF of the patterns", ylabel="MTF", ylim=(0, 1.02))
     contrast.set(
-        title="image: faintest grating seen",
-        ylabel="contrast, %",
-        yscale="log",
-        ylim=(0.1, 100),
+        title="image: faintest grating seen", ylabel="contrast, %", yscale="log", ylim=(0.1, 100)
     )
     for axes in (mtf, contrast):
         axes.set_xlabel("periods across the field")
@@ -95,7 +84,7 @@ def _grating_panels(mtf: Axes, contrast: Axes, budget: ImageBudget) -> None:
 
 
 def distance_axis(axes: Axes, nearest_m: float, farthest_m: float) -> None:
-    """Logarithmic axis of distances, labelled in plain numbers."""
+    """Logarithmic axis of distances with plain numbers."""
     axes.set_xscale("log")
     axes.set_xlim(nearest_m, farthest_m)
     axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
@@ -134,14 +123,14 @@ def _range_panel(
 
 
 def _noise_panel(axes: Axes, distance: Floats, budget: NoiseBudget, title: str) -> None:
-    """Shares of the variance, stacked; the sum of all is the whole."""
+    """Stacked fractions of the variance."""
     worst = {k: v if v.ndim == 1 else v.mean(axis=-1) for k, v in budget.variances.items()}
     total = sum(worst.values())
     fractions = [100 * variance / total for variance in worst.values()]
     axes.stackplot(
         distance, fractions, labels=list(worst), colors=[COLOURS[source] for source in worst]
     )
-    axes.set(title=title, ylabel="share of the variance, %", ylim=(0, 100))
+    axes.set(title=title, ylabel="fraction of the variance, %", ylim=(0, 100))
     distance_axis(axes, MIN_DISTANCE_M, MAX_DISTANCE_M)
     handles, labels = axes.get_legend_handles_labels()
     axes.legend(handles[::-1], labels[::-1], loc="lower right", fontsize=8, framealpha=0.9)
@@ -174,16 +163,16 @@ def _ranging_max_range(instrument: Instrument, target: Target, limit_m: float) -
     )
 
 
-def _map_panel(axes: Axes, reach: Floats, title: str) -> None:
+def _map_panel(axes: Axes, longest: Floats, title: str) -> None:
     axes.set(title=title, xlabel="daylight, klx", ylabel="reflectance", xscale="log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    displayed = np.where(reach > 0, reach, np.nan)
+    positive = np.where(longest > 0, longest, np.nan)
     picture = axes.pcolormesh(
-        MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, displayed, cmap="viridis", shading="gouraud"
+        MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, positive, cmap="viridis", shading="gouraud"
     )
-    if np.isfinite(displayed).any() and np.nanmax(displayed) > 1.05 * np.nanmin(displayed):
+    if np.isfinite(positive).any() and np.nanmax(positive) > 1.05 * np.nanmin(positive):
         lines: Any = axes.contour(
-            MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, displayed, colors="white", linewidths=0.8
+            MAP_ILLUMINANCE_KLX, MAP_REFLECTANCE, positive, colors="white", linewidths=0.8
         )
         axes.clabel(lines, fmt="%g m", fontsize=8)
     axes.figure.colorbar(picture, ax=axes, label="m")

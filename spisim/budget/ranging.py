@@ -1,7 +1,7 @@
-"""How well a range is known, in closed form, by the instrument's own method.
+"""Precision of ranges in closed form, by the instrument's own method.
 
-Only the scatter of readings is counted: neither the bias of light that came another way, nor that
-of wave forms which are not what the method assumes.
+Covers the noise of readings only, not the bias of indirect light or of waveforms that violate the
+method's assumptions.
 """
 
 import numpy as np
@@ -14,9 +14,12 @@ MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS = 0.05, 100.0, 400
 
 
 def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
-    """Standard deviation of the ranges of the spots, along their rays, (..., spots).
+    """Standard deviation of the ranges of the spots along their rays.
 
-    Infinite where the method has no range: no echo, or beyond what it can tell apart.
+    Returns
+    -------
+    (..., spots) array
+        Metres; infinite without an echo or beyond the unambiguous range.
     """
     link = spot_link(instrument, target)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
@@ -36,9 +39,20 @@ def longest_range_m(
     illuminance_klx: float | Floats = 0.0,
     extinction_per_m: float = 0.0,
 ) -> Floats:
-    """Largest distance (...) of a target at which all ranges scatter by less than a limit.
+    """Maximum distance of a target at which all ranges meet a limit.
 
-    0 where there is none. Up to 100 m, between 400 distances by interpolation.
+    Parameters
+    ----------
+    instrument : Instrument
+    limit_m : float
+        Maximum standard deviation of a range.
+    reflectance, illuminance_klx : float or (...) array
+    extinction_per_m : float
+
+    Returns
+    -------
+    (...) array
+        Metres, up to 100, interpolated between 400 distances; 0 if there is none.
     """
     distance = np.geomspace(MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS)
     conditions = np.broadcast_arrays(reflectance, illuminance_klx)
@@ -49,7 +63,7 @@ def longest_range_m(
 
 
 def last_below(distance: Floats, sigma: Floats, limit: float) -> Floats:
-    """Largest distance (...) at which sigma (..., distances) is below a limit; 0 if nowhere."""
+    """Maximum distance (...) at which sigma (..., distances) is below a limit; 0 if nowhere."""
     holds = sigma <= limit
     last = sigma.shape[-1] - 1 - np.argmax(holds[..., ::-1], axis=-1)
     after = np.minimum(last + 1, sigma.shape[-1] - 1)
@@ -58,5 +72,5 @@ def last_below(distance: Floats, sigma: Floats, limit: float) -> Floats:
     )
     with np.errstate(invalid="ignore", divide="ignore"):
         fraction = np.clip(np.nan_to_num((np.log(limit) - here) / (there - here)), 0, 1)
-    reach = distance[last] * (distance[after] / distance[last]) ** fraction
-    return np.where(holds.any(axis=-1), reach, 0.0)
+    longest = distance[last] * (distance[after] / distance[last]) ** fraction
+    return np.where(holds.any(axis=-1), longest, 0.0)

@@ -27,16 +27,11 @@ def scene_with(
     The scene's text is changed along, so that a capture tells how to make it again. Its warnings
     are printed, and returned too.
     """
-    from spisim.base.config import load_yaml
     from spisim.scene import SceneWarning, load_scene
 
     with catch_warnings(record=True) as odd:
         simplefilter("always", SceneWarning)
-        scene = load_scene(name, wavelength_nm=wavelength_nm)
-        changes = weather.sections(lambda: load_yaml(scene.text, name).get("fog"))
-        if changes:
-            odd.clear()
-            scene = load_scene(name, changes, wavelength_nm=wavelength_nm)
+        scene = load_scene(name, weather.sections, wavelength_nm=wavelength_nm)
     warnings = [str(warning.message) for warning in odd]
     warn(warnings)
     return scene, warnings

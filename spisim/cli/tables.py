@@ -13,6 +13,7 @@ from rich.table import Table
 from .console import results
 
 if TYPE_CHECKING:
+    from spisim.atmosphere.report import ReportTable
     from spisim.report.comparison import Comparison
 
 #: Characters that a column of words may be squeezed to.
@@ -106,6 +107,16 @@ def print_table(table: Table) -> None:
         _print_rows(table)
     else:
         results.print(table, width=minimum, crop=False)
+
+
+def print_report(report: ReportTable) -> None:
+    """Print a table of results and its note."""
+    table = plain_table(*report.columns, minimum=report.digits)
+    for row in report.rows:
+        table.add_row(*row)
+    print_table(table)
+    if report.note is not None:
+        results.print(report.note, style="dim" if report.dim else None, soft_wrap=True)
 
 
 def _print_rows(table: Table) -> None:

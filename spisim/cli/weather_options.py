@@ -1,6 +1,6 @@
-"""Options of the weather, the same for all commands that send light through a scene."""
+"""Weather options of all commands that simulate light in a scene."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from functools import wraps
 from inspect import Parameter, signature
@@ -13,8 +13,7 @@ from reconstruction.base.errors import InputError
 from .options import real_option
 
 Visibility = Annotated[
-    float | None,
-    real_option("Fog of this visibility, in metres.", "--visibility", metavar="M"),
+    float | None, real_option("Fog of this visibility, in metres.", "--visibility", metavar="M")
 ]
 Fog = Annotated[
     str | None,
@@ -26,14 +25,14 @@ Smoke = Annotated[
     float | None, real_option("Smoke of this visibility, in metres.", "--smoke", metavar="M")
 ]
 Clear = Annotated[
-    bool, typer.Option("--clear", help="Clear air, in place of the scene's fog and weather.")
+    bool, typer.Option("--clear", help="Clear air instead of the scene's fog and weather.")
 ]
 Drops = Annotated[bool, typer.Option("--drops", help="Rain or snow of single drops or flakes.")]
 
 
 @dataclass(frozen=True)
 class Weather:
-    """What takes the place of a scene's own weather; nothing where nothing is told."""
+    """Options that replace a scene's own weather; none by default."""
 
     visibility: Visibility = None
     fog: Fog = None
@@ -44,7 +43,7 @@ class Weather:
     drops: bool = False
 
     def __post_init__(self) -> None:
-        """InputError for options that contradict each other."""
+        """InputError for contradictory options."""
         media = ("visibility", "fog", "rain", "snow", "smoke")
         given = [f"--{name}" for name in media if getattr(self, name) is not None]
         if self.clear and given:
@@ -52,8 +51,8 @@ class Weather:
         if self.drops and self.rain is None and self.snow is None:
             raise InputError("--drops goes with --rain or --snow")
 
-    def sections(self, own_fog: Callable[[], dict[str, Any] | None]) -> dict[str, Any]:
-        """Sections of a scene file that change; `own_fog` reads the scene's, None clears one."""
+    def sections(self, own: Mapping[str, Any]) -> dict[str, Any]:
+        """Sections that replace the `own` ones of a scene file; None removes a section."""
         from spisim.atmosphere.sections import WEATHER
 
         if self.clear:
@@ -67,13 +66,13 @@ class Weather:
         if self.smoke is not None:
             changed["smoke"] = {"visibility_m": self.smoke}
         if self.visibility is not None or self.fog is not None:
-            changed["fog"] = _fog(own_fog() or {}, self.visibility, self.fog)
+            changed["fog"] = _fog(own.get("fog") or {}, self.visibility, self.fog)
         return changed
 
 
 @dataclass(frozen=True)
 class WeatherOfDrops(Weather):
-    """Weather whose drops can be single ones: of commands that make readings over time."""
+    """Weather whose drops may be single, for commands that record over time."""
 
     drops: Drops = False
 
@@ -83,21 +82,21 @@ OWN_WEATHER_OF_DROPS = WeatherOfDrops()
 
 
 def with_weather(command: Callable[..., None]) -> Callable[..., None]:
-    """The command as Typer reads it: options in place of its parameter `weather`."""
+    """The command with weather options in place of its parameter `weather`, as Typer needs it."""
     kind = get_type_hints(command)["weather"]
     options = _options(kind)
 
     @wraps(command)
-    def reported(**given: Any) -> None:
+    def wrapped(**given: Any) -> None:
         command(weather=kind(**{name: given.pop(name) for name in options}), **given)
 
     parameters: list[Parameter] = []
     for name, parameter in signature(command, eval_str=True).parameters.items():
         parameters += options.values() if name == "weather" else [parameter]
     whole = signature(command).replace(parameters=parameters)
-    reported.__signature__ = whole  # type: ignore[attr-defined]
-    reported.__annotations__ = {each.name: each.annotation for each in parameters}
-    return reported
+    wrapped.__signature__ = whole  # type: ignore[attr-defined]
+    wrapped.__annotations__ = {each.name: each.annotation for each in parameters}
+    return wrapped
 
 
 def _options(kind: type[Weather]) -> dict[str, Parameter]:
@@ -115,14 +114,14 @@ def _options(kind: type[Weather]) -> dict[str, Parameter]:
 
 
 def _fog(old: dict[str, Any], visibility_m: float | None, kind: str | None) -> dict[str, Any]:
-    """The scene's fog with another visibility, other droplets, or both."""
+    """The scene's fog section with another visibility, other droplets, or both."""
     retained = {"kind", "droplets", "definition", "phase"}
     if visibility_m is None:
         retained |= {"visibility_m", "liquid_water_g_per_m3"}
     if kind is not None:
         retained -= {"kind", "droplets"}
     new = {field: value for field, value in old.items() if field in retained}
-    if not isinstance(new.get("phase", ""), str):  # of a medium by coefficients
+    if not isinstance(new.get("phase", ""), str):  # the phase function of a medium by coefficients
         del new["phase"]
     if visibility_m is not None:
         new["visibility_m"] = visibility_m

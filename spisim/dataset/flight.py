@@ -53,7 +53,9 @@ def instants(
         )
     times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
     return [
-        Instant(number, time_s, at_drone_state(scene, trajectory.moment(time_s)), seed + number)
+        Instant(
+            number, time_s, at_drone_state(scene, trajectory.drone_state(time_s)), seed + number
+        )
         for number, time_s in enumerate(times)
     ]
 

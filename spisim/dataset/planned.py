@@ -32,7 +32,7 @@ from spisim.dataset.values import (
     set_field,
 )
 from spisim.instrument import Instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
 from spisim.scene.description import SceneDescription
 

@@ -88,7 +88,7 @@ class View:
             raise InputError(f"scene {scene.name!r}: a scene at a moment of a flight has one pose")
         if flight_s is not None:
             time_s = flight_s * self.number / (self.around.count - 1)
-            return at_drone_state(scene, self._flight(scene, flight_s).moment(time_s))
+            return at_drone_state(scene, self._flight(scene, flight_s).drone_state(time_s))
         needs = _needs(scene)
         for offset_m, turn_deg, seen in self._drawn(scene):
             problem = _behind(scene, seen) or layout_problem(seen, needs)
@@ -119,7 +119,7 @@ class View:
             flight = Trajectory.through(
                 np.array([0.0, flight_s]), both[:, :3, 3], Rotation.from_matrix(both[:, :3, :3])
             )
-            along = (at_drone_state(scene, flight.moment(float(time_s))) for time_s in times)
+            along = (at_drone_state(scene, flight.drone_state(float(time_s))) for time_s in times)
             problems = (layout_problem(seen, needs) for seen in along)
             problem = _behind(scene, end) or next(filter(None, problems), None)
             if problem is None:

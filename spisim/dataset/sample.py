@@ -26,7 +26,7 @@ from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import COMPILING, NO_SPACE, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
-from spisim.scene.cache import SceneCache
+from spisim.scene.load_context import SceneCache
 from spisim.simulation import Simulation, simulate
 from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads

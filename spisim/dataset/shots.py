@@ -14,7 +14,7 @@ from reconstruction.capture import CaptureFile
 from reconstruction.exports import Placed, Shot
 from reconstruction.exports.export import check_folder, with_stage
 from spisim.scene import Drone
-from spisim.scene.cache import SceneCache
+from spisim.scene.load_context import SceneCache
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample

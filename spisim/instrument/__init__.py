@@ -1,16 +1,15 @@
-"""What the drone carries: pattern projector, lasers, detectors, electronics, timing."""
+"""Instruments: pattern projector, lasers, detectors, electronics and timing."""
 
 from spisim.instrument.demodulation import Modulation, Taps
-from spisim.instrument.detector import Amplifier, Detector, TofDetector
-from spisim.instrument.load import list_presets, load_instrument
-from spisim.instrument.model import Instrument
-from spisim.instrument.needs import needs
+from spisim.instrument.detector import Detector, TofDetector
+from spisim.instrument.electronics import Amplifier
+from spisim.instrument.model import Instrument, list_presets, load_instrument, needs
 from spisim.instrument.parts import Spectrum
 from spisim.instrument.photodiode import Photodiode
-from spisim.instrument.sensor import Readings, Sensor, quantum_efficiency
+from spisim.instrument.sensor import Reading, Readings, Sensor, quantum_efficiency
 from spisim.instrument.sensors.apd import Apd
 from spisim.instrument.sensors.spad import Spad
-from spisim.instrument.tof import Emission, Reading, SpotLight, Tof
+from spisim.instrument.tof import Emission, SpotLight, Tof
 from spisim.instrument.tofs.cw import CwTof
 from spisim.instrument.tofs.dtof import DirectTof
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from pydantic import Field, field_validator, model_validator
 from scipy.constants import elementary_charge
 
@@ -14,134 +14,56 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.capture.spots import MAX_SPOTS
 from spisim.base.config import NonNegative, Number, Positive, Section, Vector
+from spisim.instrument.electronics import Adc, Amplifier
 from spisim.instrument.sensor import Each, PositiveFraction, Random, Readings
 from spisim.instrument.sensors import AnySensor
 
-#: No lens is faster: the sine of its cone would exceed 1.
+#: Minimum f-number: the sine of the cone of a faster lens would exceed 1.
 MIN_F_NUMBER = 0.5
-#: From the projector; farther is no part of one instrument.
+#: Maximum distance from the projector within one instrument.
 MAX_DISTANCE_M = 100.0
 
 
-class Amplifier(Section):
-    """Transimpedance amplifier with one pole at `bandwidth_hz`, or none that matters.
-
-    Noise is one-sided and referred to the current before the amplifier. Coupled by alternating
-    current it takes off what changes more slowly than `low_cut_hz`, daylight above all; the
-    daylight's shot noise stays.
-    """
-
-    noise_pa_per_sqrt_hz: NonNegative
-    """One-sided noise of the current before it."""
-    bandwidth_hz: Positive | None = None
-    """Its pole; without, none that matters."""
-    coupling: Literal["dc", "ac"] = "dc"
-    """Whether the mean current gets through."""
-    low_cut_hz: Positive | None = None
-    """What changes more slowly is taken off; goes with coupling `ac`."""
-
-    @model_validator(mode="after")
-    def _low_cut_goes_with_ac(self) -> Amplifier:
-        if (self.coupling == "ac") != (self.low_cut_hz is not None):
-            raise InputError("low_cut_hz goes with coupling ac, and ac needs it")
-        return self
-
-    @property
-    def time_constant_s(self) -> float:
-        """Of the pole; 0 without one."""
-        return 0.0 if self.bandwidth_hz is None else 1 / (2 * math.pi * self.bandwidth_hz)
-
-    def response(self, frequency_hz: Any) -> Any:
-        """Complex amplitude of a modulation behind the pole, 1 / (1 + i f / B)."""
-        return 1 / (1 + 2j * math.pi * self.time_constant_s * frequency_hz)
-
-
-class Adc(Section):
-    """Analogue-to-digital converter, scaled to primary photo-electrons."""
-
-    bits: Annotated[int, Field(ge=1, le=31)]
-    """Resolution."""
-    full_scale_electrons: Annotated[Number, Field(gt=0, le=1e18)]
-    """Primary electrons that fill the range."""
-    offset_counts: Annotated[int, Field(ge=0)]
-    """Count of no charge, below the count of saturation."""
-
-    @model_validator(mode="after")
-    def _offset_leaves_room(self) -> Adc:
-        if self.offset_counts >= self.max_count:
-            raise InputError(
-                f"offset_counts {self.offset_counts} leaves no room for light: a converter of "
-                f"{self.bits} bits ends at {self.max_count}"
-            )
-        return self
-
-    @property
-    def max_count(self) -> int:
-        """The count of saturation."""
-        return 2**self.bits - 1
-
-    @property
-    def electrons_per_count(self) -> float:
-        """Width of a step."""
-        return self.full_scale_electrons / 2**self.bits
-
-    @property
-    def quantisation_noise_electrons(self) -> float:
-        """Rms error of rounding, a step over √12."""
-        return self.electrons_per_count / math.sqrt(12)
-
-    def converted(self, electrons: Floats) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
-        """Counts of charges, rounded and clipped, and which are at an end of the range."""
-        counts = np.rint(electrons / self.electrons_per_count + self.offset_counts)
-        clipped = np.clip(counts, 0, self.max_count).astype(np.int32)
-        return clipped, (counts <= 0) | (counts >= self.max_count)
-
-    @property
-    def headroom_electrons(self) -> float:
-        """The largest charge that is not clipped."""
-        return (self.max_count - self.offset_counts) * self.electrons_per_count
-
-
 class Detector(Section):
-    """What bucket and ranging detectors have in common.
+    """Common fields of bucket and ranging detectors.
 
-    The lens is told by its f-number or by the diameter of its aperture; étendue gives the other.
+    The lens has an f-number or an aperture diameter; étendue gives the other.
     """
 
     field_of_view_deg: Annotated[Number, Field(gt=0, le=180)]
     """Full angle of a hard-edged cone."""
     vignetting: NonNegative = 0.0
-    """Exponent m of the response's fall with cosᵐ inside the cone."""
+    """Exponent m: the response falls as cosᵐ inside the cone."""
     f_number: Annotated[Number, Field(ge=MIN_F_NUMBER)] | None = None
-    """Of the lens; its diameter follows from étendue. This or `aperture_diameter_mm`."""
+    """F-number of the lens; étendue gives its diameter. This or `aperture_diameter_mm`."""
     aperture_diameter_mm: Positive | None = None
     """Diameter of the entrance aperture. This or `f_number`."""
     lens_transmittance: PositiveFraction
-    """Share of the light that gets through the lens."""
+    """Transmitted fraction of the light."""
     sensor: AnySensor
-    """What turns light into electrons."""
+    """Converts light into electrons."""
     amplifier: Amplifier | None = None
     """Amplifier of a photodiode; single-photon diodes have none."""
     adc: Adc | None = None
     """Converter of a photodiode; single-photon diodes have none."""
     positions_m: tuple[Vector, ...]
-    """Where the photodiodes are, optical frame."""
+    """Positions of the photodiodes, optical frame."""
 
     @property
     def aperture_area_m2(self) -> float:
         """Area of the entrance aperture.
 
-        A field of half angle θ over an aperture A_ap has the étendue π A_ap sin²θ, and that of a
-        photodiode of effective area A·FF behind a lens of f-number N is π A·FF / (4 N²); so
-        A_ap = A·FF / (4 N² sin²θ). Narrow fields have large apertures.
+        A field of half angle θ over an aperture A_ap has the étendue π A_ap sin²θ; a photodiode of
+        effective area A·FF behind a lens of f-number N has π A·FF / (4 N²). So
+        A_ap = A·FF / (4 N² sin²θ): narrow fields have large apertures.
         """
         if self.aperture_diameter_mm is not None:
             return math.pi * (self.aperture_diameter_mm * 1e-3) ** 2 / 4
         assert self.f_number is not None
-        return self._largest_aperture_m2 * (MIN_F_NUMBER / self.f_number) ** 2
+        return self._max_aperture_m2 * (MIN_F_NUMBER / self.f_number) ** 2
 
     @property
-    def _largest_aperture_m2(self) -> float:
+    def _max_aperture_m2(self) -> float:
         half_angle = math.radians(self.field_of_view_deg) / 2
         return self.sensor.effective_area_m2 / math.sin(half_angle) ** 2
 
@@ -150,7 +72,7 @@ class Detector(Section):
         return self.sensor.read(self, electrons, time_s, rng, taken_off)
 
     def dark_electrons(self, time_s: float) -> float:
-        """Mean dark count of a window."""
+        """Mean dark electrons in a window."""
         return self.sensor.dark_rate_hz * time_s
 
     def amplifier_noise_electrons(self, time_s: ArrayLike) -> Any:
@@ -161,7 +83,7 @@ class Detector(Section):
         return current * np.sqrt(np.divide(time_s, 2)) / (elementary_charge * self.sensor.gain)
 
     def electronics_noise_electrons(self, time_s: ArrayLike) -> Any:
-        """Rms of amplifier and converter together, per reading."""
+        """Rms noise of amplifier and converter per reading."""
         steps = 0.0 if self.adc is None else self.adc.quantisation_noise_electrons
         return np.hypot(self.amplifier_noise_electrons(time_s), steps)
 
@@ -169,12 +91,12 @@ class Detector(Section):
     def _lens_is_stated_once(self) -> Detector:
         if (self.f_number is None) == (self.aperture_diameter_mm is None):
             raise InputError("needs either f_number or aperture_diameter_mm")
-        largest_mm = 2e3 * math.sqrt(self._largest_aperture_m2 / math.pi)
-        if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > largest_mm:
+        max_mm = 2e3 * math.sqrt(self._max_aperture_m2 / math.pi)
+        if self.aperture_diameter_mm is not None and self.aperture_diameter_mm > max_mm:
             raise InputError(
                 f"aperture_diameter_mm {self.aperture_diameter_mm} and field_of_view_deg "
-                f"{self.field_of_view_deg} hold more light than the sensor can take (étendue): at "
-                f"most {largest_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
+                f"{self.field_of_view_deg} exceed the étendue of the sensor: at most "
+                f"{max_mm:.4g} mm, with a lens of f/{MIN_F_NUMBER}"
             )
         return self
 
@@ -199,21 +121,18 @@ class Detector(Section):
 
 
 class BucketDetector(Detector):
-    """The single-pixel detector of the patterns: alike photodiodes whose currents add up.
-
-    All look along the optical axis.
-    """
+    """The single-pixel detector: equal photodiodes along the optical axis, currents added."""
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=64)]
-    """Where the photodiodes are, optical frame; their currents add up."""
+    """Positions of the photodiodes, optical frame; their currents add up."""
 
 
 class TofDetector(Detector):
     """The photodiodes of the spots.
 
-    One for each, looking along the direction of its laser; or one for all, looking along the
-    optical axis, for which the lasers fire in turn.
+    One per spot, facing along its laser; or one for all, facing along the optical axis, for which
+    the lasers fire in turn.
     """
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=MAX_SPOTS)]
-    """Where they are, optical frame; one for each laser, in their order, or one for all."""
+    """Positions, optical frame: one per laser, in order, or one for all."""

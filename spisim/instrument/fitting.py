@@ -1,60 +1,125 @@
-"""Whether the parts of an instrument fit together."""
+"""Parts that make an image and parts that range, and checks that they fit together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.detector import BucketDetector
+from spisim.instrument.parts import Filter, Lasers, Plan, Projector
 from spisim.instrument.sensor import quantum_efficiency
+from spisim.instrument.tof import Tof
+from spisim.scene.sun import in_band_irradiance
 
-if TYPE_CHECKING:
-    from spisim.instrument.model import Instrument
-
-#: Wavelengths at which a spectrum within the filter's band is weighted.
+#: Wavelengths across the filter's band at which spectra are weighted.
 BAND_POINTS = 49
-#: Time constants that a pattern's period must last, so that a pattern is felt in the next one only.
+#: Minimum period of a pattern in time constants, so that it affects only the next one.
 SETTLING_TIMES = 5
-#: Parts of the image, and of the ranges.
+#: Fields that make an image, and fields that range.
 IMAGING, RANGING = ("projector", "plan", "detector"), ("lasers", "tof")
 
 
-def errors_of(instrument: Instrument) -> list[InputError]:
-    """All that does not fit, each with its fields, values and what is allowed."""
-    errors = _missing_parts(instrument)
-    if errors:
-        return errors
-    checks: list[Callable[[Instrument], None]] = [_check_band, _check_efficiency]
-    if instrument.images:
-        checks += [_check_plan, _check_exposure, _check_settling, _check_modulation]
-    if instrument.ranges:
-        checks.append(_check_spots)
-    for check in checks:
-        try:
-            check(instrument)
-        except InputError as error:
-            errors.append(error)
-    return errors
+class Imaging(NamedTuple):
+    """The parts that make an image."""
+
+    projector: Projector
+    plan: Plan
+    detector: BucketDetector
+    exposure_time_s: float
+
+    @property
+    def pattern_period_s(self) -> float:
+        """Time from one pattern to the next."""
+        return 1 / self.projector.pattern_rate_hz
 
 
-def _missing_parts(instrument: Instrument) -> list[InputError]:
+class Ranging(NamedTuple):
+    """The parts that measure the ranges of the spots."""
+
+    lasers: Lasers
+    tof: Tof
+
+    @property
+    def spots(self) -> int:
+        """Number of lasers."""
+        return len(self.lasers.directions_deg)
+
+    @property
+    def shared(self) -> bool:
+        """Whether one photodiode serves several spots."""
+        return len(self.tof.detector.positions_m) < self.spots
+
+    @property
+    def frame_time_s(self) -> float:
+        """Time of the ranges of a frame; with a shared photodiode the lasers fire in turn."""
+        return self.tof.frame_time_s * (self.spots if self.shared else 1)
+
+    @property
+    def detector_positions_m(self) -> Floats:
+        """Position (spots, 3) of each spot's photodiode."""
+        positions = self.tof.detector.positions_m
+        return np.asarray(np.broadcast_to(positions, (self.spots, 3)), dtype=np.float64)
+
+    @property
+    def detector_axes(self) -> Floats:
+        """Unit vectors (spots, 3) that the photodiodes face."""
+        if self.shared:
+            return np.tile([0.0, 0.0, 1.0], (self.spots, 1))
+        return self.lasers.directions
+
+
+def missing_parts(fields: Mapping[str, Any]) -> list[InputError]:
+    """Errors of an instrument that is empty or lacks parts of image or ranges."""
     errors = []
+    images, ranges = (fields[name] is not None for name in ("projector", "lasers"))
     for what, parts in (("an image", IMAGING), ("ranges", RANGING)):
-        missing = [name for name in parts if getattr(instrument, name) is None]
+        missing = [name for name in parts if fields[name] is None]
         if 0 < len(missing) < len(parts):
             names = f"{' and '.join(missing)} {'is' if len(missing) == 1 else 'are'} missing"
             errors.append(InputError(f"{names}: {_listed(parts)} make {what} together"))
-    if not errors and not (instrument.images or instrument.ranges):
+    if not errors and not (images or ranges):
         errors.append(
             InputError(
                 f"the instrument is empty: {_listed(IMAGING)} make an image, {_listed(RANGING)} "
                 "ranges; at least one of the two is needed"
             )
         )
-    if not instrument.images and instrument.exposure_time_s is not None:
+    if not images and fields["exposure_time_s"] is not None:
         errors.append(InputError("exposure_time_s is that of patterns, and projector is missing"))
+    return errors
+
+
+def misfits(
+    band_pass: Filter,
+    wavelength_nm: float,
+    imaging: Imaging | None,
+    ranging: Ranging | None,
+    make_plans: Callable[[], object],
+) -> list[InputError]:
+    """Errors of parts that do not fit together, with fields, values and what is allowed."""
+    checks: list[Callable[[], None]] = [
+        lambda: _check_band(band_pass, wavelength_nm, imaging),
+        lambda: _check_efficiency(band_pass, imaging, ranging),
+    ]
+    if imaging is not None:
+        checks += [
+            lambda: _check_plan(make_plans),
+            lambda: _check_exposure(imaging),
+            lambda: _check_settling(imaging),
+            lambda: _check_modulation(imaging),
+        ]
+    if ranging is not None:
+        checks.append(lambda: _check_spots(ranging))
+    errors = []
+    for check in checks:
+        try:
+            check()
+        except InputError as error:
+            errors.append(error)
     return errors
 
 
@@ -62,40 +127,39 @@ def _listed(names: tuple[str, ...]) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _check_plan(instrument: Instrument) -> None:
+def _check_plan(make_plans: Callable[[], object]) -> None:
     try:
-        instrument.pattern_plan  # noqa: B018 - raises where there is no such plan
+        make_plans()
     except InputError as error:
         raise InputError(f"plan: {error}") from None
 
 
-def _check_band(instrument: Instrument) -> None:
+def _check_band(band_pass: Filter, wavelength_nm: float, imaging: Imaging | None) -> None:
     try:
-        instrument.daylight_irradiance(1.0)
+        in_band_irradiance(1.0, band_pass.band_nm)
     except InputError as error:
         raise InputError(f"filter.{error}") from None
-    low, high = instrument.filter.band_nm
-    if not low <= instrument.wavelength_nm <= high:
+    low, high = band_pass.band_nm
+    if not low <= wavelength_nm <= high:
         raise InputError(
-            f"wavelength_nm {instrument.wavelength_nm} is outside filter.band_nm, {low} to {high}"
+            f"wavelength_nm {wavelength_nm} is outside filter.band_nm, {low} to {high}"
         )
-    spectrum = instrument.imaging.projector.spectrum if instrument.images else None
-    if spectrum is not None and spectrum.fraction_within(instrument.filter.band_nm) < 1e-9:
+    spectrum = None if imaging is None else imaging.projector.spectrum
+    if spectrum is not None and spectrum.fraction_within(band_pass.band_nm) < 1e-9:
         raise InputError(f"projector.spectrum has no light within filter.band_nm, {low} to {high}")
 
 
-def _check_exposure(instrument: Instrument) -> None:
-    exposure_time_s = instrument.imaging.exposure_time_s
-    if exposure_time_s > instrument.pattern_period_s * (1 + 1e-9):
+def _check_exposure(imaging: Imaging) -> None:
+    if imaging.exposure_time_s > imaging.pattern_period_s * (1 + 1e-9):
         raise InputError(
-            f"exposure_time_s {exposure_time_s} is longer than a pattern's period "
-            f"{instrument.pattern_period_s:.6g}, 1 / projector.pattern_rate_hz"
+            f"exposure_time_s {imaging.exposure_time_s} is longer than a pattern's period "
+            f"{imaging.pattern_period_s:.6g}, 1 / projector.pattern_rate_hz"
         )
 
 
-def _check_settling(instrument: Instrument) -> None:
-    """Patterns are over within their period."""
-    projector, amplifier = instrument.imaging.projector, instrument.imaging.detector.amplifier
+def _check_settling(imaging: Imaging) -> None:
+    """A pattern settles within its period."""
+    projector, amplifier = imaging.projector, imaging.detector.amplifier
     times_s = {
         "projector.settling_time_s": projector.settling_time_s,
         "the time constant of detector.amplifier.bandwidth_hz,": (
@@ -103,27 +167,27 @@ def _check_settling(instrument: Instrument) -> None:
         ),
     }
     for name, time_s in times_s.items():
-        if time_s * SETTLING_TIMES > instrument.pattern_period_s:
+        if time_s * SETTLING_TIMES > imaging.pattern_period_s:
             raise InputError(
                 f"{name} {time_s:.4g} s is too long for patterns of "
-                f"{instrument.pattern_period_s:.4g} s, 1 / projector.pattern_rate_hz: at most "
-                f"{instrument.pattern_period_s / SETTLING_TIMES:.4g} s"
+                f"{imaging.pattern_period_s:.4g} s, 1 / projector.pattern_rate_hz: at most "
+                f"{imaging.pattern_period_s / SETTLING_TIMES:.4g} s"
             )
 
 
-def _check_efficiency(instrument: Instrument) -> None:
-    """One electron per photon at most."""
-    low, _ = band = instrument.filter.band_nm
-    for name, detector in instrument.detectors.items():
-        sensor = detector.sensor
+def _check_efficiency(band_pass: Filter, imaging: Imaging | None, ranging: Ranging | None) -> None:
+    """At most one electron per photon."""
+    low, _ = band = band_pass.band_nm
+    sensors = {} if imaging is None else {"detector": imaging.detector.sensor}
+    sensors |= {} if ranging is None else {"tof.detector": ranging.tof.detector.sensor}
+    for name, sensor in sensors.items():
         if quantum_efficiency(sensor, np.linspace(*band, BAND_POINTS)).max() > 1:
             raise InputError(f"{name}.sensor.{sensor.too_efficient(low)}")
 
 
-def _check_spots(instrument: Instrument) -> None:
-    """A photodiode for each laser, or one for all."""
-    spots = instrument.ranging.spots
-    positions = len(instrument.ranging.tof.detector.positions_m)
+def _check_spots(ranging: Ranging) -> None:
+    """One photodiode per laser, or one for all."""
+    spots, positions = ranging.spots, len(ranging.tof.detector.positions_m)
     if positions not in (1, spots):
         raise InputError(
             f"tof.detector.positions_m has {positions} positions, lasers.directions_deg {spots} "
@@ -131,9 +195,9 @@ def _check_spots(instrument: Instrument) -> None:
         )
 
 
-def _check_modulation(instrument: Instrument) -> None:
-    """Modulated patterns are demodulated."""
-    projector, _, detector, exposure_time_s = instrument.imaging
+def _check_modulation(imaging: Imaging) -> None:
+    """Modulated patterns can be demodulated."""
+    projector, _, detector, exposure_time_s = imaging
     modulation = projector.modulation
     if modulation is None:
         return

@@ -1,10 +1,11 @@
-"""The whole instrument."""
+"""The whole instrument, its files and shipped presets."""
 
 from __future__ import annotations
 
 import math
 from functools import cached_property
-from typing import Annotated, Any, Literal, NamedTuple, Self
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
@@ -16,32 +17,44 @@ from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.operators import NO_PATTERN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
-from spisim.base.config import Number, Positive, Section, dump_yaml, parse_model
+from spisim.base.config import (
+    Number,
+    Positive,
+    Section,
+    dump_yaml,
+    find_named,
+    parse_model,
+    read_text,
+)
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
-from spisim.instrument.fitting import BAND_POINTS, errors_of
+from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
-from spisim.instrument.tof import Tof
 from spisim.instrument.tofs import AnyTof
+from spisim.scene.layout import Needs
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
 Source = Literal["projector", "laser", "daylight"]
-#: Of daylight, as it is tabulated.
+PRESETS = Path(__file__).with_name("presets")
+DETECTOR_PARTS = Path(__file__).with_name("detector_parts.yaml")
+#: A spot's range is used up to this fraction of the unambiguous range: noise may exceed it.
+WITHIN_RANGE = 0.98
+#: Range of the daylight table.
 MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM = 800, 1600
 Visibility = Annotated[Number, Field(ge=VISIBILITIES_M[0], le=VISIBILITIES_M[1])]
 
 
 class EyeSafety(Section):
-    """The classes that the maker declares; `spisim budget` computes and compares them."""
+    """Classes declared by the maker; `spisim budget` computes and compares them."""
 
     laser_class: Literal["1", "3R", "3B", "4"] | None = None
-    """By IEC 60825-1."""
+    """Laser class by IEC 60825-1."""
     risk_group: Literal["exempt", "1", "2", "3"] | None = None
-    """Of the projector, by IEC 62471."""
+    """Risk group of the projector by IEC 62471."""
 
 
 def _stated_weather(weather: Any) -> Any:
-    Weather.parsed(weather)  # an InputError names all that is allowed
+    Weather.parsed(weather)  # its InputError lists what is allowed
     return weather
 
 
@@ -50,81 +63,38 @@ def _pattern_period(fields: dict[str, Any]) -> float | None:
     return None if projector is None else 1.0 / projector.pattern_rate_hz
 
 
-class Imaging(NamedTuple):
-    """What an instrument makes its image with."""
-
-    projector: Projector
-    plan: Plan
-    detector: BucketDetector
-    exposure_time_s: float
-
-
-class Ranging(NamedTuple):
-    """What an instrument measures the ranges of its spots with."""
-
-    lasers: Lasers
-    tof: Tof
-
-    @property
-    def spots(self) -> int:
-        """Number of lasers."""
-        return len(self.lasers.directions_deg)
-
-    @property
-    def shared(self) -> bool:
-        """Whether one photodiode is for several spots."""
-        return len(self.tof.detector.positions_m) < self.spots
-
-    @property
-    def frame_time_s(self) -> float:
-        """Time of the ranges of a frame; with one photodiode the lasers fire in turn."""
-        return self.tof.frame_time_s * (self.spots if self.shared else 1)
-
-    @property
-    def detector_positions_m(self) -> Floats:
-        """Position (spots, 3) of each spot's photodiode."""
-        positions = self.tof.detector.positions_m
-        return np.asarray(np.broadcast_to(positions, (self.spots, 3)), dtype=np.float64)
-
-    @property
-    def detector_axes(self) -> Floats:
-        """Unit vectors (spots, 3) along which the photodiodes look."""
-        if self.shared:
-            return np.tile([0.0, 0.0, 1.0], (self.spots, 1))
-        return self.lasers.directions
-
-
 class Instrument(Section):
-    """An instrument: projector and bucket detector, lasers and ranging detectors, or one of both.
+    """Projector and bucket detector, lasers and ranging detectors, or one of both.
 
-    Daylight is tabulated from 800 to 1600 nm, so the filter's band is bound to that. What a scene
-    knows the materials at is up to the scene. `exposure_time_s` is the part of a pattern's period,
-    its end, in which the bucket collects.
+    Daylight is tabulated from 800 to 1600 nm, which bounds the filter's band; the materials of a
+    scene may bound the wavelength further. `exposure_time_s` is the end of a pattern's period, in
+    which the bucket collects.
     """
 
     wavelength_nm: Annotated[Number, Field(ge=MIN_WAVELENGTH_NM, le=MAX_WAVELENGTH_NM)]
-    """Of lasers and patterns; within the filter's band."""
+    """Wavelength of lasers and patterns; within the filter's band."""
     projector: Projector | None = None
-    """The LED array; without it, `plan` and `detector` there are ranges alone."""
+    """The LED array; without it, `plan` and `detector` the instrument only ranges."""
     plan: Plan | None = None
-    """The patterns that it shows."""
+    """The patterns exposed."""
     filter: Filter
-    """The band-pass in front of all detectors."""
+    """The band-pass filter in front of all detectors."""
     detector: BucketDetector | None = None
     """The single-pixel detector of the patterns."""
     lasers: Lasers | None = None
-    """The beams of the spots; without them and `tof` there is an image alone."""
+    """The beams of the spots; without them and `tof` there is only an image."""
     tof: AnyTof | None = None
-    """How the spots are ranged."""
+    """Time-of-flight method of the spots."""
     weather: Annotated[
         Literal["unknown", "clear", "fog"] | Visibility, BeforeValidator(_stated_weather)
     ] = "unknown"
-    """What ranges take for granted of the weather: that nothing is known, clear air, fog, or a
-    visibility in metres. Captures state it; it changes no light."""
+    """Weather that ranging assumes: unknown, clear, fog, or a visibility in metres. Captures state
+    it; it changes no light.
+    """
     eye_safety: EyeSafety = EyeSafety()
-    """What the maker declares; it is compared, and changes nothing else."""
+    """Classes declared by the maker, for comparison only."""
     exposure_time_s: Positive | None = Field(default_factory=_pattern_period)
-    """The end of a pattern's period, in which the detector collects; all of it without."""
+    """Collection time at the end of a pattern's period; the whole period by default."""
 
     @property
     def images(self) -> bool:
@@ -138,7 +108,7 @@ class Instrument(Section):
 
     @property
     def imaging(self) -> Imaging:
-        """What makes the image; InputError for an instrument of ranges alone."""
+        """The parts that make the image; InputError if there are none."""
         if self.projector is None or self.plan is None or self.detector is None:
             raise InputError(
                 "the instrument has no image: projector, plan and detector are missing"
@@ -148,7 +118,7 @@ class Instrument(Section):
 
     @property
     def ranging(self) -> Ranging:
-        """What measures the ranges; InputError for an instrument of an image alone."""
+        """The parts that range; InputError if there are none."""
         if self.lasers is None or self.tof is None:
             raise InputError("the instrument has no ranges: lasers and tof are missing")
         return Ranging(self.lasers, self.tof)
@@ -201,7 +171,7 @@ class Instrument(Section):
 
     @property
     def text(self) -> str:
-        """YAML that loads as this very instrument."""
+        """YAML that loads as this instrument."""
         return dump_yaml(self._fields)
 
     @property
@@ -211,14 +181,17 @@ class Instrument(Section):
     def at_wavelength(self, wavelength_nm: float) -> Instrument:
         """The same instrument built for another wavelength.
 
-        Filter and LED spectrum move along and keep their widths, powers stay. Detectors keep their
-        quantum efficiency, but for tables that cover the new band, which hold: how well a real
-        photodiode does elsewhere is up to its material.
+        Filter and LED spectrum shift and keep their widths; powers stay. Detectors keep their
+        quantum efficiency, unless a table covers the new band: how a real photodiode performs
+        elsewhere depends on its material.
 
-        Raises InputError for a wavelength or a band outside 800 to 1600 nm.
+        Raises
+        ------
+        InputError
+            For a wavelength or a band outside 800 to 1600 nm.
         """
         source = f"instrument at {wavelength_nm:g} nm"
-        if not MIN_WAVELENGTH_NM <= wavelength_nm <= MAX_WAVELENGTH_NM:  # nan neither
+        if not MIN_WAVELENGTH_NM <= wavelength_nm <= MAX_WAVELENGTH_NM:  # nor nan
             raise InputError(
                 f"{source}: wavelength_nm: should be from {MIN_WAVELENGTH_NM} to "
                 f"{MAX_WAVELENGTH_NM}; found {wavelength_nm:g}"
@@ -238,10 +211,7 @@ class Instrument(Section):
         return parse_model(dump_yaml(fields), Instrument, source)
 
     def with_laser_power(self, power_w: float) -> Instrument:
-        """The same instrument with lasers of another power each.
-
-        Raises InputError for a power that is not positive and finite.
-        """
+        """The same instrument with another power per laser; InputError unless it is positive."""
         fields = self._fields
         self.ranging  # noqa: B018 - raises where there are no lasers
         fields["lasers"]["power_w"] = float(power_w)
@@ -254,26 +224,24 @@ class Instrument(Section):
 
     @cached_property
     def pattern_plans(self) -> tuple[PatternPlan, ...]:
-        """The patterns of successive frames, over and over: one plan where all show the same.
+        """Plans of successive frames, repeated; a single one if all frames are equal.
 
-        Without an image a dark pixel.
+        Without an image it is one dark pixel.
         """
         if not self.images:
             return (NO_PATTERN,)
         return self.imaging.plan.cycle(self.imaging.projector.shape)
 
     def __copy__(self) -> Self:
-        """Without patterns: a copy may get another plan."""
+        """A copy without the cached patterns: it may get another plan."""
         copied = super().__copy__()
         copied.__dict__.pop("pattern_plans", None)
         return copied
 
     @property
     def pattern_period_s(self) -> float:
-        """From one pattern to the next; without an image the time of a frame's ranges."""
-        return (
-            1 / self.imaging.projector.pattern_rate_hz if self.images else self.ranging.frame_time_s
-        )
+        """Time from one pattern to the next; without an image that of a frame's ranges."""
+        return self.imaging.pattern_period_s if self.images else self.ranging.frame_time_s
 
     @property
     def frame_time_s(self) -> float:
@@ -283,7 +251,7 @@ class Instrument(Section):
         return self.pattern_plan.exposures / self.imaging.projector.pattern_rate_hz
 
     def exposure_times_s(self, frames: int) -> Floats:
-        """Middle of every exposure of a recording, (frames, M), from the first one's start."""
+        """Middle of each exposure of a recording, (frames, M), s after the start of the first."""
         exposures = self.pattern_plan.exposures
         middles: Floats = np.arange(frames * exposures, dtype=np.float64) + 0.5
         rate_hz = self.imaging.projector.pattern_rate_hz if self.images else 1 / self.frame_time_s
@@ -291,7 +259,7 @@ class Instrument(Section):
 
     @property
     def tap_frequencies_hz(self) -> tuple[float, ...]:
-        """Of a modulated projector: every harmonic that its taps respond to."""
+        """Harmonics of a modulated projector that its taps respond to."""
         modulation = self.imaging.projector.modulation if self.images else None
         if modulation is None:
             return ()
@@ -300,19 +268,19 @@ class Instrument(Section):
 
     @property
     def pixel_powers_w(self) -> Floats:
-        """In-band power (H, W) of each virtual pixel, fully on, in front of the filter."""
+        """In-band power (H, W) of each virtual pixel when lit, in front of the filter."""
         projector = self.imaging.projector
         return projector.power_w * self.in_band_fraction * projector.pixel_fractions
 
     @property
     def mean_powers_w(self) -> Floats:
-        """The same (H, W) on average over all that is displayed."""
+        """The same (H, W), averaged over all patterns exposed."""
         fractions = [mean_illumination(plan) for plan in self.pattern_plans]
         return np.asarray(self.pixel_powers_w * np.mean(fractions, axis=0))
 
     @property
     def in_band_fraction(self) -> float:
-        """Share of the projector's power within the filter's band."""
+        """Fraction of the projector's power within the filter's band."""
         projector = self.imaging.projector
         if projector.spectrum is not None:
             return projector.spectrum.fraction_within(self.filter.band_nm)
@@ -320,13 +288,13 @@ class Instrument(Section):
         return projector.in_band_fraction
 
     def daylight_irradiance(self, illuminance_klx: float) -> float:
-        """Irradiance, W/m², of daylight within the filter's band, in front of the filter."""
+        """In-band irradiance of daylight, W/m², in front of the filter."""
         return in_band_irradiance(illuminance_klx, self.filter.band_nm)
 
     def electrons_per_joule(self, detector: Detector, source: Source) -> float:
         """Primary electrons per joule of in-band light on a detector's aperture.
 
-        Through lens and filter; the sensor's response is weighted with the spectrum of the source.
+        Includes lens and filter, with the sensor's response weighted by the source's spectrum.
         """
         wavelengths, weights = self._in_band_spectrum(source)
         response = detector.sensor.electrons_per_joule(wavelengths) @ weights
@@ -334,7 +302,7 @@ class Instrument(Section):
 
     @property
     def detectors(self) -> dict[str, Detector]:
-        """Those of image and ranges, as far as it has them, by their fields."""
+        """The detectors present, by their fields."""
         detectors = {
             "detector": self.detector,
             "tof.detector": None if self.tof is None else self.tof.detector,
@@ -343,7 +311,7 @@ class Instrument(Section):
 
     @property
     def spot_optics(self) -> SpotOptics:
-        """Lasers and ranging detectors, as captures tell of them."""
+        """Lasers and ranging detectors as captures store them."""
         ranging = self.ranging
         (lasers, tof), spots = ranging, ranging.spots
         detector = tof.detector
@@ -362,7 +330,7 @@ class Instrument(Section):
 
     @property
     def _spectrum(self) -> Spectrum | None:
-        """Of the projector; None where it is one line, or there is no projector."""
+        """Spectrum of the projector; None if it is one line, or there is no projector."""
         return self.projector.spectrum if self.projector is not None else None
 
     def _in_band_spectrum(self, source: Source) -> tuple[Floats, Floats]:
@@ -379,7 +347,13 @@ class Instrument(Section):
 
     @model_validator(mode="after")
     def _fits(self) -> Instrument:
-        errors = errors_of(self)
+        errors = missing_parts(dict(self)) or misfits(
+            self.filter,
+            self.wavelength_nm,
+            self.imaging if self.images else None,
+            self.ranging if self.ranges else None,
+            lambda: self.pattern_plans,
+        )
         if errors:
             raise ValidationError.from_exception_data(
                 "Instrument",
@@ -389,3 +363,48 @@ class Instrument(Section):
                 ],
             )
         return self
+
+
+def list_presets() -> list[str]:
+    """Sorted names of the shipped instruments."""
+    return sorted(path.stem for path in PRESETS.glob("*.yaml"))
+
+
+def load_instrument(name_or_path: str | Path) -> Instrument:
+    """Load an instrument from a YAML file, or a shipped one by its name ("paper").
+
+    Raises
+    ------
+    InputError
+        Names file, field, value and what is allowed, for a missing file or preset, invalid YAML,
+        and fields that are unknown, missing or out of range.
+    """
+    file = find_named(str(name_or_path), PRESETS, "instrument")
+    return parse_model(read_text(file), Instrument, file, file.parent)
+
+
+def needs(instrument: Instrument) -> Needs:
+    """Field, beams and detectors that a scene must suit.
+
+    Parameters
+    ----------
+    instrument : Instrument
+        With both image and ranges.
+
+    Returns
+    -------
+    Needs
+        For `spisim.scene.layout.layout_problem`.
+    """
+    projector, (lasers, tof) = instrument.imaging.projector, instrument.ranging
+    return Needs(
+        half_field_deg=(
+            math.degrees(math.atan(projector.tan_half_width)),
+            math.degrees(math.atan(projector.tan_half_height)),
+        ),
+        beams=lasers.directions,
+        farthest_spot_m=WITHIN_RANGE * tof.unambiguous_range_m,
+        min_spots=1,
+        detectors_m=instrument.ranging.detector_positions_m,
+        lens_ring_m=math.sqrt(tof.detector.aperture_area_m2 / (2 * math.pi)),
+    )

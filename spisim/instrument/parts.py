@@ -1,7 +1,7 @@
-"""Projector, pattern plan, filter and lasers, and what follows from their data sheets.
+"""Projector, pattern plan, filter and lasers, and quantities derived from their data sheets.
 
-Positions are in the optical frame of the projector: x right, y down, z forward, metres, origin at
-its pinhole. Angles named `fov` or `field_of_view` are full angles.
+Positions are in the projector's optical frame: x right, y down, z forward, metres, origin at its
+pinhole. Angles named `fov` or `field_of_view` are full angles.
 """
 
 from __future__ import annotations
@@ -47,27 +47,27 @@ Band = tuple[float, float]
 
 
 class Spectrum(Section):
-    """Emission of an LED, Gaussian over wavelength."""
+    """Gaussian emission spectrum of an LED."""
 
     peak_nm: Positive
-    """Wavelength of the peak."""
+    """Peak wavelength."""
     fwhm_nm: Positive
     """Full width at half maximum."""
 
     def density(self, wavelength_nm: Floats) -> Floats:
-        """Share of the power per nanometre."""
+        """Fraction of the power per nanometre."""
         sigma = self.fwhm_nm / FWHM_PER_SIGMA
         position = (wavelength_nm - self.peak_nm) / sigma
         return np.asarray(np.exp(-(position**2) / 2) / (sigma * math.sqrt(2 * math.pi)))
 
     def fraction_within(self, band_nm: Band) -> float:
-        """Share of the power between two wavelengths."""
+        """Fraction of the power between two wavelengths."""
         scale = self.fwhm_nm / FWHM_PER_SIGMA * math.sqrt(2)
         low, high = ((edge - self.peak_nm) / scale for edge in band_nm)
         return float(erf(high) - erf(low)) / 2
 
 
-#: Of a projector: light is traced for each of them.
+#: Maximum pixels of a projector: light is traced for each.
 MAX_PIXELS = 2**20
 
 
@@ -75,54 +75,47 @@ def _few_pixels(shape: tuple[int, int]) -> tuple[int, int]:
     if shape[0] * shape[1] > MAX_PIXELS:
         raise PydanticCustomError(
             "pixels",
-            "should have at most {most} pixels, such as 1024 × 1024, not {pixels}",
-            {"most": MAX_PIXELS, "pixels": shape[0] * shape[1]},
+            "should have at most {max} pixels, such as 1024 × 1024, not {pixels}",
+            {"max": MAX_PIXELS, "pixels": shape[0] * shape[1]},
         )
     return shape
 
 
 class Projector(Section):
-    """The LED array and its patterns, seen from the scene as a pinhole.
-
-    How much of its power is within the filter's band is told by its `spectrum` or, plainly, as
-    `in_band_fraction`.
-    """
+    """The LED array and its patterns, a pinhole as seen from the scene."""
 
     shape: Annotated[tuple[Count, Count], AfterValidator(_few_pixels)]
-    """[rows, columns] of virtual pixels, which are square; 1024 × 1024 of them at most."""
+    """[rows, columns] of square virtual pixels; at most 1024 × 1024."""
     fov_deg: Annotated[Number, Field(gt=0, lt=180)]
     """Full angle across the width."""
     power_w: Positive
     """Radiant power with all pixels on."""
     in_band_fraction: PositiveFraction | None = None
-    """Share of the power within the filter's band. This or `spectrum`."""
+    """Fraction of the power within the filter's band. This or `spectrum`."""
     spectrum: Spectrum | None = None
-    """Emission of the LEDs. This or `in_band_fraction`."""
+    """Emission spectrum of the LEDs. This or `in_band_fraction`."""
     pattern_rate_hz: Annotated[Number, Field(gt=0, le=1e8)]
     """Patterns per second."""
     settling_time_s: NonNegative = 0.0
-    """Time constant with which a pattern appears; a fifth of its period at most."""
+    """Time constant of a pattern's appearance; at most a fifth of its period."""
     on_off_contrast: Annotated[Number, Field(gt=1)] | None = None
-    """Power of a lit pixel over that of a dark one; without, dark ones are black."""
+    """Power of a lit pixel over that of a dark one; dark ones are black by default."""
     nonuniformity: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
     """Rms spread of the pixels' power over its mean."""
     nonuniformity_seed: Annotated[int, Field(ge=0)] = 0
-    """Another array for each."""
+    """Seed of the nonuniformity."""
     falloff: NonNegative = 0.0
-    """Exponent n of cosⁿθ across the field; 4 for a lens without aids."""
+    """Exponent n of cosⁿθ across the field; 4 for a plain lens."""
     lens_radius_m: Annotated[Number, Field(ge=0, le=1)] = 0.0
     """Radius of the lens; 0 is a pinhole, sharp everywhere."""
     focus_m: Positive = 1.0
     """Distance at which the lens is sharp."""
     modulation: Modulation | None = None
-    """Modulation of the array itself, whose detector then gives taps for every pattern."""
+    """Modulation of the array, whose detector then yields taps for each pattern."""
 
     @property
     def pixel_fractions(self) -> Floats:
-        """Share (H, W) of the power in each virtual pixel.
-
-        The spread of the LEDs is drawn once for each shape and seed: an array is what it is.
-        """
+        """Fraction (H, W) of the power in each virtual pixel, fixed by shape and seed."""
         height, width = self.shape
         x = (2 * (np.arange(width) + 0.5) / width - 1) * self.tan_half_width
         y = (2 * (np.arange(height) + 0.5) / height - 1) * self.tan_half_height
@@ -158,14 +151,12 @@ class Projector(Section):
 def _polarity(given: Any) -> Any:
     if given == "signed":
         raise InputError(
-            "signed patterns are differences formed by a recorder; choose differential or "
-            "single-ended"
+            "signed patterns are differences of exposures; choose differential or single-ended"
         )
     signs = given if isinstance(given, list | tuple) else ()
     if given not in get_args(Polarity) and not (signs and all(sign in (1, -1) for sign in signs)):
         raise PydanticCustomError(
-            "polarity",
-            "should be 'differential', 'single-ended' or a list of 1 and -1",
+            "polarity", "should be 'differential', 'single-ended' or a list of 1 and -1"
         )
     return given
 
@@ -174,49 +165,47 @@ Polarity = Literal["differential", "single-ended"]
 RowNumber = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0)]
 
 
-#: Frames until patterns repeat; a memory of hundreds of frames is one of a still scene.
+#: Maximum frames until patterns repeat; more would assume a static scene.
 MAX_INTERLEAVED = 256
 
 
 class Plan(Section):
-    """Which patterns are shown: the first of an order, or those of an `index`, one by one.
+    """The patterns exposed: the first of an order, or those of an `index`, one by one.
 
-    Of an order, see `reconstruction.make_plan`. An `index` has the numbers of rows in a `layout`,
-    the basis's own or an order; with a polarity for each they are the exposures. A basis that no
-    shape tells, such as "dense", needs `patterns_file`: transmittances from 0 to 1,
-    (patterns, rows, columns), as an NPY file beside this one, or a capture that has shown them.
+    For orders see `reconstruction.make_plan`. An `index` lists row numbers in a `layout`, which is
+    the basis's natural order or a named one; with one polarity per row they are the exposures. A
+    basis without a formula, such as "dense", needs a `patterns_file`: transmittances from 0 to 1,
+    (patterns, rows, columns), as an NPY file beside this file, or a capture that exposed them.
 
-    With `interleave` frames differ: each shows the first patterns of the order, `common` of them as
-    a share, and of the next ones those that are its own, until so many frames have shown all.
+    With `interleave` the frames of a cycle differ: each exposes the first patterns of the order, a
+    fraction `common`, and its own of the following ones.
     """
 
     patterns: Count | None = None
-    """How many, the first of the `order`."""
+    """Number of patterns, the first of the `order`."""
     order: str | None = None
     """Name of an order of the basis, see below."""
     polarity: Annotated[Polarity | tuple[int, ...], BeforeValidator(_polarity)]
     """Each pattern and its complement, each once, or a sign for each entry of `index`."""
     index: Annotated[tuple[RowNumber, ...], Field(min_length=1)] | None = None
-    """Numbers of the rows to show, in place of `patterns` and `order`."""
+    """Row numbers to expose, in place of `patterns` and `order`."""
     layout: str | None = None
-    """What `index` counts: the basis's own order (natural), or an order by name."""
+    """Order that `index` refers to: natural, or the name of another."""
     basis: str = "hadamard"
-    """Name of a basis of patterns, see below."""
+    """Name of a pattern basis, see below."""
     patterns_file: Path | None = None
     """NPY file of transmittances (patterns, rows, columns), or a capture; beside this file."""
     interleave: Annotated[Count, Field(le=MAX_INTERLEAVED)] = 1
     """Frames until patterns repeat."""
     common: Annotated[Number, Field(ge=0, le=1)] = 0.5
-    """Share of the patterns that all of these frames show."""
+    """Fraction of the patterns that all frames of a cycle expose."""
 
     def cycle(self, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
-        """The plans of successive frames, over and over; InputError where there are none."""
+        """Plans of successive frames, repeated; InputError if there are none."""
         if self.interleave == 1:
             return (self.of_shape(shape),)
         if self.patterns is None:
-            raise InputError(
-                "interleave deals out the patterns of an order; an index tells them all"
-            )
+            raise InputError("interleave needs an order of patterns; an index lists them all")
         shared = max(1, round(self.common * self.patterns))
         patterns = shared + self.interleave * (self.patterns - shared)
         try:
@@ -226,7 +215,7 @@ class Plan(Section):
         return interleaved(whole, self.interleave, shared)
 
     def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
-        """The plan of patterns of this shape; InputError where there is none."""
+        """The plan for patterns of this shape; InputError if there is none."""
         basis = self._basis(shape)
         if self.index is not None:
             return plan_of_rows(basis, self.index, self.polarity, self.layout or "natural")
@@ -254,7 +243,7 @@ class Plan(Section):
     @model_validator(mode="after")
     def _rows_are_stated_once(self) -> Plan:
         if self.index is not None and 1 == len(set(self.index)) < len(self.index):
-            raise InputError(f"index shows row {self.index[0]} alone, which makes no image")
+            raise InputError(f"index exposes row {self.index[0]} alone, which makes no image")
         if self.index is None:
             missing = [name for name in ("patterns", "order") if getattr(self, name) is None]
             if missing:
@@ -262,13 +251,13 @@ class Plan(Section):
                     f"{missing[0]} is missing; a plan has patterns and order, or index"
                 )
             if self.layout is not None:
-                raise InputError("layout tells what index counts; there is none")
+                raise InputError("layout goes with index, which is missing")
             if not isinstance(self.polarity, str):
-                raise InputError("polarity as a list goes with index, one for each")
+                raise InputError("a list of polarities goes with index, one for each row")
             return self
         for name in ("patterns", "order"):
             if getattr(self, name) is not None:
-                raise InputError(f"index tells all patterns; leave {name} out")
+                raise InputError(f"index lists all patterns; leave {name} out")
         if not isinstance(self.polarity, str) and len(self.polarity) != len(self.index):
             raise InputError(
                 f"polarity has {len(self.polarity)} signs, index {len(self.index)} rows; one for "
@@ -279,7 +268,7 @@ class Plan(Section):
 
 @lru_cache(maxsize=4)
 def _basis_in(path: Path, name: str, shape: tuple[int, int], changed: int) -> Basis:
-    """The basis in a file that has last `changed` then, which a plan asks for again and again."""
+    """The basis in a file last modified at `changed`; a plan asks for it repeatedly."""
     if path.suffix == ".npy":
         return BASES[name].restored(shape, {"patterns": read_npy(path, "patterns_file")})
     if path.suffix not in (".h5", ".hdf5"):
@@ -291,27 +280,27 @@ def _basis_in(path: Path, name: str, shape: tuple[int, int], changed: int) -> Ba
 
 
 class Filter(Section):
-    """The band-pass in front of all detectors, as a box."""
+    """The band-pass filter in front of all detectors, with vertical edges."""
 
     band_nm: tuple[Positive, Positive]
-    """[lowest, highest] wavelength."""
+    """[minimum, maximum] wavelength."""
     transmittance: PositiveFraction
-    """Within the band; nothing passes outside."""
+    """Transmittance within the band; 0 outside."""
 
 
 class Lasers(Section):
-    """Beams that leave from the projector's pinhole, Gaussian in angle and place."""
+    """Beams from the projector's pinhole, Gaussian in angle and position."""
 
     power_w: Positive
-    """Power of each; mean of continuous light, peak of a pulse."""
+    """Power of each: mean of continuous light, peak of a pulse."""
     divergence_mrad: Annotated[Number, Field(ge=0, le=1000)] = 0.0
     """Standard deviation of the angle, per axis."""
     waist_mm: Annotated[Number, Field(ge=0, le=1000)] = 0.0
-    """Standard deviation of the place of exit, per axis."""
+    """Standard deviation of the exit position, per axis."""
     directions_deg: Annotated[
         tuple[tuple[Angle, Angle], ...], Field(min_length=1, max_length=MAX_SPOTS)
     ]
-    """[azimuth to the right, elevation up] of each spot, 1 to 64 of them."""
+    """[azimuth to the right, elevation up] of each spot, 1 to 64 spots."""
 
     @property
     def directions(self) -> Floats:

@@ -1,8 +1,8 @@
-"""Photodiodes: what PIN and avalanche diodes have in common, from light to converted charge."""
+"""Common behaviour of PIN and avalanche photodiodes, from light to converted charge."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,6 +11,8 @@ from scipy.constants import c, elementary_charge, h
 from reconstruction.base.arrays import Floats
 from spisim.instrument.sensor import (
     Each,
+    FrontEnd,
+    PulseTiming,
     Random,
     Readings,
     Sensor,
@@ -20,15 +22,11 @@ from spisim.instrument.sensor import (
 )
 from spisim.instrument.stamping.threshold import Threshold
 
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Detector
-    from spisim.instrument.tofs.dtof import DirectTof
-
-#: At which data sheets of avalanche diodes tell a responsivity.
+#: Gain at which data sheets of avalanche diodes state a responsivity.
 USUAL_GAIN = 100.0
-#: Of photodiodes at unit gain, near infrared: less is no hint to a gain.
+#: Minimum responsivity at unit gain, near infrared: a smaller one does not hint at a gain.
 MIN_A_PER_W = 0.1
-#: Electrons above which the normal distribution stands for Poisson's, whose skewness is 1e-6.
+#: Electrons above which a normal distribution replaces Poisson's, whose skewness is 1e-6.
 LARGE_MEAN = 1e12
 
 
@@ -36,16 +34,16 @@ class Photodiode(Sensor):
     """A sensor whose charge is amplified and converted."""
 
     responsivity_a_per_w: Spectral
-    """At unit gain; one value, or rows of wavelength in nm and value."""
+    """Responsivity at unit gain: one value, or rows of wavelength in nm and value."""
 
     def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
         """Primary electrons per joule on the photodiode."""
         return spectral_value(self.responsivity_a_per_w, wavelength_nm) / elementary_charge
 
     def at_band(self, band_nm: tuple[float, float], old_nm: float, new_nm: float) -> Self:
-        """For light of another band: of the same quantum efficiency, but where a table covers it.
+        """For light of another band: same quantum efficiency, unless a table covers the band.
 
-        At one quantum efficiency the responsivity is proportional to the wavelength.
+        At constant quantum efficiency the responsivity is proportional to the wavelength.
         """
         if covers(self.responsivity_a_per_w, band_nm):
             return self
@@ -63,12 +61,12 @@ class Photodiode(Sensor):
         if not MIN_A_PER_W <= largest / gain <= limit:
             return message
         return (
-            f"{message}; it belongs at unit gain: if the data sheet tells it at a gain of "
+            f"{message}; it belongs at unit gain: if the data sheet states it at a gain of "
             f"{gain:g}, divide by that, {largest / gain:.3g}"
         )
 
     def arrivals(self, electrons: Floats, rng: np.random.Generator) -> Floats:
-        """Draw charges of these means: Poisson's, which an avalanche makes noisier."""
+        """Draw charges with these means: Poisson noise, and excess noise of an avalanche."""
         drawn = _poisson(electrons, rng)
         excess = self.excess_noise_factor - 1
         if excess > 0:
@@ -77,19 +75,16 @@ class Photodiode(Sensor):
 
     def read(
         self,
-        detector: Detector,
+        detector: FrontEnd,
         electrons: Floats,
         time_s: Each,
         rng: Random,
         taken_off: Each = 0.0,
     ) -> Readings:
-        """One recording: the amplifier adds Gaussian charge, the converter rounds and clips.
-
-        See `Sensor.read`.
-        """
+        """One recording with amplifier noise, rounding and clipping; see `Sensor.read`."""
         adc = detector.adc
         assert adc is not None
-        if rng is None:  # no noise, no steps, no end of range
+        if rng is None:  # no noise, no quantisation, no saturation
             counts: NDArray[Any] = (
                 electrons - taken_off
             ) / adc.electrons_per_count + adc.offset_counts
@@ -109,12 +104,12 @@ class Photodiode(Sensor):
         )
 
     def warnings(
-        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+        self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float
     ) -> list[str]:
-        """Sentences about charge that the converter has no room for; see `Sensor.warnings`."""
+        """Warnings about charge beyond the converter's range; see `Sensor.warnings`."""
         assert detector.adc is not None
         if detector.amplifier is not None and detector.amplifier.coupling == "ac":
-            return []  # only changes reach the converter
+            return []  # the mean does not reach the converter
         room = detector.adc.headroom_electrons
         if background > room:
             return [
@@ -128,12 +123,12 @@ class Photodiode(Sensor):
             ]
         return []
 
-    def stamping(self, tof: DirectTof) -> Threshold:
+    def stamping(self, tof: PulseTiming) -> Threshold:
         return Threshold(tof)
 
 
 def _poisson(mean: Floats, rng: np.random.Generator) -> Floats:
-    """Poisson numbers; NumPy has none of a mean near 2^63."""
+    """Poisson numbers; NumPy cannot draw them for means near 2^63."""
     large = mean > LARGE_MEAN
     drawn = rng.poisson(np.where(large, 0, mean)).astype(np.float64)
     drawn[large] = rng.normal(mean[large], np.sqrt(mean[large]))

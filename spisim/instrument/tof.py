@@ -1,33 +1,31 @@
-"""What a method of ranging the spots is."""
+"""The interface of time-of-flight methods, and checks that they share."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from reconstruction.capture import Spots
+from reconstruction.capture.spots import SpotOptics
+from spisim.instrument.detector import TofDetector
+from spisim.instrument.sensor import Reading
 
-if TYPE_CHECKING:
-    from reconstruction.capture import Spots
-    from reconstruction.capture.spots import SpotOptics
-    from spisim.instrument.detector import TofDetector
-
-#: Bins of the light's path lengths that resolve a pulse.
+#: Minimum path-length bins per pulse.
 BINS_PER_PULSE = 4
 
 
 @dataclass(frozen=True, eq=False)
 class SpotLight:
-    """What reaches the ranging detectors, in primary electrons.
+    """Light on the ranging detectors, in primary electrons.
 
-    `echo_per_s` (frames, spots, bins) is the rate per histogram bin of the path length
-    `path_length_m` (bins,), ascending, for a laser that is on; `steady_per_s` (frames, spots) that
-    of daylight, the projector's patterns and the dark current. `laser_power_w` is that of one
-    laser.
+    `echo_per_s` (frames, spots, bins) is the rate per bin of the path length `path_length_m`
+    (bins,), ascending, while the laser is on; `steady_per_s` (frames, spots) is that of daylight,
+    the projector's patterns and dark current. `laser_power_w` is that of one laser.
     """
 
     path_length_m: Floats
@@ -36,22 +34,8 @@ class SpotLight:
     laser_power_w: float
 
 
-@dataclass(frozen=True)
-class Reading:
-    """What one reading of a ranging detector collects: for how long light, echo and amplifier.
-
-    `echo_s` is the time for which a laser that is on would have to shine to leave as much.
-    """
-
-    name: str  # as "tap"
-    steady_s: float
-    echo_s: float
-    amplifier_s: float
-    converted: bool = True  # by an ADC
-
-
 class Emission(NamedTuple):
-    """What one beam sends: its mean power and its pulses."""
+    """Emission of one beam: mean power, and energy and duration of its pulses."""
 
     mean_w: float
     pulse_j: float
@@ -59,11 +43,11 @@ class Emission(NamedTuple):
 
 
 class Tof(Protocol):
-    """A method with its settings: a section of an instrument's file."""
+    """A time-of-flight method with its parameters: a section of an instrument file."""
 
     @property
     def method(self) -> str:
-        """The name that it is registered by; that of its readings in a capture too."""
+        """The name that it is registered by, also of its readings in a capture."""
 
     @property
     def detector(self) -> TofDetector:
@@ -71,43 +55,50 @@ class Tof(Protocol):
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on a spot is not told from a nearer one, or not seen."""
+        """Range beyond which a spot is confused with a nearer one, or not seen."""
 
     @property
     def frame_time_s(self) -> float:
-        """Time that a frame takes; of each spot, where all share a photodiode."""
+        """Time per frame; per spot, if all share a photodiode."""
 
     @property
     def reading(self) -> Reading:
-        """What one reading collects."""
+        """Integration times of one reading."""
 
     def check_bins(self, bin_width_m: float) -> None:
-        """Raise InputError where path lengths in such bins do not resolve its light."""
+        """Raise InputError if path-length bins of this width do not resolve its light."""
 
     def record(
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> Spots:
-        """What is recorded; its fields that all methods have in common are `vars(optics)`.
+        """The recorded readings, as fields of a capture.
 
-        Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
-        reconstruction takes every reading at its word.
+        Parameters
+        ----------
+        light : SpotLight
+            Light on the detectors.
+        optics : SpotOptics
+            Fields common to all methods.
+        rng : Generator or None
+            Without one, the expected readings of an ideal instrument with unknown noise, which the
+            reconstruction trusts completely.
         """
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
-        """Standard deviation (...) of the path lengths measured, in closed form.
+        """Standard deviation (...) of measured path lengths, in closed form.
 
         For echoes (...) of one path length each, at rates while the laser is on.
         """
 
     def emission(self, power_w: float) -> Emission:
-        """What one beam of this power sends, taken as always in use."""
+        """Emission of one beam of this power in continuous operation."""
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
-        """Sentences about so many electrons per second on one detector that overwhelm it."""
+        """Warnings about saturation by so many electrons per second on one detector."""
 
 
 def check_charge(method: str, detector: TofDetector) -> None:
-    """Raise InputError unless the detector integrates charge, the background included."""
+    """Raise InputError unless the detector integrates charge, background included."""
     if detector.sensor.counts:
         raise InputError(
             f"{method} integrates charge; a {detector.sensor.type} sensor counts: choose method "
@@ -120,7 +111,7 @@ def check_charge(method: str, detector: TofDetector) -> None:
 
 
 def overflow(tof: Tof, steady_per_s: float, echo_per_s: float) -> list[str]:
-    """Sentences about charge of one reading, the steady light's and the echo's, that overflows."""
+    """Warnings about the charge of one reading, of constant light and echo, that overflows."""
     detector, time_s = tof.detector, tof.reading.steady_s
     background = steady_per_s * time_s
     whole = background + echo_per_s * time_s

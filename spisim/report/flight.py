@@ -17,7 +17,7 @@ from PIL import Image
 from reconstruction import Capture, Result
 from reconstruction.base.files import Output, mark, write_atomically
 from reconstruction.capture import FrameTruth
-from spisim.base.config import csv_table
+from spisim.base.config.files import csv_table
 from spisim.dataset.flight import Instant
 
 from .pictures import Scale, depth_scale, intensity_scale, show

@@ -1,18 +1,22 @@
-"""What is out there: geometry, materials, media, daylight, the drone, and how it all moves."""
+"""Scenes: geometry, materials, media, daylight, the drone, and their motion."""
 
-from spisim.scene.catalogue import catalogue
-from spisim.scene.drone import Drone
-from spisim.scene.drone_state import at_drone_state
-from spisim.scene.load import draw_scene, list_scenes, load_scene, make_scene, scenes_folder
+from spisim.scene.drone import Drone, at_drone_state
+from spisim.scene.load import (
+    catalogue,
+    draw_scene,
+    list_scenes,
+    load_scene,
+    make_scene,
+    scenes_folder,
+)
 from spisim.scene.materials import Material, find_material, material_table
-from spisim.scene.model import Ambient, Scene, SceneObject, Volume
+from spisim.scene.model import Ambient, Scene, SceneObject, SceneWarning, Volume
 from spisim.scene.motion import check_clear_of_sensor
 from spisim.scene.pose import look_at, pose_matrix
 from spisim.scene.rays import enclosing_object
 from spisim.scene.shapes import texture_coordinates
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 from spisim.scene.trajectory import Trajectory, check_clear_path, load_trajectory
-from spisim.scene.warning import SceneWarning
 
 __all__ = [
     "Ambient",

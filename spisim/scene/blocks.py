@@ -1,7 +1,7 @@
-"""Many triangles asked by few rays and points: in blocks of near ones, each with its bounds.
+"""A bounding volume hierarchy of two levels, for few rays and points among many triangles.
 
-A bounding volume hierarchy of two levels: whole arrays of blocks are tested at a time, and the
-triangles of those that may matter.
+Neighbouring triangles form blocks. The bounds of all blocks are tested at once, then the triangles
+of the blocks that may matter.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from spisim.scene.rays import first_hits
 
 #: Triangles in a block.
 BLOCK = 128
-#: Bits of each coordinate of a place along Morton's curve, and octaves of size below the scene's.
+#: Bits per coordinate of a Morton code, and octaves of triangle size below the scene's extent.
 BITS, OCTAVES = 16, 12
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Triangles (n, BLOCK, 3, 3), the last ones repeated, and the bounds of each block (n, 3)."""
+    """Triangles (n, BLOCK, 3, 3), padded with the last one, and the bounds (n, 3) of each block."""
 
     triangles: Floats
     low: Floats
@@ -30,7 +30,7 @@ class Blocks:
 
     @classmethod
     def of(cls, triangles: Floats) -> Blocks:
-        """Blocks of triangles (t, 3, 3), t > 0: of a size, and along Morton's curve."""
+        """Blocks of triangles (t, 3, 3), t > 0, grouped by size and Morton order."""
         triangles = triangles[np.argsort(_keys(triangles), kind="stable")]
         lacking = -len(triangles) % BLOCK
         whole = np.concatenate([triangles, np.repeat(triangles[-1:], lacking, axis=0)])
@@ -38,7 +38,7 @@ class Blocks:
         return cls(blocks, blocks.min(axis=(1, 2)), blocks.max(axis=(1, 2)))
 
     def first_hits(self, origin: Floats, rays: Floats) -> Floats:
-        """First hit (n,) of each ray (n, 3) among all triangles, in ray lengths, else inf."""
+        """Distance (n,) along each ray (n, 3) to the first hit, in ray lengths; inf if none."""
         result = np.full(len(rays), np.inf)
         for number, ray in enumerate(rays):
             enter, leave = self._crossed(origin, ray)
@@ -51,7 +51,7 @@ class Blocks:
         return result
 
     def distance(self, point: Floats) -> float:
-        """Distance of a point (3,) from the nearest triangle, m."""
+        """Distance, m, from a point (3,) to the nearest triangle."""
         outside = np.maximum(0.0, np.maximum(self.low - point, point - self.high))
         minimum = np.linalg.norm(outside, axis=1)
         result = np.inf
@@ -63,21 +63,18 @@ class Blocks:
         return result
 
     def _crossed(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats]:
-        """Where a ray enters each block's bounds, or 0 within them, and where it leaves them."""
+        """Where a ray enters, or 0 within, and leaves the bounds of each block."""
         ray = ray + 0.0  # no negative zeros
         with np.errstate(divide="ignore", invalid="ignore"):
             one, other = (self.low - origin) / ray, (self.high - origin) / ray
-        # 0/0: in a face of the bounds, along it
+        # 0/0: the ray runs in a face of the bounds
         enter = np.fmin(one, other).max(axis=1, where=~np.isnan(one), initial=0.0)
         leave = np.fmax(one, other).min(axis=1, where=~np.isnan(other), initial=np.inf)
         return enter, leave
 
 
 def distance(point: Floats, triangles: Floats) -> float:
-    """Distance of a point (3,) from the nearest of triangles (t, 3, 3), m.
-
-    The nearest point of a triangle lies within it or on an edge.
-    """
+    """Distance, m, from a point (3,) to the nearest point of triangles (t, 3, 3)."""
     a, b, c = np.moveaxis(triangles, 1, 0)
     edges = min(_from_segments(point, *ends).min() for ends in ((a, b), (b, c), (c, a)))
     normal = np.cross(b - a, c - a)
@@ -101,15 +98,12 @@ def _from_segments(point: Floats, start: Floats, stop: Floats) -> Floats:
 
 
 def _pieces(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Numbers of blocks in pieces, the first ones small: most questions end with those."""
+    """Block indices in growing pieces: most queries end with the first."""
     return [piece for piece in np.split(order, [2, 8, 32, 128, 512]) if len(piece)]
 
 
 def _keys(triangles: Floats) -> NDArray[np.int64]:
-    """Size of each triangle in octaves, then its place along Morton's curve.
-
-    Large triangles are in blocks of their own: one among small ones would make a large block of it.
-    """
+    """Octave of each triangle's size, then its Morton code: a large one would inflate a block."""
     low, high = triangles.min(axis=1), triangles.max(axis=1)
     start = low.min(axis=0)
     extent = float((high.max(axis=0) - start).max()) or 1.0
@@ -121,7 +115,7 @@ def _keys(triangles: Floats) -> NDArray[np.int64]:
 
 
 def _spread(values: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Bits of numbers three places apart."""
+    """Spread the bits of numbers three apart."""
     for shift, mask in (
         (16, 0xFF0000FF),
         (8, 0xF00F00F00F),

@@ -1,10 +1,9 @@
-"""How surfaces scatter light, as data; the transport turns it into what its renderer needs.
+"""Surface scattering models as data, which the transport turns into its renderer's BSDFs.
 
-`roughness` is, for every model, the width α of the distribution of microfacet slopes: GGX, or for
-rough plastics, metals and dielectrics Beckmann's, the Gaussian, too (Walter et al. 2007). `ior` is
-the refractive index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
-The reflectance of these models at normal incidence, where it follows from refraction, is
-`fresnel_reflectance`; elsewhere it is None and the material's own number counts.
+`roughness` is the width α of the microfacet slope distribution in every model: GGX, or Beckmann's
+(Gaussian) for rough plastics, metals and dielectrics (Walter et al. 2007). `ior` is the refractive
+index relative to air; `eta` and `k` are the real and imaginary part of a metal's.
+The material states the reflectance at normal incidence unless it follows from refraction.
 """
 
 import math
@@ -15,24 +14,22 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from reconstruction.base.errors import InputError, nearest
 
-#: Below this a microfacet lobe is as good as a mirror, and too narrow for single precision.
+#: A narrower microfacet lobe acts as a mirror and exceeds single precision.
 MIN_ROUGHNESS = 0.01
 MAX_IOR = 5.0
-#: Of a clear coat; there are none denser.
+#: Maximum index of a clear coat; no denser ones exist.
 MAX_COAT_IOR = 3.0
 MIN_SPECULAR = 0.01
-#: How microfacet slopes may be spread.
+#: Distributions of microfacet slopes.
 Distribution = Literal["ggx", "beckmann"]
 DISTRIBUTIONS: tuple[Distribution, ...] = get_args(Distribution)
-#: Beads and prisms are no better; below it, and single precision loses the lobe.
+#: Beads and prisms are no better, and single precision loses a narrower lobe.
 MIN_RETRO_ROUGHNESS = 0.001
 
 
 @dataclass(frozen=True)
 class Diffuse:
-    """Lambertian."""
-
-    fresnel_reflectance = None
+    """Lambertian reflection."""
 
 
 DIFFUSE = Diffuse()
@@ -43,7 +40,6 @@ class Plastic:
     """A diffuse body under a smooth clear coat: gloss paint, glazed tiles."""
 
     ior: float = 1.5
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_ior(self.ior, MAX_COAT_IOR)
@@ -56,7 +52,6 @@ class RoughPlastic:
     roughness: float
     ior: float = 1.5
     distribution: Distribution = "ggx"
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
@@ -66,9 +61,7 @@ class RoughPlastic:
 
 @dataclass(frozen=True)
 class Mirror:
-    """Reflects the material's reflectance at every angle."""
-
-    fresnel_reflectance = None
+    """Specular reflection with the material's reflectance at every angle."""
 
 
 @dataclass(frozen=True)
@@ -80,11 +73,6 @@ class Conductor:
 
     def __post_init__(self) -> None:
         _check_metal(self.eta, self.k)
-
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence."""
-        return _fresnel(complex(self.eta, self.k))
 
 
 @dataclass(frozen=True)
@@ -101,30 +89,20 @@ class RoughConductor:
         _check_distribution(self.distribution)
         _check_metal(self.eta, self.k)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of a smooth patch."""
-        return _fresnel(complex(self.eta, self.k))
-
 
 @dataclass(frozen=True)
 class Dielectric:
-    """The smooth surface of something clear that fills a closed mesh."""
+    """The smooth surface of a transparent solid, a closed mesh."""
 
     ior: float = 1.5
 
     def __post_init__(self) -> None:
         _check_ior(self.ior)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence, from outside."""
-        return _fresnel(self.ior)
-
 
 @dataclass(frozen=True)
 class RoughDielectric:
-    """The rough surface of something clear that fills a closed mesh: frosted glass."""
+    """The rough surface of a transparent solid, a closed mesh: frosted glass."""
 
     roughness: float
     ior: float = 1.5
@@ -135,40 +113,28 @@ class RoughDielectric:
         _check_distribution(self.distribution)
         _check_ior(self.ior)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of a smooth patch, from outside."""
-        return _fresnel(self.ior)
-
 
 @dataclass(frozen=True)
 class ThinPane:
-    """A clear pane drawn as a sheet: light goes straight on or is mirrored."""
+    """A transparent pane without thickness: light passes straight on or is mirrored."""
 
     ior: float = 1.5
 
     def __post_init__(self) -> None:
         _check_ior(self.ior)
 
-    @property
-    def fresnel_reflectance(self) -> float:
-        """Reflectance at normal incidence of both faces, with all reflections between them."""
-        once = _fresnel(self.ior)
-        return 2 * once / (1 + once)
-
 
 @dataclass(frozen=True)
 class Principled:
-    """A rough plastic blended by `metallic` into a rough metal of the material's reflectance.
+    """A rough plastic blended by `metallic` with a rough metal of the material's reflectance.
 
-    `specular` is the gloss of the plastic in the units of Burley (2012), 12.5 times what its coat
-    reflects at normal incidence: 0.5 is a refractive index of 1.5.
+    `specular` is the plastic's gloss after Burley (2012): 12.5 times the reflectance of its coat at
+    normal incidence; 0.5 is a refractive index of 1.5.
     """
 
     roughness: float = 0.25
     metallic: float = 0.0
     specular: float = 0.5
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_roughness(self.roughness)
@@ -178,33 +144,31 @@ class Principled:
 
 @dataclass(frozen=True)
 class Retroreflector:
-    """A diffuse body that sends part of the light back to where it came from: tape, cat's eyes.
+    """A diffuse body that also returns light to its source: reflective tape, cat's eyes.
 
-    The lobe is that of microfacets which face the incoming light, wherever the surface faces
-    (compare the back vector of Belcour et al. 2014, JOSA A 31, 2561): the same all around the
-    incoming direction. `returned` is its fraction of the light at normal incidence. The
-    coefficient of retroreflection falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`;
-    at the observation angle δ, in any direction, it is (small α and δ, in sr⁻¹, which are
-    cd/(lx m²)):
+    The lobe is that of microfacets that face the incoming light, whatever the surface normal
+    (compare the back vector of Belcour et al. 2014, JOSA A 31, 2561), so it is symmetric about the
+    incoming direction. `returned` is its fraction of the light at normal incidence. The coefficient
+    of retroreflection falls with the entrance angle β as cosᵏβ, k = `ENTRANCE_FALL`. At an
+    observation angle δ (small α and δ, in sr⁻¹, which are cd/(lx m²)) it is
 
         R_A = returned · cosᵏβ / (4 π α² (1 + δ² / (2 α)²)²)
 
-    The default roughness is that of class 2 tape by EN ISO 20471 (2013), whose least coefficients
-    from 0.2 to 1.5° it meets to a quarter with `returned` 0.15. Breaks: prisms return in six rays
-    rather than in one lobe, and less in some directions across.
+    The default roughness is that of class 2 tape by EN ISO 20471 (2013); with `returned` 0.15 it
+    meets the minimum coefficients from 0.2 to 1.5° within a quarter. Not modelled: prisms return
+    six beams instead of one lobe, weaker in some directions.
     """
 
     returned: float
     roughness: float = 0.0054
-    fresnel_reflectance = None
 
     def __post_init__(self) -> None:
         _check_range("returned", self.returned, 0, 1)
         _check_range("roughness", self.roughness, MIN_RETRO_ROUGHNESS, 1)
 
 
-#: Of what EN ISO 20471 (2013) asks of class 2 tape at an observation angle of 0.2°: 330, 290, 180
-#: and 65 cd/(lx m²) at 5, 20, 30 and 40°.
+#: Fitted to EN ISO 20471 (2013), class 2, at an observation angle of 0.2°: 330, 290, 180 and 65
+#: cd/(lx m²) at entrance angles of 5, 20, 30 and 40°.
 ENTRANCE_FALL = 5
 
 
@@ -223,7 +187,7 @@ Bsdf: TypeAlias = (
     | ThinPane
 )
 
-#: What scene files call the models.
+#: The models by their names in scene files.
 BSDFS: Mapping[str, type[Any]] = MappingProxyType(
     {
         "diffuse": Diffuse,
@@ -242,11 +206,7 @@ BSDFS: Mapping[str, type[Any]] = MappingProxyType(
 
 
 def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
-    """Model of a name in `BSDFS` with its parameters.
-
-    Raises InputError for an unknown name, a parameter that is not the model's own, is missing or
-    out of range.
-    """
+    """Model of a name in `BSDFS`; InputError for an unknown name or unfit parameters."""
     if name not in BSDFS:
         raise InputError(f"unknown bsdf {name!r}: {nearest(name, BSDFS)}")
     available = {field.name: field.default is MISSING for field in fields(BSDFS[name])}
@@ -262,7 +222,23 @@ def make_bsdf(name: str, parameters: Mapping[str, float | str]) -> Bsdf:
     return bsdf
 
 
-def _fresnel(index: complex) -> float:
+def fresnel_reflectance(bsdf: Bsdf) -> float | None:
+    """Reflectance at normal incidence, of a smooth patch from outside, or None if not refraction's.
+
+    That of a pane includes all reflections between its faces.
+    """
+    match bsdf:
+        case Conductor() | RoughConductor():
+            return fresnel(complex(bsdf.eta, bsdf.k))
+        case Dielectric() | RoughDielectric():
+            return fresnel(bsdf.ior)
+        case ThinPane():
+            once = fresnel(bsdf.ior)
+            return 2 * once / (1 + once)
+    return None
+
+
+def fresnel(index: complex) -> float:
     """Reflectance at normal incidence of a half-space of complex refractive index."""
     return abs((index - 1) / (index + 1)) ** 2
 

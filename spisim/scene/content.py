@@ -1,4 +1,4 @@
-"""What meshes and surfaces hold, as digests: equal for equal ones, however they came about."""
+"""Digests of meshes and surfaces: equal content has equal digests."""
 
 from collections.abc import Sequence
 from hashlib import blake2b
@@ -12,7 +12,7 @@ from spisim.scene.shapes import texture_coordinates
 
 
 def surface_content(objects: Sequence[SceneObject]) -> bytes:
-    """Digest of all that light and rays can tell of objects, in their order; not of their names."""
+    """Digest of everything about objects that affects light, in their order; not their names."""
     result = blake2b()
     materials = {id(thing.material): thing.material for thing in objects}
     contents = {number: material_content(each) for number, each in materials.items()}

@@ -1,4 +1,4 @@
-"""What a scene file may say: the YAML fields, their units and limits."""
+"""Fields of scene files, with their units and limits."""
 
 from __future__ import annotations
 
@@ -19,73 +19,63 @@ from spisim.scene.lamp_fields import AnyLamp
 
 
 class DroneDescription(Section):
-    """Where the instrument is and what it looks at, in world coordinates (z up), and its motion.
+    """Pose and motion of the instrument, in world coordinates (z up).
 
-    From there it is moved by `offset_m`, [forward, left, up] of the drone, and turned about itself
-    by `turn_deg`, [roll, pitch, yaw] about these axes in this order, right-handed: a pitch above
-    zero looks down, a yaw to the left. Angular velocities are about the world's axes, right-handed,
-    through the drone.
+    `offset_m` and then `turn_deg` correct the pose in the drone's axes (forward, left, up), in
+    roll, pitch, yaw order, right-handed: positive pitch looks down, positive yaw to the left.
     """
 
     position_m: Vector
-    """Where the projector's pinhole is, in world coordinates."""
+    """Position of the projector's pinhole, world coordinates."""
     look_at_m: Vector
-    """A point in the middle of the field; another one than the position."""
+    """A point on the optical axis; not the position itself."""
     up: Vector = (0.0, 0.0, 1.0)
-    """Direction that is up in the picture; not along the line of sight."""
+    """Direction that is up in the image; not along the line of sight."""
     offset_m: Vector = (0.0, 0.0, 0.0)
-    """Moved by so much from there: [forward, left, up] of the drone."""
+    """Displacement from the position: [forward, left, up] of the drone."""
     turn_deg: Vector = (0.0, 0.0, 0.0)
-    """Then turned about itself: [roll, pitch, yaw]."""
+    """Rotation after the displacement: [roll, pitch, yaw]."""
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
-    """How it flies while it records, along the world's axes."""
+    """Velocity during the recording, along the world's axes."""
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
-    """How it turns meanwhile, about the world's axes through the drone."""
+    """Angular velocity during the recording, about the world's axes through the drone."""
 
 
 class DroneState(DroneDescription):
-    """A moment of a flight: the drone as it is then, and all else `time_s` after the file's poses.
-
-    It takes the drone's place after everything else is made, so that a family draws the same world
-    for every moment.
-    """
+    """A timestamped pose of a flight, which replaces the drone once everything else is made."""
 
     time_s: NonNegative
-    """So long after the poses that the file gives."""
+    """Time since the poses in the file."""
 
 
 class Pose(Section):
-    """Rotate, then move.
-
-    `rotate_deg` is [roll, pitch, yaw]: about the fixed axes x, then y, then z, right-handed.
-    """
+    """Rotation, then translation."""
 
     rotate_deg: Vector = (0.0, 0.0, 0.0)
     """[roll, pitch, yaw] about the fixed axes x, then y, then z, right-handed."""
     translate_m: Vector = (0.0, 0.0, 0.0)
-    """Moved by so much, after it is turned."""
+    """Translation after the rotation."""
 
 
 class ObjectDescription(Pose):
-    """What objects of every shape have in common.
+    """Fields of objects of every shape.
 
-    The shape is scaled, then posed. With `instances` there is one copy per entry, posed once more
-    by it, and named name-1, name-2, …. Velocities are along and about the world's axes; every copy
-    turns about the centre of its own bounding box.
+    The shape is scaled, then posed. `instances` makes one copy per pose, applied last, named
+    name-1, name-2, …; each copy turns about the centre of its own bounding box.
     """
 
     name: Name
-    """What messages and other sections call it; no two objects share one."""
+    """Name in messages and other sections; unique among objects."""
     material: Name
-    """A name of the table of materials, or of the scene's own `materials`."""
+    """Name of a material in the table or in the scene's own `materials`."""
     scale: Positive = 1.0
     """Factor on all lengths, before the pose."""
     instances: Annotated[tuple[Pose, ...], Field(min_length=1)] | None = None
-    """A copy for each pose; one copy without."""
+    """Poses of copies; a single object by default."""
     velocity_m_s: Vector = (0.0, 0.0, 0.0)
-    """How it moves while the instrument records, along the world's axes."""
+    """Velocity during the recording, along the world's axes."""
     angular_velocity_deg_s: Vector = (0.0, 0.0, 0.0)
-    """How it turns meanwhile, about the centre of its bounds."""
+    """Angular velocity during the recording, about the centre of its bounds."""
 
 
 class MeshObject(ObjectDescription):
@@ -99,7 +89,7 @@ class BoxObject(ObjectDescription):
     """A box with edges `size_m` along x, y, z, centred on the origin."""
 
     shape: Literal["box"]
-    """Told by this word."""
+    """Shape discriminator."""
     size_m: tuple[Positive, Positive, Positive]
     """Edges along x, y and z."""
 
@@ -108,7 +98,7 @@ class RectangleObject(ObjectDescription):
     """A rectangle with edges `size_m` along x and y, centred on the origin, facing z."""
 
     shape: Literal["rectangle"]
-    """Told by this word."""
+    """Shape discriminator."""
     size_m: tuple[Positive, Positive]
     """Edges along x and y."""
 
@@ -117,7 +107,7 @@ class SphereObject(ObjectDescription):
     """A sphere centred on the origin."""
 
     shape: Literal["sphere"]
-    """Told by this word."""
+    """Shape discriminator."""
     radius_m: Positive
     """Radius."""
 
@@ -126,7 +116,7 @@ class CylinderObject(ObjectDescription):
     """A closed cylinder about z, centred on the origin."""
 
     shape: Literal["cylinder"]
-    """Told by this word."""
+    """Shape discriminator."""
     radius_m: Positive
     """Radius."""
     height_m: Positive
@@ -180,46 +170,45 @@ FractionSpectrum = Annotated[
 
 
 def _up_to_1(minimum: float) -> Any:
-    """An optional field whose bounds the model of the surface sees to, told in the JSON Schema."""
+    """An optional field whose bounds, stated in the JSON Schema, the surface model checks."""
     return Field(None, json_schema_extra={"minimum": minimum, "maximum": 1})
 
 
 class MaterialDescription(Section):
-    """A material of this scene's own; `source` says where its values come from.
+    """A material of this scene's own; its `bsdf` determines which parameters it takes.
 
-    Which of `roughness` to `returned` go with a `bsdf`, and their ranges, is up to the model. What
-    changes with the wavelength may be given as a mapping from nm: `{850: 0.4, 1550: 0.3}`.
+    Spectral values may be a mapping from nm: `{850: 0.4, 1550: 0.3}`.
     """
 
     reflectance: FractionSpectrum | None = None
-    """Share of the light that is reflected; left out where it follows from refraction."""
+    """Reflected fraction of the light; omit it where it follows from refraction."""
     source: Name
-    """Where the values are from."""
+    """Origin of the values."""
     bsdf: str = Field("diffuse", json_schema_extra={"enum": list(BSDFS)})
-    """Model of how the surface scatters."""
+    """Scattering model of the surface."""
     roughness: Number | None = _up_to_1(MIN_RETRO_ROUGHNESS)
-    """Width α of the distribution of slopes; at least 0.01 but for `retroreflector`."""
+    """Width α of the slope distribution; at least 0.01 but for `retroreflector`."""
     distribution: Distribution | None = None
-    """How the slopes of `rough-…` are spread: as GGX, or as Beckmann's, with fewer steep ones."""
+    """Slope distribution of the `rough-…` models: ggx, or beckmann with fewer steep slopes."""
     ior: NumberSpectrum | None = None
-    """Refractive index relative to air; above 1 to 5, of a coat to 3."""
+    """Refractive index relative to air; above 1, at most 5, of a coat at most 3."""
     eta: NumberSpectrum | None = None
     """Real part of a metal's refractive index; above 0."""
     k: NumberSpectrum | None = None
     """Imaginary part of a metal's refractive index; above 0."""
     metallic: Number | None = _up_to_1(0)
-    """Share of metal in `principled`."""
+    """Metal fraction of `principled`."""
     specular: Number | None = _up_to_1(MIN_SPECULAR)
     """Gloss of `principled`; 0.5 is a refractive index of 1.5."""
     returned: NumberSpectrum | None = _up_to_1(0)
-    """Share that a `retroreflector` sends back to the source."""
+    """Fraction that a `retroreflector` returns to the source."""
     texture: Name | None = None
-    """Picture that multiplies what is reflected, PNG or NPY; the mesh has coordinates for it."""
+    """Picture (PNG or NPY) that multiplies the reflectance; needs texture coordinates."""
     opacity: Fraction | Name | None = None
-    """Share of the surface that is there, or a picture of it."""
+    """Opaque fraction of the surface, or a picture of it."""
 
     def parameters(self) -> dict[str, Spectrum | str]:
-        """Parameters of the model, as far as given."""
+        """Parameters of the model that are given."""
         names = (
             "roughness", "distribution", "ior", "eta", "k", "metallic", "specular", "returned"
         )  # fmt: skip
@@ -227,18 +216,14 @@ class MaterialDescription(Section):
 
 
 class VolumeDescription(Fog):
-    """Fog or smoke that fills a part of space, in addition to what fills the air.
-
-    `density` is a file of relative densities (nz, ny, nx) that fills the smallest box around that
-    part, in its own axes, `structure` what to make them from.
-    """
+    """Fog or smoke in a part of space, in addition to that in all the air."""
 
     name: Name
-    """What messages call it; no two volumes share one."""
+    """Name in messages; unique among volumes."""
     density: Name | None = None
-    """NPY file of relative densities (nz, ny, nx); not beside `structure`."""
+    """NPY file of relative densities (nz, ny, nx); excludes `structure`."""
     structure: Structure | None = None
-    """Patches, layer or plume to make the density from; the same everywhere without."""
+    """Patches, layer or plume that make the density; uniform by default."""
 
     @model_validator(mode="after")
     def _one_density(self) -> VolumeDescription:
@@ -262,22 +247,22 @@ class BallVolume(Pose, VolumeDescription):
 
 
 class MeshVolume(Pose, VolumeDescription):
-    """What a closed mesh encloses, scaled and then posed; light does not notice the mesh itself."""
+    """The interior of a closed mesh, scaled and then posed; the mesh itself is invisible."""
 
     mesh: Name
-    """Closed mesh, a file relative to the scene file."""
+    """File of a closed mesh, relative to the scene file."""
     scale: Positive = 1.0
     """Factor on all lengths, before the pose."""
 
 
 class ObjectVolume(VolumeDescription):
-    """What an object encloses, milk in a glass, and moves with it; its mesh has to be closed."""
+    """The interior of an object with a closed mesh (milk in a glass), which moves with it."""
 
     object: Name
-    """Name of an object of the scene, whose mesh is closed."""
+    """Name of an object of the scene with a closed mesh."""
 
 
-#: How a volume is told apart, by the field that gives its shape.
+#: Union tag of a volume, by the field that gives its shape.
 VOLUME_TAGS = {"mesh": "in a mesh", "object": "in an object", "radius_m": "a ball"}
 
 
@@ -296,82 +281,75 @@ AnyVolume = Annotated[
 
 
 class AmbientDescription(Section):
-    """Daylight: `sun_klx` on a surface that faces the sun, `sky_klx` on the ground."""
+    """Daylight."""
 
     sun_klx: NonNegative = 0.0
-    """Illuminance of a surface that faces the sun; 100 is a clear noon."""
+    """Illuminance of a surface that faces the sun; 100 at a clear noon."""
     sun_direction: Vector = (0.0, 0.0, -1.0)
-    """From the sun into the scene, world axes."""
+    """Direction from the sun into the scene, world axes."""
     sky_klx: NonNegative = 0.0
-    """Illuminance of the ground under a uniform sky, without the sun."""
+    """Illuminance of the ground by a uniform sky, without the sun."""
 
 
 _SECTIONS: dict[str, Any] = {
     name: (
         Annotated[Weather, named(WEATHER, name)] | None,
-        Field(None, description=f"{name.capitalize()} that fills all of the air."),
+        Field(None, description=f"{name.capitalize()} in all the air."),
     )
     for name in WEATHER
 }
-#: What fills all of the air: a section for each kind of weather.
-Air: Any = create_model(
-    "Air",
-    __base__=Section,
-    **_SECTIONS,
-)
+#: Media in all the air: a section for each kind of weather.
+Air: Any = create_model("Air", __base__=Section, **_SECTIONS)
 
 
 class Surroundings(Air):
-    """Sections that every scene file may have.
-
-    `material_swaps` puts materials in place of others, wherever those are used, if they are.
-    """
+    """Sections that every scene file may have."""
 
     description: str = ""
-    """A line for lists of scenes."""
+    """One line for lists of scenes."""
     materials: dict[Name, MaterialDescription] = Field(default_factory=dict)
-    """Materials of this scene's own, by name; they come before those of the table."""
+    """The scene's own materials by name; they take precedence over the table."""
     material_swaps: dict[Name, Name] = Field(default_factory=dict)
-    """Materials in place of others, wherever those are used."""
+    """Replacements of materials, wherever those are used."""
     volumes: tuple[AnyVolume, ...] = ()
     """Fog or smoke in parts of space."""
     lamps: tuple[AnyLamp, ...] = ()
-    """Steady light besides sun and sky."""
+    """Constant light besides sun and sky."""
     moment: DroneState | None = None
-    """A moment of a flight, instead of the file's own poses."""
+    """Timestamped pose of a flight that replaces the file's own poses."""
 
 
 class SceneDescription(Surroundings):
-    """A whole scene file."""
+    """A complete scene file."""
 
     name: Name
-    """What captures and reports call the scene."""
+    """Name of the scene in captures and reports."""
     drone: DroneDescription
-    """Where the instrument is."""
+    """Pose of the instrument."""
     objects: Annotated[tuple[AnyObject, ...], Field(min_length=1)]
-    """What light meets."""
+    """Surfaces."""
     ambient: AmbientDescription = AmbientDescription()
     """Daylight."""
 
 
 class DrawnDescription(Surroundings):
-    """A scene file that names a family, from which `seed` draws all that `parameters` leave open.
+    """A scene file that names a family, from which `seed` draws what `parameters` leave open.
 
-    Its own sections take the place of those drawn, fields of `drone` and `ambient` one by one; its
-    objects come in addition.
+    Its own sections replace those drawn, `drone` and `ambient` field by field; its objects are
+    added.
     """
 
     family: Name
-    """Name of a family; `spisim scenes list` has them."""
+    """Name of a family; `spisim scenes list` lists them."""
     seed: Annotated[int, Field(ge=0)] = 0
-    """Another world for each."""
+    """Seed of the world."""
     name: Name | None = None
-    """What captures and reports call the scene; the family's name and seed without."""
+    """Name of the scene in captures and reports; by default family and seed."""
     parameters: dict[Name, Any] = Field(default_factory=dict)
-    """Parameters of the family that are not to be drawn; `spisim scenes list FAMILY`."""
+    """Parameters of the family that are fixed; see `spisim scenes list FAMILY`."""
     drone: dict[Name, Any] = Field(default_factory=dict)
-    """Fields of `drone` in place of those drawn, see below."""
+    """Fields of `drone` that replace those drawn, see below."""
     objects: tuple[AnyObject, ...] = ()
     """Objects in addition to those drawn."""
     ambient: dict[Name, Any] = Field(default_factory=dict)
-    """Fields of `ambient` in place of those drawn, see below."""
+    """Fields of `ambient` that replace those drawn, see below."""

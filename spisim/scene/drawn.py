@@ -1,4 +1,4 @@
-"""Scenes of a family: drawn until a drone can fly in them."""
+"""Scenes of a family, redrawn until a drone can fly in them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,15 +16,15 @@ from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.load_context import LoadContext
 from spisim.scene.model import Scene
 
-#: Fields that tell how to draw; what they draw takes their place.
+#: Fields that say what to draw; the drawn sections replace them.
 DRAWING = ("family", "seed", "parameters")
-#: Draws that are tried before a family counts as impossible with the parameters given.
+#: Draws before a family counts as impossible with the given parameters.
 ATTEMPTS = 40
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A scene of a family, and the whole scene file that says the same, with its meshes."""
+    """A scene of a family, with the equivalent complete scene file and its meshes."""
 
     scene: Scene
     fields: Mapping[str, Any]
@@ -34,11 +34,7 @@ class Drawn:
 def draw(fields: Mapping[str, Any], context: LoadContext) -> Drawn:
     """Scene of a family, from the fields of a scene file.
 
-    What is drawn follows from family, seed and parameters alone: it is the same whatever the file
-    adds to it, wherever the drone is moved, and at every wavelength.
-
-    Raises InputError, naming the source, for fields that do not fit, an unknown family, unknown
-    parameters, and where none of many draws has a sound layout.
+    The draw depends on family, seed and parameters alone, not on the file's own sections.
     """
     described = check_fields(fields, DrawnDescription, context.source)
     drawn_from = described.model_dump_json(include=set(DRAWING))
@@ -49,7 +45,7 @@ def draw(fields: Mapping[str, Any], context: LoadContext) -> Drawn:
 
 
 def _sound_builder(described: DrawnDescription, context: LoadContext) -> families.SceneBuilder:
-    """The first one in which a drone can fly, see and range."""
+    """The first draw in which a drone can fly, see and range."""
     source, alone = context.source, LoadContext(Path(), "", context.source, cache=context.cache)
     with naming(source):
         family = families.FAMILIES[described.family]
@@ -69,13 +65,13 @@ def _sound_builder(described: DrawnDescription, context: LoadContext) -> familie
         if problem is None:
             return builder
     raise InputError(
-        f"{source}: family {described.family}, seed {described.seed}: none of {ATTEMPTS} draws is "
-        f"a scene to fly in; in the last, {problem}; change the parameters"
+        f"{source}: family {described.family}, seed {described.seed}: none of {ATTEMPTS} draws "
+        f"makes a scene to fly in; in the last, {problem}; change the parameters"
     )
 
 
 def whole_file(fields: Mapping[str, Any], builder: families.SceneBuilder) -> dict[str, Any]:
-    """Fields of the scene file that says in full what a builder and a file's own sections say."""
+    """Fields of the complete scene file: the builder's, overridden by the file's own sections."""
     own = {name: value for name, value in fields.items() if name not in DRAWING}
     name = f"{fields['family']}-{fields.get('seed', 0)}"
     whole = {"name": name, **own}

@@ -1,7 +1,7 @@
-"""What a scene file may say of lamps: steady light besides sun and sky, never modulated.
+"""Lamps in scene files: constant, unmodulated light besides sun and sky.
 
-How strong a lamp is stands in one field, in watts within the instrument's band, in front of its
-filter, or in lumens: these count as daylight's, with its watts in the band for every lumen.
+One field gives a lamp's strength: watts within the instrument's band, in front of its filter, or
+photometric units, converted with the in-band watts per lumen of daylight.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from spisim.base.config import Name, Number, Positive, Section, Vector
 
 
 class LampDescription(Section):
-    """What lamps of every type have in common: exactly one of the fields `STRENGTHS`."""
+    """Fields of lamps of every type; exactly one of `STRENGTHS` is given."""
 
     STRENGTHS: ClassVar[tuple[str, ...]]
 
     name: Name
-    """What messages call it; no two lamps share one."""
+    """Name in messages; unique among lamps."""
 
     @model_validator(mode="after")
     def _one_strength(self) -> LampDescription:
@@ -31,73 +31,70 @@ class LampDescription(Section):
 
     @property
     def strength(self) -> tuple[str, float]:
-        """The field that tells it, and its value."""
+        """Name and value of the field given."""
         (field,) = self.model_fields_set & set(self.STRENGTHS)
         return field, getattr(self, field)
 
 
 class AreaLampDescription(LampDescription):
-    """An object whose surface shines besides, all over, on the side that its triangles face.
-
-    Equally bright from every direction (Lambertian).
-    """
+    """An object whose surface also emits, Lambertian, on the side that its triangles face."""
 
     STRENGTHS = ("radiance_w_per_m2_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["area"]
-    """Told by this word."""
+    """Type discriminator."""
     object: Name
-    """Name of the object whose surface shines."""
+    """Name of the emitting object."""
     radiance_w_per_m2_sr: Positive | None = None
-    """Radiance of the surface within the band."""
+    """In-band radiance of the surface."""
     power_w: Positive | None = None
-    """Power of the whole surface within the band."""
+    """In-band power of the whole surface."""
     luminous_flux_lm: Positive | None = None
-    """Luminous flux of the whole surface, taken for daylight's."""
+    """Luminous flux of the whole surface, with daylight's spectrum."""
 
 
 class PointLampDescription(LampDescription):
-    """A lamp without a size, which shines in all directions alike."""
+    """An isotropic point source."""
 
     STRENGTHS = ("intensity_w_per_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["point"]
-    """Told by this word."""
+    """Type discriminator."""
     position_m: Vector
-    """Where it is, world coordinates."""
+    """Position, world coordinates."""
     intensity_w_per_sr: Positive | None = None
-    """Radiant intensity within the band."""
+    """In-band radiant intensity."""
     power_w: Positive | None = None
-    """Power in all directions together, within the band."""
+    """In-band power in all directions."""
     luminous_flux_lm: Positive | None = None
-    """Luminous flux, taken for daylight's."""
+    """Luminous flux, with daylight's spectrum."""
 
 
 class SpotLampDescription(LampDescription):
-    """A lamp without a size, which shines into a cone about its direction.
+    """A point source that emits into a cone.
 
-    As bright as on its axis up to `beam_deg` from it, three quarters of the cutoff unless given,
-    from there on falling in proportion to the angle, to nothing at `cutoff_deg`.
+    Its intensity is constant up to `beam_deg` from the axis, then falls linearly with the angle to
+    0 at `cutoff_deg`.
     """
 
     STRENGTHS = ("intensity_w_per_sr", "power_w", "luminous_flux_lm")
 
     type: Literal["spot"]
-    """Told by this word."""
+    """Type discriminator."""
     position_m: Vector
-    """Where it is, world coordinates."""
+    """Position, world coordinates."""
     direction: Vector
-    """Axis of the cone, in which the light goes."""
+    """Axis of the cone, in the direction of the light."""
     cutoff_deg: Annotated[Number, Field(gt=0, le=90)] = 20.0
-    """From the axis to where the light ends."""
+    """Angle from the axis at which the light ends."""
     beam_deg: Annotated[Number, Field(ge=0, le=90)] | None = None
-    """From the axis to where it begins to fall; three quarters of the cutoff without."""
+    """Angle from the axis at which it begins to fall; by default ¾ of the cutoff."""
     intensity_w_per_sr: Positive | None = None
-    """Radiant intensity on the axis, within the band."""
+    """In-band radiant intensity on the axis."""
     power_w: Positive | None = None
-    """Power of the whole cone within the band."""
+    """In-band power of the whole cone."""
     luminous_flux_lm: Positive | None = None
-    """Luminous flux of the whole cone, taken for daylight's."""
+    """Luminous flux of the whole cone, with daylight's spectrum."""
 
     @model_validator(mode="after")
     def _beam_within_cutoff(self) -> SpotLampDescription:
@@ -111,41 +108,41 @@ class SpotLampDescription(LampDescription):
 
 
 class DirectionalLampDescription(LampDescription):
-    """Parallel light from far away, like the sun's, on a surface that faces it."""
+    """Parallel light from infinity, like the sun's."""
 
     STRENGTHS = ("irradiance_w_per_m2", "illuminance_klx")
 
     type: Literal["directional"]
-    """Told by this word."""
+    """Type discriminator."""
     direction: Vector
-    """In which the light goes."""
+    """Direction of the light."""
     irradiance_w_per_m2: Positive | None = None
-    """On a surface that faces it, within the band."""
+    """In-band irradiance of a surface that faces it."""
     illuminance_klx: Positive | None = None
-    """On a surface that faces it, taken for daylight's."""
+    """Illuminance of a surface that faces it, with daylight's spectrum."""
 
 
 class EnvironmentLampDescription(LampDescription):
-    """Light from all around, from beyond everything, besides the sky.
+    """Light from all around, from infinity, besides the sky.
 
-    The same from everywhere, or `picture` times that: a PNG or NPY file (h, w) of the whole sphere,
-    rows from the zenith down, columns from x by y (counter-clockwise seen from above), turned by
-    `rotate_deg` as objects are. Of an OpenEXR or Radiance file (.exr, .hdr) it is the red, and its
-    columns go clockwise from x, as such pictures are seen from within.
+    It is uniform, or multiplied by a `picture` (h, w) of the whole sphere: PNG or NPY, rows from
+    the zenith down, columns from x via y (counter-clockwise seen from above), rotated by
+    `rotate_deg` as objects are. Of OpenEXR and Radiance files (.exr, .hdr), which show the sphere
+    from inside, red is read and columns run clockwise from x.
     """
 
     STRENGTHS = ("radiance_w_per_m2_sr", "luminance_kcd_per_m2")
 
     type: Literal["environment"]
-    """Told by this word."""
+    """Type discriminator."""
     radiance_w_per_m2_sr: Positive | None = None
-    """From everywhere, within the band."""
+    """In-band radiance in every direction."""
     luminance_kcd_per_m2: Positive | None = None
-    """From everywhere, taken for daylight's."""
+    """Luminance in every direction, with daylight's spectrum."""
     picture: Name | None = None
-    """PNG, NPY, OpenEXR or Radiance (.hdr) file (h, w) of the whole sphere, which multiplies it."""
+    """PNG, NPY, OpenEXR or Radiance (.hdr) file (h, w) of the whole sphere, a factor."""
     rotate_deg: Vector = (0.0, 0.0, 0.0)
-    """Turns the picture, as objects are turned."""
+    """Rotation of the picture, as of objects."""
 
 
 AnyLamp = Annotated[

@@ -1,4 +1,4 @@
-"""Whether a scene is one to fly in: room around the drone, and something to see and to range."""
+"""Whether a drone can fly in a scene: free space, and surfaces to image and to range."""
 
 import math
 from dataclasses import dataclass
@@ -21,35 +21,35 @@ from spisim.scene.materials import Material
 from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import enclosing_object, first_hits, first_met
 
-#: Free space around the drone, its own size and a bit.
+#: Minimum free space around the drone: its own size and a margin.
 CLEARANCE_M = 0.4
-#: Nearest thing in view, at least.
+#: Minimum distance of surfaces in view.
 MIN_DISTANCE_M = 0.9
-#: What a spot must return for its range: reflectance times cosine over squared range, 1/m², or as
-#: much by another surface. Black rubber, head-on, at 7.5 m.
+#: Minimum return of a spot, reflectance times cosine over squared range, 1/m², or as much by
+#: another surface: black rubber, head-on, at 7.5 m.
 MIN_SPOT_PER_M2 = 1.1e-3
-#: Points of a lens that should see the spot: its middle, and some of a ring around it.
+#: Points of a lens that must see the spot: its centre and a ring around it.
 ON_LENS = np.array([(0, 0), (-1, 0), (1, 0), (0, -1), (0, 1)])
-#: What is seen is so far off the surface: in single precision light does not get out of a crevice.
+#: Offset of points from their surface, so that single precision does not shadow them.
 OFF_SURFACE_M = 0.001
-#: Rays across the field, each way; odd, so that one goes straight ahead.
+#: Rays across the field, each way; odd, so that one is on the axis.
 RAYS = 11
 
 
 @dataclass(frozen=True)
 class Needs:
-    """What a drone that takes pictures and ranges four spots needs of a scene; optical frame."""
+    """Needs of a drone that takes images and ranges four spots, in the optical frame."""
 
-    half_field_deg: tuple[float, float]  # of the picture, across and down
+    half_field_deg: tuple[float, float]  # of the image, across and down
     beams: Floats  # (4, 3), unit vectors to the spots
-    farthest_spot_m: float  # whose range is told without doubt
-    min_spots: int  # that must return from nearer
+    farthest_spot_m: float  # maximum unambiguous range
+    min_spots: int  # that must return within it
     detectors_m: Floats  # (4, 3), of the spots
-    lens_ring_m: float  # half of a detector's lens is within this radius
+    lens_ring_m: float  # radius that holds half the area of a detector's lens
 
 
 def layout_problem(scene: Scene, needs: Needs) -> str | None:
-    """See `Layout.problem`."""
+    """What makes a scene unfit, in words, or None; see `Layout.problem`."""
     return Layout(scene, needs).problem
 
 
@@ -61,7 +61,7 @@ def _directions(azimuth_deg: Floats, elevation_deg: Floats) -> Floats:
 
 
 _RIGHT, _DOWN = np.array([(-1, -1), (1, -1), (-1, 1), (1, 1)]).T
-#: What every draw of a family offers, to whatever instrument.
+#: Needs that every draw of a family meets, whatever the instrument.
 OFFERED = Needs(
     half_field_deg=(10.0, 10.0),
     beams=_directions(5.0 * _RIGHT, -5.0 * _DOWN),
@@ -74,7 +74,7 @@ OFFERED = Needs(
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """A scene about its drone, and what somebody needs of it."""
+    """A scene around its drone, checked against needs."""
 
     scene: Scene
     needs: Needs
@@ -91,26 +91,23 @@ class Layout:
 
     @cached_property
     def clearance_m(self) -> float:
-        """Distance from the drone to the nearest surface, all around."""
+        """Distance from the drone to the nearest surface in any direction."""
         return _distance_to(self.triangles)
 
     @cached_property
     def lost(self) -> dict[int, str]:
-        """Spots that give no range, by their numbers, and why, in words."""
+        """Spots without a range, by index, and why, in words."""
         lost = {}
-        for number, range_m in enumerate(self._spots):
+        for spot, range_m in enumerate(self._spots):
             if range_m > self.needs.farthest_spot_m:
-                lost[number] = f"meets nothing within {self.needs.farthest_spot_m:.3g} m"
-            elif why := self._why_dark(number):
-                lost[number] = why
+                lost[spot] = f"meets nothing within {self.needs.farthest_spot_m:.3g} m"
+            elif why := self._why_dark(spot):
+                lost[spot] = why
         return lost
 
     @property
     def problem(self) -> str | None:
-        """What makes the scene useless to who needs this, in words, or None if nothing does.
-
-        Spots may meet nothing, or something far, as long as enough of them return from near by.
-        """
+        """What makes the scene unfit for these needs, in words, or None."""
         if name := enclosing_object(self.scene, self.scene.drone_pose[:3, 3]):
             return f"the drone is inside {name!r}"
         if self.clearance_m < CLEARANCE_M:
@@ -118,7 +115,7 @@ class Layout:
                 f"something is {self.clearance_m:.2f} m from the drone, less than {CLEARANCE_M} m"
             )
         if len(self._spots) - len(self.lost) < self.needs.min_spots:
-            text = ", ".join(f"spot {number} {why}" for number, why in self.lost.items())
+            text = ", ".join(f"spot {spot} {why}" for spot, why in self.lost.items())
             return f"at least {self.needs.min_spots} of the laser spots should return: {text}"
         fields = [np.linspace(-half, half, RAYS) for half in self.needs.half_field_deg]
         field = first_hits(np.zeros(3), _rays(*fields), self._seen)
@@ -128,7 +125,7 @@ class Layout:
 
     @cached_property
     def _in_view(self) -> NDArray[np.int64]:
-        """Numbers of the triangles that may be in view."""
+        """Indices of the triangles that may be in view."""
         return np.flatnonzero(_may_be_in_view(self.triangles, self.needs))
 
     @cached_property
@@ -146,14 +143,11 @@ class Layout:
         return self.scene.objects[int(np.searchsorted(stops, triangle, side="right"))]
 
     def _why_dark(self, number: int) -> str | None:
-        """Why a spot, which meets something, gives too little light; or None.
-
-        What a diffuse surface of reflectance 1 across the beam would return at 1 m is 1, in 1/m².
-        """
+        """Why a spot returns less than a fraction of a white surface at 1 m (1/m²), or None."""
         needs, triangles = self.needs, self._seen
         beam = needs.beams[number]
-        (distance,), (position,) = first_met(np.zeros(3), beam[None], triangles)
-        one, two, three = triangles[position]
+        (distance,), (index,) = first_met(np.zeros(3), beam[None], triangles)
+        one, two, three = triangles[index]
         normal = np.cross(two - one, three - one)
         normal *= -np.sign(normal @ beam) / np.linalg.norm(normal)
         spot = distance * beam + OFF_SURFACE_M * normal
@@ -161,7 +155,7 @@ class Layout:
         lens[:, :2] += needs.lens_ring_m * ON_LENS
         between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
         seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
-        thing = self._owner(self._in_view[position])
+        thing = self._owner(self._in_view[index])
         where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
         if seen < 0.5:
             return f"{where} is hidden from its detector"
@@ -172,7 +166,7 @@ class Layout:
 
 
 def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
-    """Triangles whose bounding spheres come so near to the line along a beam."""
+    """Triangles whose bounding spheres come within a distance of a beam."""
     centre = triangles.mean(axis=1)
     radius = np.linalg.norm(triangles - centre[:, None], axis=2).max(axis=1)
     aside = np.linalg.norm(np.cross(centre, beam), axis=1)
@@ -180,11 +174,11 @@ def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
 
 
 def straight_back(material: Material, cosine: float) -> float:
-    """Radiance straight back to the source, of that of a white diffuse surface across the light.
+    """Radiance back to the source relative to a white diffuse surface across the light.
 
-    Rough metals by their microfacets that face the source (Walter et al. 2007), tape by its
-    body alone: how much more it is depends on how far the detector is off. Mirrors and panes count
-    as dark: what comes back from behind a pane has another range than its truth.
+    Rough metals return by microfacets that face the source (Walter et al. 2007). Retroreflectors
+    count by their body alone: the rest depends on the detector's offset. Mirrors and panes count as
+    dark, because light from behind a pane has another range than the true one.
     """
     match material.bsdf:
         case RoughConductor(roughness=alpha, distribution="beckmann"):
@@ -199,7 +193,7 @@ def straight_back(material: Material, cosine: float) -> float:
 
 
 def _gaussian_facets(alpha: float, cosine: float) -> float:
-    """Of a white metal, with Beckmann's distribution and Smith's shadowing both ways."""
+    """For a white metal with Beckmann's distribution and Smith's shadowing both ways."""
     slope = max(math.sqrt(1 - cosine**2) / cosine, 1e-6)
     steep = 1 / (alpha * slope)
     tail = math.exp(-(steep**2)) / (steep * math.sqrt(math.pi))
@@ -212,16 +206,16 @@ def _distance_to(triangles: Floats) -> float:
     """Distance from the origin to the nearest of triangles (t, 3, 3)."""
     a, b, c = np.moveaxis(triangles, 1, 0)  # reductions over an axis of three are slow
     squares = np.minimum.reduce([np.einsum("tk,tk->t", each, each) for each in (a, b, c)])
-    reach = np.sqrt(squares)
+    corner = np.sqrt(squares)
     edges = np.maximum.reduce([a, b, c]) - np.minimum.reduce([a, b, c])
     size = np.sqrt(np.einsum("tk,tk->t", edges, edges))
-    near = triangles[reach - size <= reach.min()]  # no other one can be nearest
+    near = triangles[corner - size <= corner.min()]  # no other can be nearest
     closest = trimesh.triangles.closest_point(near, np.zeros((len(near), 3)))
     return float(np.linalg.norm(closest, axis=1).min())
 
 
 def _may_be_in_view(triangles: Floats, needs: Needs) -> NDArray[np.bool_]:
-    """Which triangles (t, 3, 3) in the optical frame are not wholly beside or behind all rays."""
+    """Which triangles (t, 3, 3) in the optical frame are not outside one plane of the field."""
     field = np.tan(np.radians(needs.half_field_deg))
     widest = np.maximum(field, np.abs(needs.beams[:, :2] / needs.beams[:, 2:]).max(axis=0))
     side, top = widest[:, None, None] * triangles[..., 2]

@@ -1,36 +1,38 @@
-"""A scene in memory: surfaces and media in world coordinates, daylight, drone, and their motion."""
+"""Scenes in memory: surfaces and media in world coordinates, daylight, drone, and motion."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from typing import Any, Literal
 
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, nearest
 from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.base.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
+from spisim.scene.lamps import Lamp
 from spisim.scene.materials import Material
-from spisim.scene.pose import moved_pose
-
-if TYPE_CHECKING:
-    from spisim.scene.lamps import Lamp
-
-Vector3: TypeAlias = tuple[float, float, float]
+from spisim.scene.pose import Vector3, moved_pose
 
 STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
+class SceneWarning(UserWarning):
+    """A scene can be simulated but may not mean what its author intends."""
+
+
 @dataclass(frozen=True, eq=False)
 class SceneObject:
-    """One named surface. Velocities are in world axes, about the centre of its bounds.
+    """A named surface; velocities are in world axes, about the centre of its bounds.
 
-    Copies that differ by a rotation and a move alone have the same `original` mesh.
+    Copies that differ by a rigid motion alone share their `original` mesh.
     """
 
     name: str
@@ -46,7 +48,7 @@ class SceneObject:
         return any(self.velocity_m_s) or any(self.angular_velocity_rad_s)
 
     def motion(self, time_s: float) -> Floats:
-        """(4, 4) matrix that takes the object from where it is to where it is after `time_s`."""
+        """Rigid motion (4, 4) from the object's pose now to that after `time_s`."""
         centre = self.mesh.bounds.mean(axis=0)
         return moved_pose(centre, self.velocity_m_s, self.angular_velocity_rad_s, time_s)
 
@@ -61,11 +63,11 @@ class SceneObject:
 class Volume:
     """A part of space filled with a medium, in addition to the atmosphere.
 
-    `to_world` (4, 4) places the unit cube [0, 1]³ around it: what is filled is that cube, the ball
-    that it holds, or what a closed mesh in it encloses, in world coordinates. `density` (nz, ny,
-    nx) is relative to the medium's extinction, sampled at the centres of the cells that divide the
-    cube, linear between and constant beyond them; None is 1 everywhere. Where a `structure` made
-    it, it is that after `age_s`. It moves with its `carrier`.
+    `to_world` (4, 4) places the unit cube [0, 1]³ in the world. The volume is that cube, its
+    inscribed ball, or the interior of a closed mesh in it, in world coordinates. `density` (nz, ny,
+    nx) is relative to the medium's extinction, at the centres of the cells of the cube, linear
+    between and constant beyond them; None is 1 everywhere. A `structure` gives it after `age_s`.
+    The volume moves with its `carrier`.
     """
 
     name: str
@@ -79,27 +81,25 @@ class Volume:
 
     @property
     def moves(self) -> bool:
-        """Whether it does, or its density changes with time."""
+        """Whether it moves or its density changes with time."""
         return self._drifts or self._is_carried
 
     def at(self, time_s: float) -> Volume:
-        """The volume after `time_s`; itself if it stays and nothing drifts in it."""
-        following = self
+        """The volume after `time_s`; itself if nothing moves or drifts."""
+        moved = self
         if self._is_carried:
             assert self.carrier is not None
             assert isinstance(self.shape, trimesh.Trimesh)
             motion = self.carrier.motion(time_s)
             shape = self.shape.copy().apply_transform(motion)
             carrier = self.carrier.at(time_s)
-            following = replace(
-                following, to_world=motion @ self.to_world, shape=shape, carrier=carrier
-            )
+            moved = replace(moved, to_world=motion @ self.to_world, shape=shape, carrier=carrier)
         if self._drifts:
             assert self.structure is not None
             age_s = self.age_s + time_s
-            density = self.structure.density(following.to_world, age_s)
-            following = replace(following, age_s=age_s, density=density)
-        return following
+            density = self.structure.density(moved.to_world, age_s)
+            moved = replace(moved, age_s=age_s, density=density)
+        return moved
 
     @property
     def _drifts(self) -> bool:
@@ -112,7 +112,7 @@ class Volume:
 
 @dataclass(frozen=True)
 class Ambient:
-    """Daylight outside the scene; what reaches a surface is up to the scene's openings."""
+    """Daylight outside; how much reaches a surface depends on the scene's openings."""
 
     sun_klx: float = 0.0  # illuminance of a surface normal to the sun
     sun_direction: Vector3 = (0.0, 0.0, -1.0)  # unit, from the sun, world
@@ -121,12 +121,12 @@ class Ambient:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """Everything that light meets, and where the instrument is.
+    """Everything that light meets, and the pose of the instrument.
 
-    `drone_pose` (4, 4) takes points of the instrument's optical frame (x right, y down, z forward,
-    metres) to the world (z up). The drone's velocities are in world axes, about its position.
-    `text` is the YAML that the scene was made from, or "". The drops of `precipitation` are no part
-    of the atmosphere. Materials and media are those of `wavelength_nm`.
+    `drone_pose` (4, 4) maps the instrument's optical frame (x right, y down, z forward, metres) to
+    the world (z up). The drone's velocities are in world axes, about its position. `text` is the
+    YAML that the scene was made from, or "". The drops of `precipitation` are separate from the
+    atmosphere. Materials and media are those at `wavelength_nm`.
     """
 
     name: str
@@ -179,9 +179,12 @@ class Scene:
         }
 
     def plot(self) -> Any:
-        """Draw the bounds of all surfaces from above and from the side, and the drone in red.
+        """Plot the bounds of all surfaces from above and from the side, and the drone in red.
 
-        Returns the axes of Matplotlib, (2,). InputError if there is no Matplotlib.
+        Returns
+        -------
+        array of Axes, (2,)
+            Matplotlib's; InputError if it is not installed.
         """
         axes = panels(2)
         views = zip(axes, ("from above", "from the side"), ("xy", "xz"), strict=True)
@@ -209,10 +212,9 @@ class Scene:
         return self.drone_moves or any(part.moves for part in parts)
 
     def media_summary(self) -> list[dict[str, Any]]:
-        """What hangs in the air, in plain numbers, and `where`: nothing for clear air.
+        """Media in plain numbers, and `where` each is; empty for clear air.
 
-        That of all of the air together, each part of a mixture, single drops, and each volume, of
-        density 1.
+        Lists the mixture in the air, its parts, single drops, and each volume at density 1.
         """
         air = self.atmosphere
         media: list[tuple[str, Atmosphere | Precipitation]] = []
@@ -234,7 +236,7 @@ class Scene:
         return motion @ self.drone_pose
 
     def at(self, time_s: float) -> Scene:
-        """The scene after `time_s`: objects moved rigidly, fog drifted; itself if nothing moves."""
+        """The scene after `time_s`: objects moved, fog drifted; itself if nothing moves."""
         if not self.moves:
             return self
         return replace(
@@ -243,3 +245,12 @@ class Scene:
             volumes=tuple(volume.at(time_s) for volume in self.volumes),
             drone_pose=self.drone_pose_at(time_s),
         )
+
+
+def find_object(name: str, objects: Sequence[SceneObject]) -> SceneObject:
+    """The object of this name; InputError, naming the nearest, if there is none."""
+    for thing in objects:
+        if thing.name == name:
+            return thing
+    candidate = nearest(name, [thing.name for thing in objects])
+    raise InputError(f"object {name!r} is not in the scene: {candidate}")

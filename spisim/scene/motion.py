@@ -1,4 +1,4 @@
-"""Whether anything flies into the instrument."""
+"""Collisions of moving objects with the instrument."""
 
 import numpy as np
 
@@ -7,25 +7,35 @@ from reconstruction.base.errors import InputError
 from spisim.scene.model import Scene, SceneObject
 from spisim.scene.rays import first_hits
 
-#: A curved path is followed in straight steps of at most this turn.
+#: Maximum turn of a straight step along a curved path.
 MAX_TURN_RAD = np.radians(1.0)
-#: More would take minutes and more memory than there is.
+#: More steps take minutes and exhaust the memory.
 MAX_STEPS = 1_000_000
 
 
 def check_steps(count: float, what: str) -> None:
-    """InputError, starting with `what`, for a motion that takes too many steps to be followed."""
+    """InputError, starting with `what`, for a motion of too many steps."""
     if not count <= MAX_STEPS:
         raise InputError(
-            f"{what} moves too far or turns too often: it would be followed in {count:.3g} steps, "
-            f"at most {MAX_STEPS:.0g}"
+            f"{what} moves too far or turns too often: it takes {count:.3g} steps, at most "
+            f"{MAX_STEPS:.0g}"
         )
 
 
 def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
-    """Raise InputError, naming object and time, if a surface sweeps over the drone's position.
+    """Check that no surface sweeps over the drone's position.
 
-    `duration_s` counts from the scene as it is. What moves with the drone stays clear of it.
+    Parameters
+    ----------
+    scene : Scene
+        The scene at the start; what moves with the drone stays clear of it.
+    duration_s : float
+        Time to check.
+
+    Raises
+    ------
+    InputError
+        Names object and time of the collision.
     """
     if not scene.moves:
         return
@@ -45,18 +55,15 @@ def check_clear_of_sensor(scene: Scene, duration_s: float) -> None:
 
 
 def meeting_time(thing: SceneObject, times_s: Floats, path_m: Floats) -> float:
-    """When a point that is at `path_m` (n, 3) at `times_s` (n,) first crosses an object's surface.
-
-    inf if never. The object moves along; the point goes straight between two times.
-    """
+    """Time at which a point on `path_m` (n, 3) at `times_s` first crosses an object, or inf."""
     path = path_m
     if thing.moves:
         path = np.array(
             [_seen_from(thing, time, at) for time, at in zip(times_s, path_m, strict=True)]
         )
-    centre, max_range_m = thing.mesh.bounds.mean(axis=0), np.linalg.norm(thing.mesh.extents) / 2
+    centre, radius_m = thing.mesh.bounds.mean(axis=0), np.linalg.norm(thing.mesh.extents) / 2
     strides_m = np.linalg.norm(np.diff(path, axis=0), axis=1)
-    near = np.linalg.norm(path[:-1] - centre, axis=1) <= max_range_m + strides_m
+    near = np.linalg.norm(path[:-1] - centre, axis=1) <= radius_m + strides_m
     steps = np.flatnonzero(near & (strides_m > 0))
     if steps.size == 0:
         return np.inf
@@ -70,7 +77,7 @@ def meeting_time(thing: SceneObject, times_s: Floats, path_m: Floats) -> float:
 
 
 def _around(triangles: Floats, path: Floats) -> Floats:
-    """Those of triangles (t, 3, 3) that reach into the box around a path (n, 3)."""
+    """Triangles (t, 3, 3) that intersect the bounding box of a path (n, 3)."""
     low, high = path.min(axis=0), path.max(axis=0)
     apart = (triangles.max(axis=1) < low) | (triangles.min(axis=1) > high)
     return triangles[~apart.any(axis=1)]

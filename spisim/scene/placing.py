@@ -1,42 +1,48 @@
-"""Objects of a description: materials found, meshes made and put in their places."""
+"""Objects of a description: their materials, and their meshes in world coordinates."""
 
 from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from hashlib import blake2b, file_digest
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import trimesh
 
 from reconstruction.base.errors import InputError
+from spisim.scene.content import mesh_content
 from spisim.scene.description import MeshObject, ObjectDescription, Pose, SceneDescription
+from spisim.scene.load_context import LoadContext
 from spisim.scene.materials import Material, find_material, make_material
-from spisim.scene.model import SceneObject, Vector3
-from spisim.scene.pose import pose_matrix
+from spisim.scene.model import SceneObject, SceneWarning
+from spisim.scene.pose import Vector3, pose_matrix
 from spisim.scene.shapes import check_triangles, make_mesh, texture_coordinates
-from spisim.scene.warning import SceneWarning
 
-if TYPE_CHECKING:
-    from spisim.scene.load_context import LoadContext
-
-#: What a file has is hardly wider; of a horizon that is drawn, its sizes tell the unit.
-WIDEST_MESH_M = 300.0
-#: Beyond this not even metres are told apart in single precision.
+#: Files rarely hold wider meshes, except in other units than metres.
+MAX_MESH_WIDTH_M = 300.0
+#: Single precision does not resolve metres beyond this.
 MAX_COORDINATE_M = 1e6
 
 Meshes: TypeAlias = Mapping[str, trimesh.Trimesh]
 
 
-def placed(
+def placed_objects(
     described: SceneDescription, context: LoadContext, meshes: Meshes
 ) -> tuple[SceneObject, ...]:
-    """All objects of a description; `meshes` are mesh files that are in memory, by name.
+    """Objects of a description, cached; `meshes` are mesh files in memory, by name."""
+    try:
+        key = _key(described, context, meshes)
+    except OSError:  # a missing file, which `_placed` reports
+        return _placed(described, context, meshes)
+    return context.cache.objects(key, lambda: _placed(described, context, meshes))
 
-    Raises InputError, naming source and field.
-    """
+
+def _placed(
+    described: SceneDescription, context: LoadContext, meshes: Meshes
+) -> tuple[SceneObject, ...]:
     folder, wavelength_nm = context.folder, context.wavelength_nm
     materials: dict[str, Material] = {}
     for name, own in described.materials.items():
@@ -59,7 +65,7 @@ def placed(
 
 
 def radians(degrees: Vector3) -> Vector3:
-    """Three angles."""
+    """Three angles in radians."""
     x, y, z = (math.radians(angle) for angle in degrees)
     return x, y, z
 
@@ -80,7 +86,7 @@ def _place(
             "texture or opacity"
         )
     mesh.apply_scale(described.scale)
-    if read and (width_m := float(mesh.extents.max())) >= WIDEST_MESH_M:
+    if read and (width_m := float(mesh.extents.max())) >= MAX_MESH_WIDTH_M:
         warnings.warn(
             f"{described.name!r} is {width_m:.3g} m wide; all lengths are metres, and "
             "`scale: 0.001` makes metres of a mesh in millimetres",
@@ -106,9 +112,31 @@ def _place(
 
 
 def _posed(mesh: trimesh.Trimesh, pose: Pose) -> trimesh.Trimesh:
-    """A copy elsewhere; what trimesh's own copying looks after would take most of the time."""
+    """A moved copy; trimesh's own copying would take most of the time."""
     matrix = pose_matrix(pose.rotate_deg, pose.translate_m)
     points = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     uv = texture_coordinates(mesh)
     visual = None if uv is None else trimesh.visual.TextureVisuals(uv=uv)
     return trimesh.Trimesh(points, np.array(mesh.faces), process=False, visual=visual)
+
+
+def _key(described: SceneDescription, context: LoadContext, meshes: Meshes) -> bytes:
+    """Digest of everything that the objects are made from."""
+    given = [sorted(own.model_fields_set) for own in described.materials.values()]
+    sections = described.objects, described.materials, described.material_swaps
+    result = blake2b(repr((*sections, given, context.wavelength_nm)).encode())
+    for name, mesh in meshes.items():
+        result.update(name.encode() + mesh_content(mesh))
+    for path in _files(described, context.folder, meshes):
+        if not path.is_file():  # pipes and devices may never end
+            raise FileNotFoundError(path)
+        with path.open("rb") as file:
+            result.update(file_digest(file, "blake2b").digest())
+    return result.digest()
+
+
+def _files(described: SceneDescription, folder: Path, meshes: Meshes) -> Iterator[Path]:
+    names: list[Any] = [row.mesh for row in described.objects if isinstance(row, MeshObject)]
+    yield from (folder / name for name in dict.fromkeys(names) if name not in meshes)
+    for own in described.materials.values():
+        yield from (folder / name for name in (own.texture, own.opacity) if isinstance(name, str))

@@ -1,5 +1,7 @@
 """Poses as 4 x 4 matrices."""
 
+from typing import TypeAlias
+
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
@@ -7,9 +9,23 @@ from scipy.spatial.transform import Rotation
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 
+Vector3: TypeAlias = tuple[float, float, float]
+
 
 def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:
-    """(4, 4) matrix that rotates by [roll, pitch, yaw] about the fixed x, y, z axes, then moves."""
+    """Rotation followed by a translation.
+
+    Parameters
+    ----------
+    rotate_deg : (3,)
+        [roll, pitch, yaw] about the fixed x, y, z axes, in this order, degrees.
+    translate_m : (3,)
+        Translation, metres.
+
+    Returns
+    -------
+    (4, 4) array
+    """
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler(
         "xyz", np.asarray(rotate_deg, float), degrees=True
@@ -21,10 +37,7 @@ def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:
 def moved_pose(
     pivot_m: ArrayLike, velocity_m_s: ArrayLike, angular_velocity_rad_s: ArrayLike, time_s: float
 ) -> Floats:
-    """(4, 4) matrix of a rigid motion after `time_s`.
-
-    Turns about axes through `pivot_m`, which moves along; all in world axes.
-    """
+    """Rigid motion (4, 4) after `time_s`: turning about `pivot_m`, which moves too; world axes."""
     pivot = np.asarray(pivot_m, float)
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_rotvec(np.multiply(angular_velocity_rad_s, time_s)).as_matrix()
@@ -33,10 +46,25 @@ def moved_pose(
 
 
 def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> Floats:
-    """(4, 4) world-from-optical pose at `position_m` that looks at `target_m`.
+    """World-from-optical pose at a position, looking at a target.
 
-    Optical frame: x right, y down, z forward. `up` need not be normal to the line of sight.
-    Raises InputError if the target is the position, or `up` is zero or along the line of sight.
+    The optical frame has x right, y down, z forward.
+
+    Parameters
+    ----------
+    position_m, target_m : (3,)
+        World coordinates, metres.
+    up : (3,)
+        Direction that is up in the image; need not be normal to the line of sight.
+
+    Returns
+    -------
+    (4, 4) array
+
+    Raises
+    ------
+    InputError
+        If the target is the position, or `up` is zero or along the line of sight.
     """
     position = np.asarray(position_m, float)
     forward = _unit(np.asarray(target_m, float) - position)

@@ -1,4 +1,4 @@
-"""Exact geometry questions to a scene: what lies along a ray, what encloses a point."""
+"""Exact geometric queries: hits along a ray, and objects that enclose a point."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -6,22 +6,19 @@ from numpy.typing import ArrayLike, NDArray
 from reconstruction.base.arrays import Floats
 from spisim.scene.model import Scene
 
-#: Pairs of rays and triangles at a time, which bounds the memory.
+#: Pairs of rays and triangles per batch, which bounds the memory.
 PAIRS = 2**20
-#: Of a cosine.
+#: Rounding error of a cosine.
 ROUNDING = 1e-9
 
 
 def first_hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
-    """First hit (n,) of each ray (n, 3) among triangles (t, 3, 3), in ray lengths, else inf."""
+    """First hit (n,) of each ray (n, 3) with triangles (t, 3, 3), in ray lengths; inf if none."""
     return first_met(origin, rays, triangles)[0]
 
 
 def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """First hit (n,) of each ray as `first_hits`, and the number of its triangle, -1 for none.
-
-    Only those triangles are tried whose bounding sphere a ray passes through.
-    """
+    """`first_hits`, and the index of the triangle hit, -1 if none."""
     first, number = np.full(len(rays), np.inf), np.full(len(rays), -1)
     if not len(triangles):
         return first, number
@@ -38,16 +35,13 @@ def first_met(origin: Floats, rays: Floats, triangles: Floats) -> tuple[Floats, 
     for start in range(0, len(rays), count):
         ray, triangle = np.nonzero(units[start : start + count] @ towards.T >= minimum)
         result = _hits(origin, rays[start + ray], triangles[triangle])
-        last = np.argsort(-result, kind="stable")  # the nearest is written last
+        last = np.argsort(-result, kind="stable")  # so that the nearest one remains
         first[start + ray[last]], number[start + ray[last]] = result[last], triangle[last]
     return first, np.where(np.isfinite(first), number, -1)
 
 
 def _hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
-    """Where each ray (n, 3) meets its triangle (n, 3, 3), (n,), in ray lengths, else inf.
-
-    Möller & Trumbore (1997).
-    """
+    """Hit (n,) of each ray with its own triangle (n, 3, 3), or inf (Möller & Trumbore 1997)."""
     corner = triangles[:, 0]
     edge1, edge2, offset = triangles[:, 1] - corner, triangles[:, 2] - corner, origin - corner
     normal = np.cross(offset, edge1)
@@ -61,11 +55,11 @@ def _hits(origin: Floats, rays: Floats, triangles: Floats) -> Floats:
 
 
 def winding_number(point: ArrayLike, triangles: Floats) -> float:
-    """How often a surface of triangles (t, 3, 3) wraps around a point.
+    """Generalised winding number of triangles (t, 3, 3) around a point.
 
-    1 inside a closed surface whose normals face out, -1 where they face in, 0 outside, and a value
-    between for a surface with holes (Jacobson, Kavan, Sorkine-Hornung 2013), from the signed
-    solid angles of the triangles (Van Oosterom & Strackee 1983).
+    1 inside a closed surface with outward normals, -1 with inward ones, 0 outside, in between for
+    surfaces with holes (Jacobson, Kavan, Sorkine-Hornung 2013), from the signed solid angles of the
+    triangles (Van Oosterom & Strackee 1983).
     """
     a, b, c = np.moveaxis(triangles - np.asarray(point, float), 1, 0)
     la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
@@ -76,10 +70,16 @@ def winding_number(point: ArrayLike, triangles: Floats) -> float:
 
 
 def enclosing_object(scene: Scene, point_m: Floats) -> str | None:
-    """Name of an object that a world point is inside of, or None.
+    """Name of an object that encloses a world point, or None.
 
-    The inside is where the surface wraps the point more than half, so that meshes with gaps count
-    too. A mesh with its normals facing in is a room, and a point inside it is in the open.
+    A point is inside where the winding number exceeds ½, so meshes with gaps count too. A mesh with
+    inward normals is a room, whose inside is free.
+
+    Parameters
+    ----------
+    scene : Scene
+    point_m : (3,) array
+        World coordinates, metres.
     """
     for scene_object in scene.objects:
         low, high = scene_object.mesh.bounds

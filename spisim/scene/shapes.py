@@ -1,4 +1,4 @@
-"""Meshes of objects, from files and from simple shapes."""
+"""Meshes of objects, from files and simple shapes."""
 
 import re
 from pathlib import Path
@@ -22,22 +22,19 @@ from spisim.scene.description import (
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
 
-#: More is refused: every instance is a mesh of its own in memory.
+#: Maximum triangles: every instance is a mesh in memory.
 MAX_TRIANGLES = 20_000_000
-#: Of vertices in the unit of a file: beyond, areas and volumes overflow.
+#: Maximum coordinate in the file's unit, beyond which areas and volumes overflow.
 MAX_COORDINATE = 1e30
 
-#: Files that hold triangles and nothing else that places them.
+#: Formats of plain triangles.
 FORMATS = (".ply", ".obj", ".stl", ".off")
-#: Files with a unit, axes or nodes of their own.
+#: Formats with a unit, axes or nodes of their own.
 SCENE_FORMATS = (".dae", ".glb", ".gltf")
 
 
 def make_mesh(described: ObjectDescription, folder: Path) -> trimesh.Trimesh:
-    """Mesh of an object in its own coordinates, metres; files are looked for in `folder`.
-
-    Raises InputError for a file that is missing, cannot be read, or holds no usable surface.
-    """
+    """Mesh of an object in its own coordinates, metres; InputError for an unusable file."""
     match described:
         case MeshObject():
             return load_mesh(folder / described.mesh)
@@ -55,11 +52,7 @@ def make_mesh(described: ObjectDescription, folder: Path) -> trimesh.Trimesh:
 
 
 def load_mesh(path: Path) -> trimesh.Trimesh:
-    """Triangles of a mesh file, as they stand there.
-
-    Raises InputError where the file is missing or of an unknown format, or holds no triangles,
-    triangles of missing vertices, or coordinates that are not finite.
-    """
+    """Triangles of a mesh file as stored; InputError if it is missing, unknown or unusable."""
     check_is_there(path, "mesh")
     suffix = path.suffix.lower()
     if suffix in SCENE_FORMATS:
@@ -69,12 +62,12 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
             "of it"
         )
     if suffix not in FORMATS:
-        raise InputError(f"mesh {path.name!r} has an unknown format; known: {' '.join(FORMATS)}")
+        raise InputError(f"mesh {path.name!r} has an unknown format; allowed: {' '.join(FORMATS)}")
     if suffix == ".obj":
         check_obj_indices(path.read_bytes(), f"mesh {path.name!r}")
     try:
         mesh = _read_ply(path) if suffix == ".ply" else _read(path)
-    # trimesh's parsers raise whatever their parsing runs into.
+    # trimesh's parsers raise many kinds of exceptions.
     except Exception:
         raise InputError(f"mesh {path.name!r} cannot be read: damaged, or not {suffix}") from None
     check_mesh(mesh, path.name)
@@ -87,15 +80,21 @@ def _read(path: Path) -> trimesh.Trimesh:
 
 
 def _read_ply(path: Path) -> trimesh.Trimesh:
-    """Without trimesh's way over a scene, which copies a mesh three times."""
+    """Read without trimesh's scene, which copies a mesh three times."""
     with path.open("rb") as file:
         parts = load_ply(file, skip_materials=True)
-    parts.pop("metadata", None)  # the whole file once more
+    parts.pop("metadata", None)  # a second copy of the file
     return trimesh.Trimesh(**parts, process=False)
 
 
 def texture_coordinates(mesh: trimesh.Trimesh) -> Floats | None:
-    """Texture coordinates (vertices, 2), u to the right and v up, or None where it lacks them."""
+    """Texture coordinates of a mesh, u to the right and v up.
+
+    Returns
+    -------
+    (vertices, 2) array or None
+        None if the mesh has none, or unusable ones.
+    """
     uv = getattr(mesh.visual, "uv", None)
     if uv is None or len(uv) != len(mesh.vertices) or not np.isfinite(uv).all():
         return None
@@ -103,11 +102,11 @@ def texture_coordinates(mesh: trimesh.Trimesh) -> Floats | None:
 
 
 def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
-    """InputError unless a mesh has triangles with an area, and finite vertices for all."""
+    """InputError unless a mesh has triangles of non-zero area and finite vertices."""
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise InputError(f"mesh {name!r} is empty: it has no triangles")
     if mesh.faces.shape[1:] != (3,) or mesh.vertices.shape[1:] != (3,):
-        raise InputError(f"mesh {name!r} is damaged: its triangles are not of three corners in 3-D")
+        raise InputError(f"mesh {name!r} is damaged: its faces are not triangles in 3-D")
     if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
         raise InputError(f"mesh {name!r} is damaged: a triangle refers to a vertex not in the file")
     if not np.isfinite(mesh.vertices).all():
@@ -122,17 +121,14 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
 
 
 def check_obj_indices(data: bytes, name: str) -> None:
-    """InputError for vertex 0 in an OBJ file, whose vertices count from 1.
-
-    trimesh takes it for the last one.
-    """
+    """InputError for vertex 0 in an OBJ file, which counts from 1: trimesh takes the last one."""
     if zero := re.search(rb"^[ \t]*f[ \t](?:[^\r\n]*[ \t])?0+(?=[/\s]|\Z)", data, re.M):
         line = data.count(b"\n", 0, zero.end()) + 1
         raise InputError(f"{name}: line {line}: a face of vertex 0; an OBJ file counts from 1")
 
 
 def check_triangles(count: int) -> None:
-    """InputError for more triangles than are read."""
+    """InputError for too many triangles."""
     if count > MAX_TRIANGLES:
         raise LimitError(
             f"{count:,} triangles, instances counted; more than {MAX_TRIANGLES:,} are not read"

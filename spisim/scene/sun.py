@@ -1,4 +1,4 @@
-"""How much of daylight, given in lux, falls into a band of the near infrared."""
+"""Daylight given in lux, as in-band irradiance in the near infrared."""
 
 from functools import cache
 from pathlib import Path
@@ -13,7 +13,17 @@ from reconstruction.base.errors import InputError
 
 @cache
 def daylight_spectrum() -> tuple[Floats, Floats, float]:
-    """Wavelengths (nm), irradiance (W m⁻² nm⁻¹) and the illuminance (klx) that belongs to it."""
+    """Daylight spectrum: ASTM G173-03, global.
+
+    Returns
+    -------
+    wavelengths : (n,) array
+        nm.
+    irradiance : (n,) array
+        W m⁻² nm⁻¹.
+    illuminance : float
+        klx of this spectrum.
+    """
     table = yaml.safe_load(Path(__file__).with_name("sun.yaml").read_text(encoding="utf-8"))
     irradiance = np.asarray(table["irradiance_w_per_m2_nm"], float)
     first, last = table["wavelengths_nm"]
@@ -22,14 +32,24 @@ def daylight_spectrum() -> tuple[Floats, Floats, float]:
 
 
 def in_band_irradiance(illuminance_klx: float, band_nm: tuple[float, float]) -> float:
-    """Irradiance, W/m², between two wavelengths of daylight with this illuminance.
+    """In-band irradiance, W/m², of daylight.
 
-    Spectrum of ASTM G173-03 global, for sun and sky alike: 2.967 W/m² per 100 klx between 1544 and
-    1556 nm. A clear sky's own blue light has about a quarter of that per lux, an overcast sky
-    about all of it. Lamps are no daylight: the same lux from white LEDs hold next to nothing there,
-    from incandescent lamps eleven times as much.
+    Sun and sky both have the spectrum of ASTM G173-03 global: 2.967 W/m² per 100 klx between 1544
+    and 1556 nm. The blue light of a clear sky has about a quarter of that per lux, an overcast sky
+    about all of it. Lamps are not daylight: per lux, white LEDs have next to nothing there,
+    incandescent lamps eleven times as much.
 
-    Raises InputError unless the band lies within 800 to 1600 nm.
+    Parameters
+    ----------
+    illuminance_klx : float
+        Illuminance.
+    band_nm : (float, float)
+        Lower and upper wavelength, within 800 to 1600 nm.
+
+    Raises
+    ------
+    InputError
+        For another band.
     """
     wavelengths, irradiance, klx = daylight_spectrum()
     low, high = band_nm

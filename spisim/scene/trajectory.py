@@ -1,4 +1,4 @@
-"""Flights: poses of the drone over time, read from files and smooth in between."""
+"""Flights: timestamped drone poses from files, interpolated smoothly."""
 
 from __future__ import annotations
 
@@ -17,38 +17,38 @@ from reconstruction.base.errors import InputError, naming, nearest
 from reconstruction.ranging.weather import Weather
 from spisim.base.config import find_named, read_text, shipped
 from spisim.scene.description import DroneState
-from spisim.scene.model import Scene, Vector3
+from spisim.scene.model import Scene
 from spisim.scene.motion import MAX_TURN_RAD, check_steps, meeting_time
-from spisim.scene.pose import look_at
+from spisim.scene.pose import Vector3, look_at
 from spisim.scene.rays import enclosing_object
 
-#: What the quaternions of a file turn: the drone's body (x forward, y left, z up; ROS REP 103) or
-#: its optical frame (x right, y down, z forward). Columns: the optical axes in that frame.
+#: Frames that quaternions of a file rotate: the drone's body (x forward, y left, z up; ROS REP 103)
+#: or its optical frame (x right, y down, z forward). Columns: the optical axes in that frame.
 FRAMES = {
     "body": Rotation.from_matrix([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]),
     "optical": Rotation.identity(),
 }
 POSES = ("t", "x", "y", "z", "qx", "qy", "qz", "qw")
 WAY_POINTS = ("t", "x", "y", "z", "look_x", "look_y", "look_z")
-#: Quaternions may be off unit length by rounding.
+#: Rounding tolerance of a unit quaternion's length.
 UNIT_TOLERANCE = 0.01
-#: Of all numbers in a file; times may count from 1970.
-LARGEST = 1e10
-#: Between two times, in seconds.
-SHORTEST_S = 1e-6
-#: A comment that states the weather of the flight, as an instrument's file may.
+#: Maximum of all numbers in a file; times may count from 1970.
+MAX_NUMBER = 1e10
+#: Minimum interval between two times, s.
+MIN_INTERVAL_S = 1e-6
+#: A comment with the weather of the flight, as in an instrument's file.
 WEATHER = re.compile(r"#\s*weather\s*[:=]\s*(.*)", re.IGNORECASE)
-#: A path is followed in straight steps of at most this length.
+#: Maximum length of a straight step along a path.
 STEP_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A flight from 0 to `duration_s`, through poses at given times.
+    """A flight from 0 to `duration_s` through timestamped poses.
 
-    Positions (3,) in the world are a natural cubic spline, orientations (world from optical frame)
-    a spline of continuous angular acceleration. `weather` is what ranges take for granted of it,
-    "clear", "fog", "unknown" or a visibility in metres; None: nothing is stated.
+    Positions (3,) in the world follow a natural cubic spline, orientations (world from optical
+    frame) a spline of continuous angular acceleration. `weather` is what ranging assumes: "clear",
+    "fog", "unknown" or a visibility in metres; None if not stated.
     """
 
     positions_m: CubicSpline
@@ -59,19 +59,19 @@ class Trajectory:
     def through(
         cls, times_s: Floats, positions_m: Floats, turns: Rotation, weather: str | None = None
     ) -> Trajectory:
-        """Through positions (n, 3) and rotations (n,), at rising times (n,); n is 2 or more."""
+        """Flight through positions (n, 3) and rotations (n,) at rising times (n,), n ≥ 2."""
         times = times_s - times_s[0]
         path = CubicSpline(times, positions_m, bc_type="natural")
         return cls(path, RotationSpline(times, turns), weather)
 
     @property
     def duration_s(self) -> float:
-        """Of the whole flight."""
+        """Duration of the flight."""
         return float(self.positions_m.x[-1])
 
     @property
     def times_s(self) -> Floats:
-        """Of the poses that the flight leads through, (n,), from 0."""
+        """Times (n,) of the given poses, from 0."""
         return np.asarray(self.positions_m.x)
 
     def faster(self, factor: float) -> Trajectory:
@@ -85,7 +85,7 @@ class Trajectory:
         )
 
     def pose(self, time_s: float) -> Floats:
-        """(4, 4) world from optical frame. Raises InputError for a time outside of the flight."""
+        """World-from-optical pose (4, 4); InputError for a time outside the flight."""
         self._check(time_s)
         matrix = np.eye(4)
         matrix[:3, :3] = self.orientations(time_s).as_matrix()
@@ -93,18 +93,18 @@ class Trajectory:
         return matrix
 
     def velocity(self, time_s: float) -> Floats:
-        """(3,) m/s, in world axes. Raises InputError as `pose`."""
+        """Velocity (3,), m/s, in world axes; InputError as `pose`."""
         self._check(time_s)
         return np.asarray(self.positions_m(time_s, 1), dtype=np.float64)
 
     def angular_velocity(self, time_s: float) -> Floats:
-        """(3,) rad/s, about world axes. Raises InputError as `pose`."""
+        """Angular velocity (3,), rad/s, about world axes; InputError as `pose`."""
         self._check(time_s)
         own_axes = self.orientations(time_s, 1)
         return np.asarray(self.orientations(time_s).apply(own_axes), dtype=np.float64)
 
-    def moment(self, time_s: float) -> DroneState:
-        """The drone at a time, as a scene file says it. Raises InputError as `pose`."""
+    def drone_state(self, time_s: float) -> DroneState:
+        """The drone at a time, as a section of a scene file; InputError as `pose`."""
         pose = self.pose(time_s)
         return DroneState(
             time_s=time_s,
@@ -128,19 +128,25 @@ def _vector(values: Floats) -> Vector3:
 
 
 def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
-    """Flight from a file of poses or way-points, or a shipped one by its name.
+    """Load a flight from a file of poses or waypoints, or a shipped one by its name.
 
-    The first time is its start.
+    Parameters
+    ----------
+    path : str or Path
+        CSV with a header, `t,x,y,z,qx,qy,qz,qw` (s, m, unit quaternion) or
+        `t,x,y,z,look_x,look_y,look_z` (point looked at, z up), or the format of the TUM RGB-D
+        benchmark: lines `timestamp tx ty tz qx qy qz qw`. Lines that begin with # are comments,
+        but `# weather: fog` states what ranging assumes: clear, fog, unknown or a visibility in
+        metres. The first time is the start.
+    frame : str
+        Frame that the quaternions rotate into the world, one of `FRAMES`.
 
-    Either CSV with a header, `t,x,y,z,qx,qy,qz,qw` (s, m, unit quaternion) or
-    `t,x,y,z,look_x,look_y,look_z` (the point looked at, with the world's z up), or the format of
-    the TUM RGB-D benchmark: lines `timestamp tx ty tz qx qy qz qw`. Lines that begin with # are
-    comments, but `# weather: fog` states what ranges take for granted: clear, fog, unknown or a
-    visibility in metres. `frame` is what the quaternions turn into the world, one of `FRAMES`.
-
-    Raises InputError, naming file and line, for a file that cannot be read or has other columns,
-    what is no finite number or no weather, times that do not rise, quaternions that are not of unit
-    length, a way point that looks at itself or straight up or down, and fewer than two poses.
+    Raises
+    ------
+    InputError
+        Names file and line, for an unreadable file, wrong columns, values that are not finite
+        numbers, unknown weather, times that do not rise, quaternions of the wrong length, a
+        waypoint without a view, and fewer than two poses.
     """
     file = find_named(str(path), shipped("scenes"), "flight", (".csv", ".txt", ".tum"))
     if frame not in FRAMES:
@@ -150,9 +156,9 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
     if len(values) < 2:
         raise InputError(f"{file}: a flight needs 2 poses or more, not {len(values)}")
     table = np.array(values)
-    falls = np.flatnonzero(np.diff(table[:, 0]) < SHORTEST_S)
-    if falls.size:
-        row = falls[0] + 1
+    not_rising = np.flatnonzero(np.diff(table[:, 0]) < MIN_INTERVAL_S)
+    if not_rising.size:
+        row = not_rising[0] + 1
         raise InputError(
             f"{file}, line {numbers[row]}: time {table[row, 0]:.15g} should be later than the one "
             f"before, {table[row - 1, 0]:.15g}"
@@ -165,7 +171,7 @@ def load_trajectory(path: str | Path, frame: str = "body") -> Trajectory:
 
 
 def _weather(file: Path, text: str) -> str | None:
-    """What the comments of a file state of the weather; None: nothing."""
+    """Weather stated in the comments of a file, or None."""
     stated: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), start=1):
         if match := WEATHER.fullmatch(line.strip()):
@@ -174,14 +180,14 @@ def _weather(file: Path, text: str) -> str | None:
             stated[match[1]] = number
     if len(stated) > 1:
         raise InputError(
-            f"{file}, line {max(stated.values())}: the weather was stated before, and otherwise: "
+            f"{file}, line {max(stated.values())}: the weather is already stated differently: "
             f"{' and '.join(map(repr, stated))}"
         )
     return next(iter(stated), None)
 
 
 def _read(file: Path, text: str) -> tuple[list[int], tuple[str, ...], list[list[float]]]:
-    """Line numbers, names of the columns, and rows of a file."""
+    """Line numbers, column names and rows of a file."""
     lines = list(_lines(text))
     if not lines:
         raise InputError(f"{file}: the file is empty")
@@ -210,7 +216,7 @@ def _lines(text: str) -> Iterator[tuple[int, str]]:
 def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
     if len(cells) != len(columns):
         raise InputError(
-            f"{where}: {len(cells)} columns, not {len(columns)}: {' '.join(columns)} are expected"
+            f"{where}: {len(cells)} columns; expected {len(columns)}: {' '.join(columns)}"
         )
     values = []
     for name, cell in zip(columns, cells, strict=True):
@@ -220,8 +226,8 @@ def _row(where: str, cells: list[str], columns: Sequence[str]) -> list[float]:
             raise InputError(f"{where}: {name} should be a number; found {cell!r}") from None
         if not math.isfinite(values[-1]):
             raise InputError(f"{where}: {name} should be finite; found {cell!r}")
-        if abs(values[-1]) > LARGEST:
-            raise InputError(f"{where}: {name} should lie within ±{LARGEST:g}; found {cell!r}")
+        if abs(values[-1]) > MAX_NUMBER:
+            raise InputError(f"{where}: {name} should lie within ±{MAX_NUMBER:g}; found {cell!r}")
     return values
 
 
@@ -238,7 +244,7 @@ def _of_quaternions(file: Path, numbers: list[int], quaternions: Floats) -> Rota
 
 
 def _towards(file: Path, numbers: list[int], table: Floats) -> Rotation:
-    """Optical frames that look from each way-point to its point."""
+    """Optical frames that look from each waypoint to its point."""
     matrices = []
     for number, row in zip(numbers, table, strict=True):
         try:
@@ -246,15 +252,25 @@ def _towards(file: Path, numbers: list[int], table: Floats) -> Rotation:
         except InputError:
             raise InputError(
                 f"{file}, line {number}: look_x look_y look_z should be a point that is neither "
-                "the way-point nor straight above or below it"
+                "the waypoint nor straight above or below it"
             ) from None
     return Rotation.from_matrix(matrices)
 
 
 def check_clear_path(scene: Scene, trajectory: Trajectory) -> None:
-    """Raise InputError, naming object and time, if a flight leads through a surface of the scene.
+    """Check that a flight neither begins inside an object nor crosses a surface.
 
-    Or begins inside of an object. Objects move on along with the flight.
+    Parameters
+    ----------
+    scene : Scene
+        Its objects move during the flight.
+    trajectory : Trajectory
+        The flight.
+
+    Raises
+    ------
+    InputError
+        Names object and time of the collision.
     """
     start = trajectory.pose(0.0)[:3, 3]
     if name := enclosing_object(scene, start):

@@ -1,4 +1,4 @@
-"""Volumes of fog and smoke: boxes, balls, and what closed meshes enclose."""
+"""Volumes of fog and smoke: boxes, balls, and interiors of closed meshes."""
 
 import warnings
 from collections.abc import Sequence
@@ -20,35 +20,26 @@ from spisim.scene.description import (
     ObjectVolume,
     VolumeDescription,
 )
-from spisim.scene.lamps import find_object
-from spisim.scene.model import SceneObject, Volume
+from spisim.scene.model import SceneObject, SceneWarning, Volume, find_object
 from spisim.scene.pose import pose_matrix
 from spisim.scene.rays import winding_number
 from spisim.scene.shapes import load_mesh
 from spisim.scene.soundness import INVERTED, fault, is_closed
-from spisim.scene.warning import SceneWarning
 
-#: Boxes that overlap by less, relative to their size, only touch.
+#: Relative overlap of boxes that merely touch.
 TOUCHING = 1e-9
-#: Points at which volumes that are no boxes are looked at for overlaps, and the most triangles.
+#: Points that test volumes other than boxes for overlap, and the maximum triangles for it.
 POINTS = 256
 MAX_TRIANGLES = 20_000
 
 
 def make_volume(
-    described: VolumeDescription,
-    objects: Sequence[SceneObject],
-    folder: Path,
-    wavelength_nm: float,
+    described: VolumeDescription, objects: Sequence[SceneObject], folder: Path, wavelength_nm: float
 ) -> Volume:
-    """The volume of a description; meshes and densities are looked for in `folder`.
-
-    Raises InputError for files that are missing or unfit, an object that is not there, a mesh that
-    is no closed surface, and a medium that is none.
-    """
+    """The volume of a description, with meshes and densities from `folder`."""
     medium = described.made(folder, wavelength_nm)
     if medium.extinction_per_m == 0:
-        raise InputError("extinction_per_m should be greater than 0: a volume of nothing")
+        raise InputError("extinction_per_m should be greater than 0 in a volume")
     shape: Literal["box", "ball"] | trimesh.Trimesh = "box"
     carrier = None
     match described:
@@ -77,18 +68,12 @@ def make_volume(
     elif described.structure is not None:
         density = described.structure.density(to_world)
     return Volume(
-        described.name,
-        medium,
-        to_world,
-        density,
-        described.structure,
-        shape=shape,
-        carrier=carrier,
+        described.name, medium, to_world, density, described.structure, shape=shape, carrier=carrier
     )
 
 
 def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
-    """A copy of a closed mesh that faces out; InputError for one that is not closed."""
+    """A copy of a closed mesh with outward normals; InputError for an open one."""
     wrong = fault(mesh)
     if wrong not in (None, INVERTED):
         raise InputError(f"mesh {name!r} has {wrong}: a volume needs a closed surface")
@@ -99,7 +84,7 @@ def closed(mesh: trimesh.Trimesh, name: str) -> trimesh.Trimesh:
 
 
 def warn_of_overlap(volumes: Sequence[Volume]) -> None:
-    """SceneWarning for every two volumes that share space: there, both scatter."""
+    """SceneWarning for each pair of overlapping volumes, where both scatter."""
     for first, second in combinations(volumes, 2):
         if share_space(first, second):
             warnings.warn(
@@ -111,10 +96,7 @@ def warn_of_overlap(volumes: Sequence[Volume]) -> None:
 
 
 def share_space(first: Volume, second: Volume) -> bool:
-    """Whether two volumes do; those that are no boxes are looked at in some points.
-
-    Of meshes of very many triangles only the boxes around them are.
-    """
+    """Whether two volumes overlap, by random points; many triangles count as their bounds."""
     if not overlap(first.to_world, second.to_world):
         return False
     sizes = [0 if isinstance(each.shape, str) else len(each.shape.faces)
@@ -153,10 +135,10 @@ def _centred(size_m: Sequence[float]) -> tuple[Floats, Floats]:
 
 
 def overlap(first: Floats, second: Floats) -> bool:
-    """Whether two boxes, as (4, 4) poses of the unit cube, share space.
+    """Whether two boxes, as (4, 4) poses of the unit cube, overlap.
 
-    Two boxes are apart if they are along the normal of a face of either or along a vector normal
-    to an edge of both (Gottschalk, Lin & Manocha 1996).
+    They are apart if they are so along a face normal of either, or along a vector normal to an edge
+    of each (Gottschalk, Lin & Manocha 1996).
     """
     edges = [box[:3, :3].T for box in (first, second)]  # rows: three edge vectors
     centres = [box[:3, :3].sum(axis=1) / 2 + box[:3, 3] for box in (first, second)]
@@ -167,11 +149,11 @@ def overlap(first: Floats, second: Floats) -> bool:
         ]
     )
     gaps = np.abs(axes @ (centres[1] - centres[0]))
-    max_ranges = sum(np.abs(axes @ box.T).sum(axis=1) / 2 for box in edges)
-    # Edges that are parallel give no axis, only rounding.
+    radii = sum(np.abs(axes @ box.T).sum(axis=1) / 2 for box in edges)
+    # Parallel edges give no axis, only rounding.
     sizes = np.linalg.norm(edges[0], axis=1).max() * np.linalg.norm(edges[1], axis=1).max()
     real = np.linalg.norm(axes, axis=1) > TOUCHING * sizes
-    return bool((gaps < (1 - TOUCHING) * max_ranges)[real].all())
+    return bool((gaps < (1 - TOUCHING) * radii)[real].all())
 
 
 def _face_normals(edges: Floats) -> Floats:

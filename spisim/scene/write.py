@@ -1,4 +1,4 @@
-"""Scene files and their meshes, all there or none of it."""
+"""Atomic writing of scene files with their meshes."""
 
 import io
 import secrets
@@ -20,11 +20,10 @@ from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, is_marked, mark, require_outputs
 from reconstruction.base.folders import locked_name
 from spisim.scene.load import load_scene
-from spisim.scene.model import Scene
+from spisim.scene.model import Scene, SceneWarning
 from spisim.scene.shapes import texture_coordinates
-from spisim.scene.warning import SceneWarning
 
-#: Of the files of meshes, as their marks tell it.
+#: Mark of mesh files.
 MESH = "mesh"
 #: Fields that name files.
 FILES = ("mesh", "density", "picture", "texture", "opacity")
@@ -32,7 +31,7 @@ FILES = ("mesh", "density", "picture", "texture", "opacity")
 
 @dataclass(frozen=True)
 class Written:
-    """The files of a scene, and the scene that they were loaded as to check them."""
+    """The files of a scene, and the scene loaded from them as a check."""
 
     scene_file: Path
     mesh_files: tuple[Path, ...]
@@ -41,7 +40,7 @@ class Written:
 
 
 class _Dumper(yaml.SafeDumper):
-    """YAML that shows lists of numbers in one line."""
+    """YAML with lists of numbers on one line."""
 
     def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> Any:
         flat = all(isinstance(value, (int, float)) for value in sequence)
@@ -49,15 +48,14 @@ class _Dumper(yaml.SafeDumper):
 
 
 def check_free(output: Path, overwrite: bool, inputs: Iterable[Path] = ()) -> None:
-    """InputError unless a scene file and its folder of meshes can be written, `inputs` unharmed.
+    """InputError unless a scene file and its mesh folder can be written without harm to `inputs`.
 
-    Scene files are there to be changed: older ones, too, are replaced only where that is asked for,
-    and a folder only if all that is in it are meshes that were written here.
+    Users edit scene files, so existing ones are replaced only on request.
     """
     folder = mesh_folder(output)
     for path in (output, folder):
         if path.is_symlink():
-            raise InputError(f"{path} is a symbolic link; the name of a new file is needed")
+            raise InputError(f"{path} is a symbolic link; a new file name is needed")
     require_outputs([Output(output, "scene file", (".yaml", ".yml"))], inputs, overwrite=True)
     for path in (output, folder):
         if path.exists() and not overwrite:
@@ -67,7 +65,7 @@ def check_free(output: Path, overwrite: bool, inputs: Iterable[Path] = ()) -> No
 
 
 def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
-    """InputError unless a folder holds nothing but meshes that were written here."""
+    """InputError unless a folder holds nothing but meshes written by this package."""
     if not folder.is_dir():
         raise InputError(f"{folder} is not a folder")
     for path in folder.iterdir():
@@ -79,7 +77,7 @@ def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
 
 def mesh_folder(output: Path) -> Path:
-    """The folder of the meshes of a scene file. Raises InputError where that has no name."""
+    """Mesh folder of a scene file; InputError if the file has no name."""
     if not output.name:
         raise InputError(f"{output} is a folder; the name of a file is needed")
     return output.with_name(f"{output.stem}-meshes")
@@ -92,12 +90,10 @@ def write_scene(
     header: str,
     arrays: Mapping[str, NDArray[Any]] | None = None,
 ) -> Written:
-    """Write a scene file, load it to see that it is one, then give it its name.
+    """Write a scene file and a folder of `meshes` and `arrays`, and load it as a check.
 
-    `fields` name the files of `meshes` and `arrays`, which are written into a folder beside the
-    scene file; `.png` of arrays are grey pictures of 8 or 16 bits. `header` is a comment. Raises
-    InputError for a scene that does not load, and where another process writes a scene of this
-    name; then, and when interrupted, nothing is left behind and older files stay.
+    `fields` name those files; `.png` arrays are greyscale of 8 or 16 bits. On failure older files
+    stay.
     """
     folder, arrays = mesh_folder(output), arrays or {}
     new_folders = [parent for parent in output.parents if not parent.exists()]
@@ -127,8 +123,8 @@ def write_scene(
 
 
 def _ply(mesh: trimesh.Trimesh) -> bytes:
-    """A mesh as a PLY file, texture coordinates included, with its mark among the comments."""
-    has_coordinates = texture_coordinates(mesh) is not None  # which trimesh calls attributes
+    """A mesh as PLY file, with texture coordinates and its mark in a comment."""
+    has_coordinates = texture_coordinates(mesh) is not None  # attributes to trimesh
     data = mesh.export(file_type="ply", include_attributes=has_coordinates)
     first, form, rest = data.split(b"\n", 2)
     return b"\n".join([first, form, f"comment {mark(MESH)}".encode(), rest])
@@ -144,7 +140,7 @@ def _png(grey: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
 
 
 def _npy(array: NDArray[Any]) -> bytes:
-    """An array with its mark behind its end, where readers do not look."""
+    """An array with its mark after the data, where readers do not look."""
     data = io.BytesIO()
     np.save(data, array)
     return data.getvalue() + mark(MESH).encode()
@@ -169,7 +165,7 @@ def _text(fields: Mapping[str, Any], files: Collection[str], folder: str, header
 
 
 def _put_in_place(stage: Path, output: Path, folder: Path) -> None:
-    """Move the staged files to their names; older ones go into the stage, or back on failure."""
+    """Move staged files to their names and older ones into the stage; undo it on failure."""
     moved: list[tuple[Path, Path]] = []
     try:
         for path in (folder, output):

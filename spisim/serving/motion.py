@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from spisim.scene import Scene
-from spisim.scene.model import SceneObject, Vector3, Volume
+from spisim.scene.model import SceneObject, Volume
+from spisim.scene.pose import Vector3
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,7 +17,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene import SceneObject
-from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane
+from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane, fresnel
 from spisim.scene.content import surface_content
 from spisim.transport.geometry import Geometry
 from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
@@ -219,7 +219,7 @@ def _reflectance(thing: SceneObject) -> float:
     """Reflectance at normal incidence; of plastic, that of its coat."""
     bsdf = thing.material.bsdf
     if isinstance(bsdf, Plastic):
-        return Dielectric(bsdf.ior).fresnel_reflectance
+        return fresnel(bsdf.ior)
     return thing.material.reflectance
 
 

@@ -15,7 +15,7 @@ import yaml
 from commands import mistake, program, spisim
 from pictures import read_exr
 from reconstruction import Capture, read_capture, write_capture
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
 from waiting import SAFETY_S, until
 

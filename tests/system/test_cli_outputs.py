@@ -22,7 +22,7 @@ from reconstruction.base.files import is_marked
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
 from spisim.cli import app
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
 from spisim.simulation.light.files import write_histograms
 

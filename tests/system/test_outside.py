@@ -11,7 +11,7 @@ import yaml
 
 from reconstruction import InputError, read_capture
 from spisim.instrument import load_instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 
 OUTSIDE = Path(__file__).parents[1] / "outside"
 SCENE = {"family": "closet", "seed": 1, "dust": {"mass_g_per_m3": 0.01}}

@@ -204,7 +204,7 @@ def test_clear_and_weather_exclude_each_other(medium: str) -> None:
 def test_single_drops_go_with_what_falls() -> None:
     with pytest.raises(InputError, match="--drops goes with --rain or --snow"):
         WeatherOfDrops(smoke=20.0, drops=True)
-    sections = WeatherOfDrops(snow=2.0, drops=True).sections(lambda: None)
+    sections = WeatherOfDrops(snow=2.0, drops=True).sections({})
     assert sections == {"snow": {"rate_mm_per_h": 2.0, "model": "drops"}}
 
 

@@ -44,7 +44,7 @@ def test_budget_as_json() -> None:
     assert report["image"]["dominating"]["source"] == "amplifier"
     assert [each[:28] for each in report["warnings"]] == ["there is hardly an image at "]
     assert report["image"]["coefficient_snr"] < 1 < report["image"]["frames_to_average"]
-    assert report["fog"]["plain_bias_m"] < 0 < report["fog"]["echo_fraction"]
+    assert report["fog"]["plain_bias_m"] < 0 < report["fog"]["echo_share"]
 
 
 def test_frames_are_averaged_for_a_wanted_correlation() -> None:

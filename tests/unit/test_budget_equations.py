@@ -8,8 +8,14 @@ from scipy.constants import elementary_charge
 
 from instruments import flood
 from reconstruction.base.errors import InputError
-from spisim.budget.equations import eq1, eq1_as_printed, eq2
-from spisim.budget.integration import common_integration_time_s, integration_time_s, max_range_m
+from spisim.budget.equations import (
+    common_integration_time_s,
+    eq1,
+    eq1_as_printed,
+    eq2,
+    integration_time_s,
+    max_range_m,
+)
 
 GOALS = {0.2: 2.8, 0.5: 5.0, 0.8: 8.0}
 

@@ -28,7 +28,7 @@ from spisim.dataset.sample import load
 from spisim.dataset.status import status_of
 from spisim.dataset.study.plan import StudyPlan
 from spisim.instrument import Instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 from spisim.scene.description import SceneDescription
 
 FULL_PLAN = """

@@ -323,7 +323,7 @@ def test_plans_that_grow_are_refused(tmp_path: Path) -> None:
         + "".join(f"vary{k}: &a{k} [{f'*a{k - 1},' * 9}]\n" for k in range(1, 9))
     )
     said = mistake("dataset", tmp_path / "plan.yaml", "--dry-run")
-    assert "with its aliases written out" in said
+    assert "with its aliases expanded" in said
     assert len(said) < 400
 
 

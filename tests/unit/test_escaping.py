@@ -21,7 +21,7 @@ from reconstruction import Capture, evaluate, reconstruct
 from reconstruction.base.text import json_line, printable
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
-from spisim.base.config import csv_table
+from spisim.base.config.files import csv_table
 from spisim.cli import main
 from spisim.cli.console import print_json, results, say, warn
 from spisim.cli.tables import plain_table

@@ -56,7 +56,7 @@ def test_a_flight_that_never_ends(tmp_path: Path) -> None:
 
 def test_a_flight_to_the_stars(tmp_path: Path) -> None:
     path = load_trajectory(flight(tmp_path, "10,0,9e9,0"))
-    refused(lambda: check_clear_path(scene(), path), "would be followed in 1.8e[+]11 steps")
+    refused(lambda: check_clear_path(scene(), path), "takes 1.8e[+]11 steps")
 
 
 def test_an_object_that_spins_beyond_all_bounds() -> None:

@@ -12,8 +12,12 @@ from spisim.budget import (
     class_1_power_w,
     laser_safety,
 )
-from spisim.budget.eye_safety import retinal_weight, risk_group
-from spisim.budget.laser_limits import accessible_energy_j, repeated_pulse_factor
+from spisim.budget.eye_safety import (
+    accessible_energy_j,
+    repeated_pulse_factor,
+    retinal_weight,
+    risk_group,
+)
 from spisim.instrument import load_instrument
 
 

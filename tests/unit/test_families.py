@@ -140,7 +140,7 @@ def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPa
     monkeypatch.setattr(
         "spisim.scene.drawn.layout_problem", lambda scene, needs: "the drone is too big"
     )
-    text = r"seed 3: none of 40 draws is a scene to fly in; in the last, the drone is too big"
+    text = r"seed 3: none of 40 draws makes a scene to fly in; in the last, the drone is too big"
     with pytest.raises(InputError, match=text):
         draw_scene("targets", 3)
 

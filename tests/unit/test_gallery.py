@@ -10,8 +10,8 @@ import scene_gallery
 from reconstruction import InputError
 from spisim.cli import app
 from spisim.scene import catalogue, list_scenes
-from spisim.scene.catalogue import weather
 from spisim.scene.families import FAMILIES
+from spisim.scene.load import weather
 
 DOCS = Path(__file__).parents[2] / "docs"
 

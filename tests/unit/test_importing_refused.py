@@ -208,7 +208,7 @@ PLY = (
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "cannot be read as OBJ"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 5 5\n", "negative indices"),
         ("a.obj", "v 0 0 0\n", "holds no triangles"),
-        ("a.obj", "v 0\nv 1\nv 2\nf 1 2 3\n", "not of three corners in 3-D"),
+        ("a.obj", "v 0\nv 1\nv 2\nf 1 2 3\n", "not triangles in 3-D"),
         ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 z\n"
                   "vertex 0 1 0\nendloop\nendfacet\nendsolid\n", "cannot be read as STL"),
     ],

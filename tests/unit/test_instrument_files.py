@@ -8,7 +8,7 @@ import yaml
 from instruments import PAPER, load_text
 from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument, load_instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 
 
 def test_text_loads_as_the_same_instrument(paper: Instrument, tmp_path: Path) -> None:
@@ -51,7 +51,7 @@ def test_exposure_defaults_to_the_pattern_period_and_may_be_shorter(tmp_path: Pa
         (("polarity: single-ended", "polarity: single"), ["plan.polarity", "single-ended"]),
         (
             ("polarity: single-ended", "polarity: signed"),
-            ["plan.polarity", "formed by a recorder; choose differential or single-ended"],
+            ["plan.polarity", "differences of exposures; choose differential or single-ended"],
         ),
         (("[1544, 1556]", "[1556, 1544]"), ["filter.band_nm", "800 to 1600"]),
         (("[1544, 1556]", "[1520, 1530]"), ["wavelength_nm", "band_nm"]),
@@ -108,7 +108,7 @@ MODULATION = "  modulation: {frequencies_hz: [15.0e+6]}\n  pattern_rate_hz"
             ("  pattern_rate_hz", MODULATION.replace("]", "], taps: {width: 0.5}")),
             ["projector.modulation.taps", "width 0.25"],
         ),
-        (PAPER, ("[14.9896229e+6]", "[15.0e+6, 15.0e+6]"), ["frequencies_hz", "twice"]),
+        (PAPER, ("[14.9896229e+6]", "[15.0e+6, 15.0e+6]"), ["frequencies_hz", "differ"]),
         (PAPER, ("[14.9896229e+6]", "[]"), ["frequencies_hz", "at least 1 items, not 0"]),
         (
             PAPER,

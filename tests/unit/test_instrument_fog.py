@@ -11,7 +11,7 @@ from instruments import changed
 from reconstruction.base.errors import InputError
 from spisim.budget.eye_safety import class_1_power_w, laser_safety
 from spisim.instrument import load_instrument
-from spisim.instrument.load import PRESETS
+from spisim.instrument.model import PRESETS
 
 # Periods of each frequency
 

@@ -14,7 +14,7 @@ from reconstruction import evaluate, read_capture, reconstruct, write_capture
 from reconstruction.base.errors import InputError
 from spisim.base.config import parse_model
 from spisim.budget import Target, bucket_link, budget_warnings, range_sigma_m, spot_link
-from spisim.cli.budget import summarise
+from spisim.budget.report import summarise
 from spisim.instrument import Instrument, load_instrument
 from spisim.report.capture import write_report
 from spisim.scene import load_scene

@@ -82,7 +82,7 @@ def test_nothing_found_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (lambda folder: folder / "missing.so", "not a file"),
         (lambda folder: folder, "not a file"),
-        (lambda folder: _touched(folder / "libsomething.so"), "no LLVM library"),
+        (lambda folder: _touched(folder / "libsomething.so"), "not an LLVM library"),
         (lambda folder: _touched(folder / "libLLVM-15.so.1"), "which is LLVM 15"),
     ],
 )

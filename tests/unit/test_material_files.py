@@ -129,7 +129,7 @@ def test_own_values_at_another_wavelength(folder: Path) -> None:
     )
     for nm, expected in ((850, 0.4), (877.5, 0.45), (955, 0.5 - 0.2 * 50 / 645)):
         assert make_material("m", described, folder, nm).reflectance == pytest.approx(expected)
-    with pytest.raises(InputError, match=r"reflectance is known at 850, 905, 1550 nm .* 1460 nm"):
+    with pytest.raises(InputError, match=r"is tabulated at 850, 905, 1550 nm.* 1460 nm"):
         make_material("m", described, folder, 1460)
     plain = MaterialDescription.model_validate({"source": "measured", "reflectance": 0.4})
     assert make_material("m", plain, folder, 532).reflectance == 0.4
@@ -176,15 +176,15 @@ def test_pictures_are_read_as_they_stand(folder: Path) -> None:
         ("bsdf: conductor, eta: -1, k: 5", ["eta and k", "found -1"]),
         ("bsdf: conductor, eta: 0.0, k: 5", ["eta and k", "found 0"]),
         ("bsdf: thin-pane, texture: grey.png", ["texture does not go with a clear surface"]),
-        ("reflectance: {850: 0.4}", ["reflectance is known at 850 nm", "asked for at 1550 nm"]),
-        ("reflectance: {0.85: 0.4, 1.55: 0.3}", ["known at 0.85, 1.55 nm"]),
+        ("reflectance: {850: 0.4}", ["reflectance is tabulated at 850 nm", "found 1550 nm"]),
+        ("reflectance: {0.85: 0.4, 1.55: 0.3}", ["tabulated at 0.85, 1.55 nm"]),
         ("reflectance: {850: 0.4, 1550: 1.3}", ["mine.reflectance.1550", "equal to 1", "1.3"]),
         ("reflectance: {1550: yes}", ["mine.reflectance.1550", "number", "True"]),
         ("reflectance: {-1550: 0.5}", ["mine.reflectance.-1550", "greater than 0"]),
         ("reflectance: {red: 0.5}", ["mine.reflectance.red", "number"]),
         ("reflectance: {}", ["mine.reflectance", "at least 1"]),
         ("reflectance: [0.4]", ["mine.reflectance", "number"]),
-        ("bsdf: conductor, eta: {850: 2}, k: 16", ["eta is known at 850 nm"]),
+        ("bsdf: conductor, eta: {850: 2}, k: 16", ["eta is tabulated at 850 nm"]),
         ("bsdf: conductor, eta: {1550: -2}, k: 16", ["eta and k", "found -2"]),
         ("reflectance: 0.5, bsdf: mirror, ior: {1550: 1.5}", ["ior does not go with bsdf mirror"]),
         ("reflectance: 0.4, bsdf: retroreflector", ["retroreflector needs returned"]),

@@ -11,9 +11,8 @@ import material_plot
 from reconstruction.base.errors import InputError
 from spisim.atmosphere import refractive_index
 from spisim.scene import Material, find_material, material_table
-from spisim.scene.bsdf import Diffuse, Plastic, make_bsdf
-from spisim.scene.materials import shipped_materials
-from spisim.scene.wetness import mean_fresnel_transmittance, wet_reflectance
+from spisim.scene.bsdf import Diffuse, Plastic, fresnel_reflectance, make_bsdf
+from spisim.scene.materials import mean_fresnel_transmittance, shipped_materials, wet_reflectance
 
 WAVELENGTHS_NM = (850, 905, 940, 1460, 1550)
 SHIPPED = shipped_materials()
@@ -42,7 +41,7 @@ def test_every_row_has_all_five_wavelengths(name: str) -> None:
     for values in tables:
         assert tuple(values) == WAVELENGTHS_NM
     own = given["reflectance"]
-    assert isinstance(own, Mapping) or make_bsdf(row.bsdf, MODELLED[row.bsdf]).fresnel_reflectance
+    assert isinstance(own, Mapping) or fresnel_reflectance(make_bsdf(row.bsdf, MODELLED[row.bsdf]))
 
 
 #: Parameters of the models whose reflectance follows from refraction, only to make one.
@@ -128,8 +127,8 @@ def test_between_its_wavelengths_the_table_is_linear() -> None:
 @pytest.mark.parametrize("wavelength_nm", [532, 799, 991, 1064, 1320, 1409, 1601])
 def test_far_from_its_wavelengths_the_table_says_nothing(wavelength_nm: float) -> None:
     message = (
-        r"material 'brick': reflectance is known at 850, 905, 940, 1460, 1550 nm and 50 nm around, "
-        rf"asked for at {wavelength_nm} nm"
+        r"material 'brick': reflectance is tabulated at 850, 905, 940, 1460, 1550 nm, "
+        rf"each within 50 nm; found {wavelength_nm} nm"
     )
     with pytest.raises(InputError, match=message):
         find_material("brick", None, wavelength_nm)

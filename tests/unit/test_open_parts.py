@@ -6,7 +6,7 @@ import pytest
 from spisim.scene import Scene, draw_scene
 from spisim.scene.families import FAMILIES, SceneBuilder
 from spisim.scene.rays import first_hits
-from spisim.scene.soundness import FAR_M, fault
+from spisim.scene.soundness import MAX_DISTANCE_M, fault
 from spisim_worlds.parts.boats import hull
 from spisim_worlds.parts.charts import CHARTS, chart
 from spisim_worlds.parts.houses import house
@@ -58,8 +58,8 @@ def test_land_goes_to_the_horizon_and_no_farther_than_light_is_traced() -> None:
     where = land()
     for line in (where.x_m, where.y_m):
         assert (np.diff(line) > 0).all()
-        assert -FAR_M < line[0] < -0.9 * HORIZON_M
-        assert 0.9 * HORIZON_M < line[-1] < FAR_M
+        assert -MAX_DISTANCE_M < line[0] < -0.9 * HORIZON_M
+        assert 0.9 * HORIZON_M < line[-1] < MAX_DISTANCE_M
     near = np.diff(where.x_m[(where.x_m >= -3) & (where.x_m <= 20)])
     np.testing.assert_allclose(near, 1.0)
 

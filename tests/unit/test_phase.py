@@ -234,7 +234,7 @@ def test_scene_file_gives_any_phase_function(tmp_path: Path) -> None:
     [
         ("phase: {table: plian.csv}", ["no table 'plian.csv'", "did you mean 'plain.csv'"]),
         ("phase: {table: words.csv}", ["'words.csv'", "line 2: should hold numbers"]),
-        ("phase: {table: ragged.csv}", ["'ragged.csv'", "not equally long"]),
+        ("phase: {table: ragged.csv}", ["'ragged.csv'", "differ in length"]),
         ("phase: {table: empty.csv}", ["'empty.csv'", "two columns"]),
         ("phase: {table: objects.npy}", ["'objects.npy'", "cannot be read"]),
         ("phase: {table: broken.npy}", ["'broken.npy'", "cannot be read"]),

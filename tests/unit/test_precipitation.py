@@ -228,7 +228,7 @@ def test_snow_is_within_what_is_measured():
         (lambda: rain(0.0), "rate_mm_per_h of rain should be greater than 0 and at most 300"),
         (lambda: rain(301.0), "at most 300; found 301"),
         (lambda: rain(float("nan")), "found nan"),
-        (lambda: rain(1.0, wavelength_nm=1310), "each for up to 50 nm more or less; found"),
+        (lambda: rain(1.0, wavelength_nm=1310), "each within 50 nm; found"),
         (
             lambda: snow(30.0),
             "rate_mm_per_h of snow should be greater than 0 and at most 20; found 30",

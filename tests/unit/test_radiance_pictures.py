@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
-from spisim.base.config.hdr import read_hdr_red
+from spisim.base.config.linear import read_hdr_red
 from spisim.scene import load_scene
 
 HEAD = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n"
@@ -42,9 +42,9 @@ ROW = PACKED + bytes([136, 100]) + bytes([136, 0]) * 2 + bytes([136, 130])
         (b"#?RADIANCE\n\n+Y 2 +X 8\n", "top row first"),
         (HEAD.replace(b"rgbe", b"xyze"), "XYZ"),
         (HEAD.replace(b"-Y 2", b"-Y 9999999"), "pixels; at most"),
-        (HEAD + bytes(10), "cut off"),
-        (HEAD + ROW, "cut off"),
-        (HEAD + ROW + ROW[:-1], "cut off"),
+        (HEAD + bytes(10), "truncated"),
+        (HEAD + ROW, "truncated"),
+        (HEAD + ROW + ROW[:-1], "truncated"),
         (HEAD + PACKED + bytes([0] * 40), "damaged"),
         (HEAD + PACKED + bytes([255, 1]) * 20, "damaged"),
     ],

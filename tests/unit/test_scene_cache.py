@@ -8,10 +8,10 @@ import trimesh
 
 from reconstruction.base.errors import InputError
 from spisim.scene import Scene, make_scene
-from spisim.scene import cache as cache_module
-from spisim.scene.cache import SceneCache
+from spisim.scene import load_context as cache_module
 from spisim.scene.content import surface_content
 from spisim.scene.families import FAMILIES
+from spisim.scene.load_context import SceneCache
 
 TEXT = """
 name: two

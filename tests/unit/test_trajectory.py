@@ -104,7 +104,7 @@ def test_a_file_states_the_weather_of_its_flight(tmp_path: Path) -> None:
     flight = load_trajectory(written(tmp_path, "#  Weather: 50\n" + WAY_POINTS))
     assert flight.faster(2).weather == "50"
     twice = WAY_POINTS + "# weather: fog\n# weather: clear\n"
-    with pytest.raises(InputError, match=r"line 7: .* stated before, .* 'fog' and 'clear'"):
+    with pytest.raises(InputError, match=r"line 7: .* stated differently: 'fog' and 'clear'"):
         load_trajectory(written(tmp_path, twice))
     with pytest.raises(InputError, match=r"line 6: weather is 'foggy'; allowed: .*clear, fog"):
         load_trajectory(written(tmp_path, WAY_POINTS + "# weather: foggy\n"))
@@ -125,7 +125,7 @@ def test_quaternions_of_the_optical_frame(tmp_path: Path) -> None:
         (("12,2,", "9,2,"), r"line 5: time 9 should be later"),
         (("11,1,0", "11,1,nan"), r"line 4: y should be finite; found 'nan'"),
         (("11,1,0", "11,1,left"), r"line 4: y should be a number; found 'left'"),
-        (("11,1,0", "11,1"), r"line 4: 6 columns, not 7"),
+        (("11,1,0", "11,1"), r"line 4: 6 columns; expected 7"),
         (("7,0,1", "2,0,1"), r"line 5: look_x look_y look_z should be a point that is neither"),
         (("7,0,1", "2,0,0"), r"line 5: .*straight above or below"),
         (("look_z", "look_q"), r"line 2: the header should be t,x,y,z,qx.* or t,x,y,z,look_x"),
@@ -133,7 +133,7 @@ def test_quaternions_of_the_optical_frame(tmp_path: Path) -> None:
         ((WAY_POINTS, "# nothing\n"), r"the file is empty"),
         ((WAY_POINTS, "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 0\n"), r"line 2: .*length 1, not 0"),
         ((WAY_POINTS, "0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1.1\n"), r"line 2: .*length 1, not 1\.1"),
-        ((WAY_POINTS, "0 0 0 0 0 0 1\n"), r"line 1: 7 columns, not 8"),
+        ((WAY_POINTS, "0 0 0 0 0 0 1\n"), r"line 1: 7 columns; expected 8"),
     ],
 )
 def test_mistakes_in_files(tmp_path: Path, change: tuple[str, str], message: str) -> None:
@@ -155,7 +155,7 @@ def test_files_that_are_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize("time_s", [-0.1, 4.1, np.nan])
 def test_times_outside_of_the_flight(time_s: float) -> None:
     flight = curved()
-    for question in (flight.pose, flight.velocity, flight.angular_velocity, flight.moment):
+    for question in (flight.pose, flight.velocity, flight.angular_velocity, flight.drone_state):
         with pytest.raises(InputError, match="outside of the flight, 0 to 4 s"):
             question(time_s)
 
@@ -177,7 +177,7 @@ def same(one: Scene, other: Scene) -> bool:
 
 def test_the_drone_of_a_moment_is_that_of_the_flight() -> None:
     flight = curved()
-    position = at_drone_state(spisim.load_scene("warehouse"), flight.moment(1.7))
+    position = at_drone_state(spisim.load_scene("warehouse"), flight.drone_state(1.7))
     assert position.drone_pose == pytest.approx(flight.pose(1.7), abs=1e-9)
     assert position.drone_velocity_m_s == pytest.approx(flight.velocity(1.7))
     assert position.drone_angular_velocity_rad_s == pytest.approx(flight.angular_velocity(1.7))
@@ -190,7 +190,7 @@ def test_the_text_of_a_moment_makes_the_same_scene() -> None:
         "  - {name: fan, shape: box, size_m: [1, 2, 3], material: brick, translate_m: [4, 9, 0],\n"
         "     velocity_m_s: [0, 1, 0], angular_velocity_deg_s: [0, 0, 90]}\n"
     )
-    moment = load_trajectory(scenes_folder() / "warehouse-flight.csv").moment(2.3)
+    moment = load_trajectory(scenes_folder() / "warehouse-flight.csv").drone_state(2.3)
     position = make_scene(text, Path(), "x")
     moved = at_drone_state(position, moment)
     again = make_scene(moved.text, Path(), "x")
@@ -204,7 +204,7 @@ def test_the_text_of_a_moment_makes_the_same_scene() -> None:
 def test_a_family_draws_the_same_world_for_every_moment() -> None:
     """Though a drone that flies there would make another draw necessary."""
     position = draw_scene("targets", 1)
-    moment = curved().moment(0.4)
+    moment = curved().drone_state(0.4)
     moved = at_drone_state(position, moment.model_copy(update={"position_m": (-30.0, 0.0, 1.5)}))
     again = make_scene(moved.text, Path(), "drawn")
     assert same(moved, again)
@@ -213,7 +213,7 @@ def test_a_family_draws_the_same_world_for_every_moment() -> None:
 
 def test_a_moment_inside_an_object_is_refused() -> None:
     position = spisim.load_scene("warehouse")
-    inside = curved().moment(0).model_copy(update={"position_m": (3.0, 0.47, 0.9)})
+    inside = curved().drone_state(0).model_copy(update={"position_m": (3.0, 0.47, 0.9)})
     moved = at_drone_state(position, inside.model_copy(update={"look_at_m": (9.0, 0.0, 0.9)}))
     with pytest.raises(InputError, match="inside object 'drum'"):
         make_scene(moved.text, scenes_folder(), "moved")

@@ -128,7 +128,7 @@ def test_visibility_and_water_may_agree_but_not_contradict() -> None:
     for wrong in (0.0, -1.0, math.inf, math.nan):
         with pytest.raises(InputError, match="liquid_water_g_per_m3"):
             visibility_of_water(wrong, "heavy-advection")
-    with pytest.raises(InputError, match="no water"):
+    with pytest.raises(InputError, match="not water"):
         visibility_of_water(0.1, "soot")
 
 

@@ -158,7 +158,7 @@ def test_sections_can_be_changed_and_left_out(tmp_path: Path) -> None:
             "fog: {liquid_water_g_per_m3: 1, extinction_per_m: 1}",
             ["fog", "visibility_m or extinction_per_m"],
         ),
-        ("fog: {liquid_water_g_per_m3: 1, kind: soot}", ["fog", "no water"]),
+        ("fog: {liquid_water_g_per_m3: 1, kind: soot}", ["fog", "not water"]),
         ("fog: {visibility_m: 50, phase: mei}", ["fog.phase", "'mie'", "double-hg", "mei"]),
         ("fog: {extinction_per_m: 1, phase: mie}", ["phase does not go with extinction_per_m"]),
         ("fog: {visibility_m: 50, phase: {g: 0.8}}", ["visibility_m", "mie, double-hg, hg"]),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from spisim.scene.families import Placed, SceneBuilder
+from spisim.scene.families import Pose, SceneBuilder
 from spisim_worlds.parts.shapes import Mesh, block, grid_mesh, rod, union
 
 WALL_M, ROOM_M, STOREY_M = 0.3, 2.2, 3.0
@@ -51,12 +51,12 @@ def add_front(
     builder.mesh("front", wall, _wall(front), at)
     builder.mesh("rooms", "plasterboard", _rooms(front), at)
     windows = front.windows()
-    positions: list[Placed] = [((0, 0, 0), (x, y, z)) for x, z in windows]
+    positions: list[Pose] = [((0, 0, 0), (x, y, z)) for x, z in windows]
     width, height = front.window_m
     builder.mesh("window frame", frame, _frame(width, height), copies=positions)
     builder.mesh("sill", "concrete", block((width + 0.16, 0.42, 0.05), (0, 0.02, -height / 2)),
                copies=positions)  # fmt: skip
-    panes: list[Placed] = [((90, 0, 0), (x, y + 0.14, z)) for x, z in windows]
+    panes: list[Pose] = [((90, 0, 0), (x, y + 0.14, z)) for x, z in windows]
     builder.rectangle("pane", "glass-pane", front.window_m, copies=panes)
     curtained = [position for position in positions if rng.random() < 0.5]
     if curtained:

@@ -1,4 +1,4 @@
-"""Fog in scene files, and any other medium by its coefficients."""
+"""Fog in scene files, and media by their coefficients."""
 
 from __future__ import annotations
 
@@ -20,22 +20,16 @@ from spisim.base.config.files import read_columns
 
 
 class PhaseDescription(Section):
-    """A phase function: `g` of Henyey-Greenstein, a `table` file, or a `blend` of several.
-
-    Beside a table, `g` is what its mean cosine should be, and `unit` whether its values are
-    absolute.
-    """
+    """A phase function: Henyey-Greenstein's by `g`, a `table` file, or a `blend` of several."""
 
     g: Annotated[Number, Field(gt=-1, lt=1)] | None = None
-    """Mean cosine of the Henyey-Greenstein function; beside a table, what its mean cosine should
-    be.
-    """
+    """Mean cosine of the Henyey-Greenstein function; beside a table, that expected of it."""
     table: Name | None = None
     """File of two columns: cosine or angle in degrees, and value."""
     unit: Literal["relative", "1/sr"] = "relative"
     """Whether the table's values are absolute."""
     blend: Annotated[tuple[BlendPart, ...], Field(min_length=1)] | None = None
-    """Several phase functions, weighted."""
+    """Weighted phase functions."""
 
     @model_validator(mode="after")
     def _one_way(self) -> PhaseDescription:
@@ -46,7 +40,7 @@ class PhaseDescription(Section):
         return self
 
     def made(self, folder: Path) -> Phase:
-        """The phase function; its table is looked for in `folder`."""
+        """The phase function, with its table from `folder`."""
         if self.blend is not None:
             return Blend(tuple((part.weight, part.made(folder)) for part in self.blend))
         if self.table is not None:
@@ -56,37 +50,36 @@ class PhaseDescription(Section):
                 declared_g=self.g,
                 name=self.table,
             )
-        assert self.g is not None  # one of the three there is
+        assert self.g is not None  # one of the three is given
         return henyey_greenstein(self.g)
 
 
 class BlendPart(PhaseDescription):
-    """A phase function's share of a blend; the weights sum to 1."""
+    """A weighted phase function of a blend."""
 
     weight: Positive
-    """Share of this one; they sum to 1."""
+    """Weight of this one; they sum to 1."""
 
 
 class DropletDescription(Section):
-    """Sizes of droplets or particles: a modified gamma distribution or a log-normal one.
+    """Sizes of droplets or particles, by a modified gamma distribution or a log-normal one.
 
-    n(r) ∝ r^alpha exp(-b r^gamma) with its peak at `mode_radius_um`; or half of the particles
-    below `median_diameter_um` and 68 % within a factor `sigma_g`. They are of water unless `n` and
-    `k` give another refractive index n - ik.
+    n(r) ∝ r^alpha exp(-b r^gamma) with its peak at `mode_radius_um`, or 68 % of the particles
+    within a factor `sigma_g` of `median_diameter_um`.
     """
 
     alpha: Number | None = None
     """Exponent of the radius in the modified gamma distribution."""
     gamma: Number | None = None
-    """Exponent of the radius in its exponential."""
+    """Exponent of the radius in its exponential function."""
     mode_radius_um: Number | None = None
     """Radius at its peak."""
     median_diameter_um: Number | None = None
-    """Diameter that half of the particles are below, of the log-normal one."""
+    """Median diameter of the log-normal distribution."""
     sigma_g: Number | None = None
     """Its geometric standard deviation; above 1."""
     n: Number | None = None
-    """Real part of the particles' refractive index; water's without."""
+    """Real part of the particles' refractive index; by default water's."""
     k: Number = 0.0
     """Its imaginary part; goes with `n`."""
 
@@ -101,10 +94,10 @@ class DropletDescription(Section):
         return self
 
     def made(self) -> Particles:
-        """The particles."""
+        """The particles described."""
         sizes: GammaSizes | LogNormalSizes
         if self.alpha is not None:
-            assert self.gamma is not None  # all three there are
+            assert self.gamma is not None  # all three are given
             assert self.mode_radius_um is not None
             sizes = GammaSizes(self.alpha, self.gamma, self.mode_radius_um)
         else:
@@ -121,33 +114,33 @@ AnyPhase = Annotated[
 
 
 class Fog(Weather):
-    """Fog by visibility or water, or a medium by its coefficients, at any wavelength the same.
+    """Fog by visibility or water, or a medium by coefficients that hold at any wavelength.
 
-    Its droplets are of a `kind` or have sizes of their own (`droplets`). The `phase` of fog by
-    visibility or water is the name of a form, that of a medium by coefficients a phase function.
+    Its droplets are of a `kind`, or `droplets` gives their sizes. `phase` names a form for fog by
+    visibility or water; for a medium by coefficients it is a phase function.
     """
 
     visibility_m: Positive | None = None
-    """Meteorological range at 550 nm, by `definition`."""
+    """Visibility at 550 nm, by `definition`."""
     liquid_water_g_per_m3: Positive | None = None
-    """Liquid water content; alone, or beside the visibility that it must fit."""
+    """Liquid water content; alone, or beside a visibility that agrees."""
     kind: str = "moderate-radiation"
-    """Name of its droplets' sizes; for fog by visibility or water."""
+    """Named droplet sizes, for fog by visibility or water."""
     droplets: DropletDescription | None = None
-    """Sizes of its own in place of a `kind`."""
+    """Custom sizes instead of a `kind`."""
     definition: str = "koschmieder"
-    """What visibility means: a contrast of 2 % (koschmieder) or of 5 % (mor)."""
+    """Definition of visibility: contrast of 2 % (koschmieder) or 5 % (mor)."""
     extinction_per_m: Annotated[Number, Field(ge=0, le=MAX_EXTINCTION_PER_M)] | None = None
-    """Extinction, for a medium by its coefficients."""
+    """Extinction of a medium by coefficients."""
     albedo: Fraction = 1.0
-    """Share of the light met that is scattered; goes with `extinction_per_m`."""
+    """Scattered fraction of the extinction; goes with `extinction_per_m`."""
     g: Annotated[Number, Field(gt=-1, lt=1)] = 0.0
     """Mean cosine of the scattering angle (Henyey-Greenstein); goes with `extinction_per_m`."""
     phase: AnyPhase | None = None
-    """Form of the phase function by name, or, with `extinction_per_m`, the function itself."""
+    """Named form of the phase function, or, with `extinction_per_m`, the function itself."""
 
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere:
-        """The medium; one by its coefficients is the same at every wavelength."""
+        """The medium; one by coefficients is the same at every wavelength."""
         if self.extinction_per_m is not None:
             phase: Phase = henyey_greenstein(self.g)
             if isinstance(self.phase, PhaseDescription):

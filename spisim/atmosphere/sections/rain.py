@@ -10,16 +10,16 @@ from spisim.atmosphere.weather import Falling
 
 
 class Rain(Falling):
-    """Rain of a rate; `diffraction` says whether light bent by a milliradian counts as lost."""
+    """Rain of a rate."""
 
     of_medium = frozenset({"diffraction"})
     kind: str = "marshall-palmer"
-    """Distribution of drop sizes."""
+    """Drop size distribution."""
     diffraction: Diffraction = "remove"
-    """Whether light bent by a milliradian counts as lost; goes with `medium`."""
+    """Whether light diffracted by a milliradian counts as lost; goes with `medium`."""
 
     def made(self, folder: Path, wavelength_nm: float) -> Atmosphere | Precipitation:
-        """The mean over very many drops, or single ones; see `Weather.made`."""
+        """The mean over very many drops, or single drops; see `Weather.made`."""
         rate, kind = self.rate_mm_per_h, self.kind
         if self.model == "drops":
             wind = self.wind_m_s

@@ -4,10 +4,10 @@ from spisim.atmosphere.sections.fog import Fog
 
 
 class Smoke(Fog):
-    """Smoke, by the same fields as fog."""
+    """Smoke, with the fields of fog."""
 
     kind: str = "glycol"
-    """Name of its particles' sizes; for smoke by visibility or water."""
+    """Named particle sizes, for smoke by visibility or water."""
 
 
 WEATHER = Smoke

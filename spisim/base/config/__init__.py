@@ -1,7 +1,7 @@
 """YAML files read into pydantic models, with errors that say what to change.
 
-Every configuration file of the simulator goes through `parse_model`; whatever is wrong with one
-ends as a single `InputError` naming file, field, value and what is allowed.
+Every configuration file of the simulator goes through `parse_model`. Whatever is wrong with a file
+ends as one `InputError` that names file, field, value and what is allowed.
 """
 
 from spisim.base.config.fields import (
@@ -14,7 +14,9 @@ from spisim.base.config.fields import (
     Positive,
     Section,
     Vector,
+    named,
     not_a_truth_value,
+    one_of,
 )
 from spisim.base.config.messages import reason
 from spisim.base.config.reading import (
@@ -24,10 +26,8 @@ from spisim.base.config.reading import (
     parse_model,
     read_mapping,
     read_text,
+    shipped,
 )
-from spisim.base.config.registered import named, one_of
-from spisim.base.config.shipped import shipped
-from spisim.base.config.tables import csv_table
 from spisim.base.config.yaml import dump_yaml, load_yaml
 
 __all__ = [
@@ -41,7 +41,6 @@ __all__ = [
     "Section",
     "Vector",
     "check_fields",
-    "csv_table",
     "dump_yaml",
     "find_named",
     "is_file",

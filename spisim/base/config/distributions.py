@@ -1,7 +1,6 @@
-"""Random values as a configuration file describes them: what they are drawn from.
+"""Distributions in configuration files, from which values are drawn at random.
 
-Every value has a random stream of its own, named by keys, so that fixing or adding one value leaves
-all others as they were.
+Each value has its own random stream, named by keys, so fixing or adding one changes no other.
 """
 
 from __future__ import annotations
@@ -17,14 +16,14 @@ from pydantic_core import PydanticCustomError
 
 from spisim.base.config.fields import Number, Positive, Section
 
-#: Fewer values than this share within bounds are refused: they would be drawn for ever.
+#: Minimum probability within the bounds: rejection sampling would take too long below it.
 MIN_WITHIN = 1e-4
-#: Larger ones are drawn as floating-point numbers.
+#: Larger integers are drawn as floating-point numbers.
 _Whole = Annotated[StrictInt, Field(ge=-(2**62), le=2**62)]
 
 
 def stream(seed: int, *keys: str | int) -> np.random.Generator:
-    """Random numbers that depend on the seed and all keys, and on nothing else."""
+    """A random generator that depends on the seed and all keys alone."""
     words = [crc32(key.encode()) if isinstance(key, str) else key for key in keys]
     return np.random.default_rng([seed, *words])
 
@@ -38,10 +37,10 @@ def _rising(bounds: tuple[float, float]) -> None:
 
 
 class Uniform(Section):
-    """Every value between two bounds alike; whole numbers, both bounds included, if both are."""
+    """Uniform between two bounds; integers, both bounds included, if both bounds are integers."""
 
     uniform: tuple[_Whole, _Whole] | tuple[Number, Number]
-    """Both bounds."""
+    """Lower and upper bound."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Uniform:
@@ -49,7 +48,7 @@ class Uniform(Section):
         return self
 
     def draw(self, rng: np.random.Generator) -> float | int:
-        """One value."""
+        """Draw one value."""
         low, high = self.uniform
         if isinstance(low, int) and isinstance(high, int):
             return int(rng.integers(low, high + 1))
@@ -57,10 +56,10 @@ class Uniform(Section):
 
 
 class LogUniform(Section):
-    """Every factor alike: the logarithm is uniform between those of two bounds."""
+    """The logarithm is uniform between two positive bounds."""
 
     log_uniform: tuple[Positive, Positive]
-    """Both bounds."""
+    """Lower and upper bound."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> LogUniform:
@@ -68,18 +67,18 @@ class LogUniform(Section):
         return self
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value."""
+        """Draw one value."""
         low, high = self.log_uniform
         return float(min(max(math.exp(rng.uniform(math.log(low), math.log(high))), low), high))
 
 
 class Normal(Section):
-    """Mean and standard deviation; drawn again until it lies `within` two bounds, if given."""
+    """Normal distribution, redrawn until the value lies `within` two bounds, if given."""
 
     normal: tuple[Number, Positive]
     """Mean and standard deviation."""
     within: tuple[Number, Number] | None = None
-    """Bounds that no value lies beyond."""
+    """Lower and upper bound of the values."""
 
     @model_validator(mode="after")
     def _can_be_within(self) -> Normal:
@@ -93,13 +92,11 @@ class Normal(Section):
             )
         below = [math.erfc((mean - bound) / spread / math.sqrt(2)) / 2 for bound in self.within]
         if below[1] - below[0] < MIN_WITHIN:
-            raise PydanticCustomError(
-                "range", "within is too narrow: values hardly ever fall there"
-            )
+            raise PydanticCustomError("range", "within is too narrow: almost no value falls there")
         return self
 
     def draw(self, rng: np.random.Generator) -> float:
-        """One value."""
+        """Draw one value."""
         low, high = self.within or (-math.inf, math.inf)
         while True:
             value = float(rng.normal(*self.normal))
@@ -108,12 +105,12 @@ class Normal(Section):
 
 
 class Choice(Section):
-    """One of several values, of any kind; `weights` say how often, alike without."""
+    """One of several values of any kind, equally likely unless `weights` are given."""
 
     choice: Annotated[tuple[Any, ...], Field(min_length=1)]
-    """The values, which may be drawn themselves."""
+    """The values, which may be distributions themselves."""
     weights: tuple[Annotated[Number, Field(ge=0)], ...] | None = None
-    """How often each, as a share of their sum."""
+    """Relative probability of each value."""
 
     @model_validator(mode="after")
     def _weights_fit(self) -> Choice:
@@ -121,22 +118,22 @@ class Choice(Section):
             return self
         if len(self.weights) != len(self.choice) or not 0 < sum(self.weights) < math.inf:
             raise PydanticCustomError(
-                "choice", "weights should be one for each choice, not all zero, of a finite sum"
+                "choice", "weights should be one for each choice, with a finite sum above 0"
             )
         return self
 
     def draw(self, rng: np.random.Generator) -> Any:
-        """One of the values."""
+        """Draw one of the values."""
         weights = self.weights or (1.0,) * len(self.choice)
-        position = rng.choice(len(self.choice), p=np.divide(weights, sum(weights)))
-        return self.choice[int(position)]
+        index = rng.choice(len(self.choice), p=np.divide(weights, sum(weights)))
+        return self.choice[int(index)]
 
 
 KINDS = {"uniform": Uniform, "log_uniform": LogUniform, "normal": Normal, "choice": Choice}
 
 
 def is_distribution(data: Any) -> bool:
-    """Whether this, from a configuration file, says what a value is drawn from."""
+    """Whether a value of a configuration file is a distribution."""
     return isinstance(data, Mapping) and any(field in data for field in KINDS)
 
 

@@ -1,54 +1,52 @@
-"""Fields that configuration files are made of, and the base of their sections."""
+"""Field types of configuration files, and the base class of their sections."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from typing import Annotated, Any, Literal, Self, get_args
+from typing import Annotated, Any, Literal, Self, Union, get_args
 
 from pydantic import (
     BaseModel,
     BeforeValidator,
     ConfigDict,
+    Discriminator,
     Field,
     GetJsonSchemaHandler,
+    GetPydanticSchema,
     ModelWrapValidatorHandler,
     ValidationError,
     model_validator,
 )
-from pydantic_core import (
-    CoreSchema,
-    ErrorDetails,
-    InitErrorDetails,
-    PydanticCustomError,
-)
+from pydantic_core import CoreSchema, ErrorDetails, InitErrorDetails, PydanticCustomError
 from pydantic_core.core_schema import ErrorType
 
 from reconstruction.base.errors import nearest
+from reconstruction.base.registry import Registry
 from spisim.base.config.json_schema import add_descriptions, name_bounds
 from spisim.base.config.messages import UNKNOWN_FIELD, show
 
-#: Whatever has a unit here lies far between.
-SMALLEST, LARGEST = 1e-18, 1e30
+#: Every physical quantity lies well within these magnitudes.
+MIN_MAGNITUDE, MAX_MAGNITUDE = 1e-18, 1e30
 
 
 def not_a_truth_value(value: Any) -> Any:
-    """YAML reads `yes` and `on` as true, which would silently become the number 1."""
+    """Reject booleans: YAML reads `yes` and `on` as true, which would become the number 1."""
     if isinstance(value, bool):
         raise PydanticCustomError("truth_value", "should be a number")
     return value
 
 
 def of_usable_size(value: Any) -> Any:
-    """What calculates with a number squares it and divides by it: next to nothing is nothing."""
+    """Reject huge numbers and round tiny ones to 0, so that squares and quotients stay finite."""
     not_a_truth_value(value)
     size = 0.0
     with suppress(TypeError, ValueError, OverflowError):
         size = abs(float(value))
-    if math.isfinite(size) and size > LARGEST:
+    if math.isfinite(size) and size > MAX_MAGNITUDE:
         raise PydanticCustomError(
-            "size", "should be within ±{largest}", {"largest": f"{LARGEST:g}"}
+            "size", "should be within ±{largest}", {"largest": f"{MAX_MAGNITUDE:g}"}
         )
-    return 0.0 if 0 < size < SMALLEST else value
+    return 0.0 if 0 < size < MIN_MAGNITUDE else value
 
 
 Number = Annotated[float, BeforeValidator(of_usable_size)]
@@ -64,7 +62,7 @@ _KINDS = frozenset(get_args(ErrorType))
 
 
 def _renamed(details: ErrorDetails, names: Iterable[str]) -> InitErrorDetails:
-    """An error of a section to be raised again; that of an unknown field names the nearest."""
+    """The error of a section, to raise again; for an unknown field with the nearest name."""
     kind, loc, context = details["type"], details["loc"], details.get("ctx", {})
     again = InitErrorDetails(type=kind, loc=loc, input=details["input"], ctx=context)
     if kind == "extra_forbidden" and len(loc) == 1:
@@ -78,18 +76,18 @@ def _renamed(details: ErrorDetails, names: Iterable[str]) -> InitErrorDetails:
 
 
 class Section(BaseModel):
-    """Base of every part of a configuration file: no unknown fields, no NaN, immutable.
+    """Base of every section of a configuration file: no unknown fields, no NaN, immutable.
 
-    The text below a field is its description in the JSON Schema.
+    The string below a field is its description in the JSON Schema.
     """
 
-    # Built when first used: what other packages add to a file may import what it is part of.
+    # Built on first use: a package that extends a section may import the module that uses it.
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="wrap")
     @classmethod
     def _accepted_fields(cls, data: Any, handler: ModelWrapValidatorHandler[Self]) -> Self:
-        """Name the nearest to each unknown field."""
+        """Suggest the nearest name for each unknown field."""
         try:
             return handler(data)
         except ValidationError as error:
@@ -109,5 +107,25 @@ class Section(BaseModel):
         return schema
 
 
-#: Whether light is traced, or a fast stand-in; see `spisim.simulation.light.surrogate`.
+#: Light transport: traced, or the fast model of `spisim.simulation.light.surrogate`.
 LightSource = Literal["traced", "surrogate"]
+
+
+def one_of(sections: Registry[Any], field: str) -> GetPydanticSchema:
+    """Mark a field as one of several registered sections, discriminated by one of their fields.
+
+    The sections load when the first file is read, so a package that registers one may import the
+    module of the field.
+    """
+
+    def union() -> Any:
+        return Union[tuple(section for _, section in sections.loadable())]  # noqa: UP007 - as many
+
+    return GetPydanticSchema(
+        lambda _, handler: handler.generate_schema(Annotated[union(), Discriminator(field)])
+    )
+
+
+def named(sections: Mapping[str, Any], name: str) -> GetPydanticSchema:
+    """Mark a field as the registered section of this name, loaded when the first file is read."""
+    return GetPydanticSchema(lambda _, handler: handler.generate_schema(sections[name]))

@@ -1,6 +1,9 @@
-"""Files that configuration files refer to: pictures and tables of numbers."""
+"""Files that configuration files refer to, pictures and tables of numbers, and CSV for others."""
 
+import csv
+import io
 import struct
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -10,15 +13,17 @@ from numpy.typing import NDArray
 from reconstruction.base import npy
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
+from reconstruction.base.text import printable
 from spisim.base.config.reading import read_text
-from spisim.base.config.tables import is_number
 
 MAX_PIXELS = 2**24
 MAX_TABLE_BYTES = 2**26
+#: Spreadsheets take a cell that begins so for a formula.
+_FORMULA = ("=", "+", "-", "@", "\t", "\n", "＝", "＋", "－", "＠")
 
 
 def check_is_there(path: Path, kind: str) -> None:
-    """InputError, naming the nearest file of the same suffix, unless `path` is a regular file."""
+    """InputError, naming the nearest file of the same suffix, if `path` is no regular file."""
     if path.is_dir():
         raise InputError(f"{kind} {path.name!r} is a folder: {path}")
     if path.exists() and not path.is_file():
@@ -30,7 +35,7 @@ def check_is_there(path: Path, kind: str) -> None:
 
 
 def read_npy(path: Path, kind: str) -> NDArray[Any]:
-    """Array of real numbers, from an NPY file; InputError, naming its `kind`, for anything else."""
+    """Real array of an NPY file; InputError, naming its `kind`, for any other file."""
     try:
         with path.open("rb") as file:
             return npy.read_npy(file, path.stat().st_size)
@@ -39,12 +44,7 @@ def read_npy(path: Path, kind: str) -> NDArray[Any]:
 
 
 def read_picture(path: Path) -> NDArray[np.float32]:
-    """Grey picture (h, w) of values from 0 to 1, from a PNG or NPY file.
-
-    Grey levels are read as they stand, black 0 and white 1, with no gamma: they are quantities at
-    1550 nm. Raises InputError for a file that is missing, damaged, of another format, coloured, or
-    with values that are not numbers from 0 to 1.
-    """
+    """Linear greyscale picture (h, w) with values from 0 to 1, from a PNG or NPY file."""
     check_is_there(path, "picture")
     if path.suffix.lower() == ".npy":
         picture = read_npy(path, "picture")
@@ -55,7 +55,7 @@ def read_picture(path: Path) -> NDArray[np.float32]:
     if picture.ndim != 2 or 0 in picture.shape:
         raise InputError(
             f"picture {path.name!r} should be grey, (height, width); found shape {picture.shape}: "
-            "colours mean nothing at 1550 nm"
+            "colours have no meaning at 1550 nm"
         )
     if not ((picture >= 0) & (picture <= 1)).all():
         raise InputError(f"picture {path.name!r} should hold values from 0 to 1")
@@ -63,10 +63,7 @@ def read_picture(path: Path) -> NDArray[np.float32]:
 
 
 def grey_picture(path: Path) -> Floats:
-    """Values (h, w) from 0 to 1 of a PNG file of any colours: their mean; transparency is ignored.
-
-    Raises InputError for a file that is missing, damaged, or of another format.
-    """
+    """Mean of the colour channels (h, w), 0 to 1, of a PNG file without its transparency."""
     check_is_there(path, "picture")
     if path.suffix.lower() != ".png":
         raise InputError(f"picture {path.name!r} should be a PNG file")
@@ -77,11 +74,7 @@ def grey_picture(path: Path) -> Floats:
 
 
 def read_density(path: Path) -> NDArray[np.float32]:
-    """Relative density (nz, ny, nx) between 0 and 1, from an NPY file.
-
-    Raises InputError for a file that is missing, damaged or no array, and for an array that is not
-    3-D, is all zero, or holds values that are not numbers from 0 to 1.
-    """
+    """Relative density (nz, ny, nx) from 0 to 1, not zero everywhere, from an NPY file."""
     check_is_there(path, "density")
     density = read_npy(path, "density")
     if density.ndim != 3 or 0 in density.shape:
@@ -92,7 +85,7 @@ def read_density(path: Path) -> NDArray[np.float32]:
         raise InputError(f"density {path.name!r} has values that are not finite (NaN or infinite)")
     if density.min() < 0 or density.max() > 1:
         raise InputError(
-            f"density {path.name!r} should lie between 0 and 1, relative to the extinction given; "
+            f"density {path.name!r} should lie between 0 and 1, relative to the given extinction; "
             f"it spans {density.min():g} to {density.max():g}"
         )
     if not density.any():
@@ -101,10 +94,9 @@ def read_density(path: Path) -> NDArray[np.float32]:
 
 
 def read_columns(path: Path) -> Floats:
-    """Table of numbers (rows, columns), from a CSV file, with or without a header, or an NPY file.
+    """Table of numbers (rows, columns) from a CSV file, with or without header, or an NPY file.
 
-    Raises InputError for a file that is missing, damaged or holds something else. What a CSV file
-    holds instead of numbers is not told: a file may name one whose text is nobody's business.
+    Error messages never quote the content: the file named may be somebody's private text.
     """
     check_is_there(path, "table")
     suffix = path.suffix.lower()
@@ -126,7 +118,7 @@ def read_columns(path: Path) -> Floats:
         if line.strip()
     ]
     if len({len(row) for row in rows}) > 1:
-        raise InputError(f"table {path.name!r}: its lines are not equally long")
+        raise InputError(f"table {path.name!r}: its lines differ in length")
     return np.array(rows, dtype=np.float64)
 
 
@@ -145,13 +137,13 @@ def _read_png(path: Path) -> NDArray[Any]:
     _check_pixels(path)
     try:
         return np.asarray(matplotlib.image.imread(path, format="png"))
-    # The decoder raises whatever a damaged file runs it into.
+    # The decoder raises many kinds of exceptions for damaged files.
     except Exception:
-        raise InputError(f"picture {path.name!r} cannot be read: no PNG file, or damaged") from None
+        raise InputError(f"picture {path.name!r} cannot be read: not PNG, or damaged") from None
 
 
 def _check_pixels(path: Path) -> None:
-    """A PNG file tells in its first bytes how large its picture is: a small one may be huge."""
+    """Check the size in the header before decoding: a small PNG file may hold a huge picture."""
     with path.open("rb") as file:
         head = file.read(24)
     width, height = struct.unpack(">II", head[16:]) if len(head) == 24 else (0, 0)
@@ -159,3 +151,27 @@ def _check_pixels(path: Path) -> None:
         raise InputError(
             f"picture {path.name!r} has {width} x {height} pixels, at most {MAX_PIXELS} are read"
         )
+
+
+def csv_table(rows: Iterable[Iterable[Any]]) -> str:
+    """Rows of cells as CSV text; an apostrophe precedes text that looks like a formula."""
+    buffer = io.StringIO()
+    writer = csv.writer(buffer, lineterminator="\n")
+    writer.writerows([_harmless(cell) for cell in row] for row in rows)
+    return buffer.getvalue()
+
+
+def _harmless(cell: Any) -> Any:
+    if not isinstance(cell, str):
+        return cell
+    text = printable(cell)
+    return f"'{text}" if text.startswith(_FORMULA) and not is_number(text) else text
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

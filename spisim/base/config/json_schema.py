@@ -1,4 +1,4 @@
-"""What the JSON Schema of a section tells beside its types: descriptions and bounds."""
+"""Descriptions and bounds in the JSON Schema of a section."""
 
 import ast
 import inspect
@@ -9,17 +9,12 @@ from typing import Any
 
 from pydantic import BaseModel
 
-#: What pydantic leaves as it calls them, where a validator comes before a bound.
-BOUNDS = {
-    "ge": "minimum",
-    "gt": "exclusiveMinimum",
-    "le": "maximum",
-    "lt": "exclusiveMaximum",
-}
+#: Names that pydantic keeps where a validator precedes a bound, and those of JSON Schema.
+BOUNDS = {"ge": "minimum", "gt": "exclusiveMinimum", "le": "maximum", "lt": "exclusiveMaximum"}
 
 
 def name_bounds(schema: Any) -> None:
-    """Rename bounds, in place, to what JSON Schema calls them."""
+    """Rename bounds in place to the names of JSON Schema."""
     if isinstance(schema, list):
         for part in schema:
             name_bounds(part)
@@ -34,7 +29,7 @@ def name_bounds(schema: Any) -> None:
 
 
 def add_descriptions(schema: dict[str, Any], section: type[BaseModel]) -> None:
-    """Add the texts below a section's fields, in place, as their descriptions."""
+    """Add the strings below a section's fields, in place, as their descriptions."""
     texts = field_texts(section)
     for name, field in schema.get("properties", {}).items():
         if name in texts:
@@ -42,10 +37,7 @@ def add_descriptions(schema: dict[str, Any], section: type[BaseModel]) -> None:
 
 
 def field_texts(section: type[BaseModel]) -> dict[str, str]:
-    """Text below each field of a section, or of the nearest base that has one.
-
-    From the source, and only when a schema is asked for: that is too slow for every start.
-    """
+    """String below each field of a section or its bases; parsed on request, as it is slow."""
     texts: dict[str, str] = {}
     for base in reversed(section.__mro__):
         if issubclass(base, BaseModel):
@@ -55,7 +47,7 @@ def field_texts(section: type[BaseModel]) -> dict[str, str]:
 
 @cache
 def _texts_in(module: str) -> Mapping[str, dict[str, str]]:
-    """Texts by class and field; none where there is no source."""
+    """Strings by class and field; empty if there is no source."""
     try:
         tree = ast.parse(inspect.getsource(sys.modules[module]))
     except (OSError, TypeError):

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration file, in words that say what to change."""
+"""Error messages for configuration files that say what to change."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -9,31 +9,31 @@ from pydantic_core import ErrorDetails
 
 from reconstruction.base.errors import nearest
 
-#: Errors of values that should be no mapping, so that one which is has to be shown.
+#: Errors of values that should not be a mapping: a mapping found there is quoted.
 _SCALAR = {"float_type", "int_type", "string_type", "bool_type"}
-#: Kind of error of a field that a section does not have.
+#: Error type of an unknown field.
 UNKNOWN_FIELD = "unknown_field"
-#: Of one file, as many as are read with patience.
+#: Maximum number of errors listed for one file.
 MAX_ERRORS = 20
 
 
 def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str) -> str:
-    """All that is wrong, with file, fields and values."""
+    """One message for all errors of a file, with fields and values."""
     errors = error.errors(include_url=False)
     unknown = {each["loc"] for each in errors if each["type"] == UNKNOWN_FIELD}
     messages: list[str] = []
     of_unions: list[str] = []
     for details in errors:
         if details["type"] == "default_factory_not_called":
-            continue  # for other fields are wrong
+            continue  # a consequence of other wrong fields
         is_missing = details["type"] == "missing"
         if is_missing and details["loc"][:-1] in unknown:
-            continue  # its name is perhaps the misspelt one
+            continue  # the unknown field may be this one, misspelt
         if details["type"] == "too_short" and _has_errors_within(details["loc"], errors):
-            continue  # of the items that are left
+            continue  # a consequence of wrong items
         field, value, in_union = _locate(details["loc"], data, is_missing)
         if field and any(_is_within(field, other) for other in of_unions):
-            continue  # another branch of a union, whose first is described
+            continue  # only the first branch of a union is described
         if in_union:
             of_unions.append(field)
         messages.append(_sentence(field, value, details))
@@ -46,7 +46,7 @@ def describe(error: ValidationError, data: Mapping[Any, Any], source: Path | str
 
 
 def _has_errors_within(loc: tuple[int | str, ...], errors: list[ErrorDetails]) -> bool:
-    """Whether items of a list have errors of their own."""
+    """Whether items of a list have their own errors."""
     return any(each["loc"][: len(loc)] == loc != each["loc"] for each in errors)
 
 
@@ -60,20 +60,20 @@ def _sentence(field: str, value: Any, details: ErrorDetails) -> str:
 
 
 def _is_within(field: str, section: str) -> bool:
-    """Whether a field is this one, or part of it."""
+    """Whether a field is this section or lies in it."""
     return field == section or field.startswith((f"{section}.", f"{section}["))
 
 
 def _locate(loc: tuple[int | str, ...], data: Any, missing: bool) -> tuple[str, Any, bool]:
-    """Field path as a person writes it, `objects[2].size_m`, the value there, if it is in a union.
+    """Field path in user notation, `objects[2].size_m`, its value, and whether it is in a union.
 
-    pydantic puts the branches of unions into its locations; they are no part of the file and
-    dropped, so no branch may have the name of a field. Only a branch at the end of a location
-    counts: those before it are told apart by a field, which is right.
+    pydantic puts the branches of unions into its locations. They are not in the file, so they are
+    dropped, and no branch may have the name of a field. Only a branch at the end of a location
+    counts: earlier ones were chosen by a valid field.
     """
     path, in_union = "", False
-    for position, key in enumerate(loc):
-        is_last = position == len(loc) - 1
+    for index, key in enumerate(loc):
+        is_last = index == len(loc) - 1
         in_union = False
         if isinstance(key, int) and not isinstance(data, Mapping):
             path = f"{path}[{key}]"
@@ -95,8 +95,14 @@ _MESSAGES = {
 
 
 def reason(details: ErrorDetails) -> str:
-    """What is wrong with a value, in the words of all messages."""
-    if details["type"] == "value_error":  # raised by a validator of ours
+    """What is wrong with a value, in the words of all messages.
+
+    Parameters
+    ----------
+    details : ErrorDetails
+        One of the errors of a pydantic ValidationError.
+    """
+    if details["type"] == "value_error":  # raised by a validator of this package
         return str(details["ctx"]["error"])
     if details["type"] == "union_tag_invalid":
         tag, field = details["ctx"]["tag"], details["ctx"]["discriminator"].strip("'")
@@ -117,6 +123,6 @@ def reason(details: ErrorDetails) -> str:
 
 
 def show(value: Any, limit: int = 60) -> str:
-    """A value in little room."""
+    """`repr` of a value, shortened to a limit."""
     text = repr(value)
     return text if len(text) <= limit else text[: limit - 1] + "…"

@@ -1,4 +1,4 @@
-"""YAML text checked against models."""
+"""Reading, checking and finding configuration files."""
 
 import os
 import stat
@@ -15,20 +15,30 @@ from spisim.base.config.yaml import load_yaml
 
 Model = TypeVar("Model", bound=Section)
 
-#: Of a scene, a plan or a table, which people write.
+#: Maximum size of a scene, plan or table.
 MAX_TEXT_BYTES = 64 * 2**20
 
 
 def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
-    """Text of a UTF-8 file; InputError where it is missing, unreadable, too large or not text.
+    """Text of a UTF-8 file.
 
-    Devices and pipes, which may never end, are not read.
+    Parameters
+    ----------
+    path : Path
+        A regular file; devices and pipes, which may never end, are not read.
+    expected : str
+        What messages call the right kind of file.
+
+    Raises
+    ------
+    InputError
+        If the file is missing, unreadable, too large or not text.
     """
     try:
-        result = path.stat()
-        if not stat.S_ISREG(result.st_mode):
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode):
             raise InputError(f"{path}: not a regular file; {expected} is expected")
-        size_mb, max_mb = result.st_size / 2**20, MAX_TEXT_BYTES >> 20
+        size_mb, max_mb = status.st_size / 2**20, MAX_TEXT_BYTES >> 20
         if size_mb > max_mb:
             raise InputError(f"{path}: {size_mb:.0f} MB; at most {max_mb} MB of text are read")
         return path.read_text(encoding="utf-8-sig")
@@ -41,9 +51,12 @@ def read_text(path: Path, expected: str = "a YAML file in UTF-8") -> str:
 
 
 def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[Any, Any]:
-    """Fields of a YAML file that should be of `model`, unchecked.
+    """Fields of a YAML file, without checking them against their `model`.
 
-    Raises InputError, naming `source`, for YAML that does not parse or is not a mapping.
+    Raises
+    ------
+    InputError
+        Names `source`, for invalid YAML and for anything but a mapping.
     """
     data = load_yaml(text, source)
     if not isinstance(data, dict):
@@ -57,27 +70,31 @@ def read_mapping(text: str, model: type[Section], source: Path | str) -> dict[An
 def parse_model(
     text: str, model: type[Model], source: Path | str, folder: Path | None = None
 ) -> Model:
-    """Check YAML text against a model.
+    """Parse YAML text and check it against a model.
 
     Parameters
     ----------
-    text: the YAML.
-    model: the `Section` that describes the whole file.
-    source: what error messages call the file.
-    folder: where files that it names are looked for; the working folder where None.
+    text : str
+        The YAML.
+    model : type of Section
+        The section that describes the whole file.
+    source : Path or str
+        What messages call the file.
+    folder : Path, optional
+        Folder that file names are relative to; by default the working folder.
 
-    Raises InputError for YAML that does not parse, is not a mapping, or does not fit the model.
+    Raises
+    ------
+    InputError
+        For invalid YAML, anything but a mapping, and fields that do not fit the model.
     """
     return check_fields(read_mapping(text, model, source), model, source, folder)
 
 
 def check_fields(
-    data: Mapping[Any, Any],
-    model: type[Model],
-    source: Path | str,
-    folder: Path | None = None,
+    data: Mapping[Any, Any], model: type[Model], source: Path | str, folder: Path | None = None
 ) -> Model:
-    """Check the fields of a file against a model. Raises InputError where they do not fit."""
+    """Check the fields of a file against a model, as `parse_model` does."""
     try:
         return model.model_validate(data, context=folder)
     except ValidationError as error:
@@ -87,30 +104,55 @@ def check_fields(
 
 
 def is_file(path: Path) -> bool:
-    """Whether there is a file; False too for names that no file can have."""
+    """Whether a file exists; False for names that no file can have."""
     return os.path.isfile(path)  # noqa: PTH113 - pathlib raises for names that are too long
 
 
 def find_named(
     name: str, folder: Path, kind: str, suffixes: tuple[str, ...] = (".yaml", ".yml")
 ) -> Path:
-    """Path of `name`: a file that the user has, else a shipped one of this name in `folder`.
+    """Path of a user's file, or of the shipped file of this name.
 
-    Raises InputError, with the nearest shipped name, where there is neither.
+    Parameters
+    ----------
+    name : str
+        A path with one of the `suffixes`, or the stem of a file in `folder`.
+    kind : str
+        What messages call such a file.
+
+    Raises
+    ------
+    InputError
+        Names the nearest shipped file, if there is neither.
     """
     given = Path(name)
     if given.suffix in suffixes:
         return given
-    shipped = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
-    if name in shipped:
-        return shipped[name]
+    files = {path.stem: path for path in folder.glob(f"*{suffixes[0]}")}
+    if name in files:
+        return files[name]
     if os.path.isdir(given):  # noqa: PTH112 - as above
-        raise InputError(f"{name} is a folder; the name of a file is needed")
+        raise InputError(f"{name} is a folder; a file name is needed")
     if os.path.exists(given):  # noqa: PTH110
         raise InputError(
-            f"{name} is no {kind} file by its name, which should end in {' or '.join(suffixes)}"
+            f"{name} is not named as a {kind} file, which should end in {' or '.join(suffixes)}"
         )
     raise InputError(
         f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
-        f"{nearest(name, sorted(shipped))}"
+        f"{nearest(name, sorted(files))}"
     )
+
+
+def shipped(folder: str) -> Path:
+    """Folder of shipped files: beside the package in a checkout, in it once installed.
+
+    Raises
+    ------
+    InputError
+        If the folder is missing.
+    """
+    package = Path(__file__).parents[2]
+    for path in (package / "shipped" / folder, package.parent / folder):
+        if path.is_dir():
+            return path
+    raise InputError(f"the shipped {folder} are missing; reinstall spisim")

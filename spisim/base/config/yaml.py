@@ -1,7 +1,7 @@
-"""YAML of anyone: plain data, within stated limits, before anything is made or printed of it.
+"""YAML from untrusted sources: plain data within stated limits, checked before it is built.
 
-A few hundred bytes of aliases of aliases stand for gigabytes. What a text holds is therefore
-counted with its aliases written out, from the parser's events alone.
+A few hundred bytes of nested aliases can expand to gigabytes, so the expanded size is counted from
+the parser's events alone.
 """
 
 import sys
@@ -14,26 +14,36 @@ import yaml
 from reconstruction.base.errors import InputError
 from spisim.base.config.messages import show
 
-#: Characters of a text, and of its values once all aliases are written out.
+#: Maximum characters of a text, and of its values with all aliases expanded.
 MAX_CHARACTERS = 2_000_000
-#: Values, mappings and lists included, once all aliases are written out.
+#: Maximum number of values, mappings and lists included, with all aliases expanded.
 MAX_VALUES = 200_000
-#: Mappings and lists within each other.
+#: Maximum nesting of mappings and lists.
 MAX_DEPTH = 100
-#: Characters of a number: more digits than a floating-point number can be large.
+#: Maximum characters of a number; the largest float has 309 digits.
 MAX_DIGITS = 320
 
-_PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C where libyaml is there, as usual
+_PARSER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # in C if libyaml is present
 _WRITER = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 _TAG = "tag:yaml.org,2002:"
 _NUMBERS = {_TAG + "int", _TAG + "float"}
 
 
 def load_yaml(text: str, source: Path | str) -> Any:
-    """Plain data of a YAML text; `source` is what messages call it.
+    """Plain data of a YAML text.
 
-    Raises InputError for what does not parse, aliases that contain themselves, fields given twice,
-    numbers too large for floating point, and more than the limits of this module.
+    Parameters
+    ----------
+    text : str
+        The YAML.
+    source : Path or str
+        What messages call the text.
+
+    Raises
+    ------
+    InputError
+        For invalid YAML, recursive aliases, duplicate fields, numbers beyond floating point, and
+        anything beyond the limits of this module.
     """
     if len(text) > MAX_CHARACTERS:
         raise InputError(
@@ -41,7 +51,7 @@ def load_yaml(text: str, source: Path | str) -> Any:
         )
     try:
         _check(text)
-        # The constructor derives from SafeConstructor: plain data only, no Python objects.
+        # Derived from SafeConstructor: plain data, no Python objects.
         node = yaml.compose(text, Loader=_PARSER)
         return None if node is None else _Constructor().construct_document(node)
     except yaml.MarkedYAMLError as error:
@@ -60,15 +70,15 @@ def dump_yaml(fields: Any) -> str:
 
 
 class _Refusal(yaml.MarkedYAMLError):
-    """Of a text that is YAML, but not one to be read."""
+    """Valid YAML that is refused."""
 
-    def __init__(self, problem: str, position: Any) -> None:
-        super().__init__(problem=problem, problem_mark=position.start_mark)
+    def __init__(self, problem: str, node: Any) -> None:
+        super().__init__(problem=problem, problem_mark=node.start_mark)
 
 
 @dataclass
 class _Size:
-    """What a value holds, aliases written out."""
+    """Size of a value with its aliases expanded."""
 
     values: int
     characters: int
@@ -81,21 +91,21 @@ class _Open:
 
     anchor: str | None
     size: _Size
-    keys: set[str] | None  # of a mapping
+    keys: set[str] | None  # None for a list
     parts: int = 0
 
     def has_field(self, name: str) -> bool:
-        """Whether a mapping's next part, if it is the name of a field, is there already."""
+        """Whether the next part of a mapping is a field name that it already has."""
         if self.keys is None or self.parts % 2:
             return False
-        valid = name in self.keys
+        duplicate = name in self.keys
         self.keys.add(name)
-        return valid
+        return duplicate
 
 
 @dataclass
 class _Counter:
-    """Goes through a text's events; nothing of it grows beyond the limits."""
+    """Counts the events of a text; memory stays within the limits."""
 
     open: list[_Open] = field(default_factory=lambda: [_Open(None, _Size(0, 0), None)])
     sizes: dict[str, _Size] = field(default_factory=dict)
@@ -135,14 +145,14 @@ class _Counter:
             self.sizes[anchor] = size
         if whole.size.values > MAX_VALUES or whole.size.characters > MAX_CHARACTERS:
             raise _Refusal(
-                f"with its aliases written out, more than {MAX_VALUES} values or "
+                f"with its aliases expanded, more than {MAX_VALUES} values or "
                 f"{MAX_CHARACTERS} characters",
                 event,
             )
 
     def _check_depth(self, more: int, event: yaml.Event) -> None:
         if len(self.open) - 1 + more > MAX_DEPTH:
-            raise _Refusal(f"more than {MAX_DEPTH} mappings and lists within each other", event)
+            raise _Refusal(f"more than {MAX_DEPTH} nested mappings and lists", event)
 
 
 def _check(text: str) -> None:
@@ -152,7 +162,7 @@ def _check(text: str) -> None:
 
 
 class _Constructor(yaml.constructor.SafeConstructor):
-    """Values that JSON has too; whatever does not fit its tag is told by its line."""
+    """Builds the types of JSON; an error names the line of a value that does not fit its tag."""
 
     yaml_constructors: ClassVar[dict[Any, Any]] = {
         _TAG + kind: getattr(yaml.constructor.SafeConstructor, f"construct_yaml_{kind}")
@@ -167,7 +177,7 @@ class _Constructor(yaml.constructor.SafeConstructor):
             raise _Refusal(f"a number of {len(node.value)} characters", node)
         try:
             value = super().construct_object(node, deep)
-        # PyYAML raises whatever a value under a wrong tag runs it into.
+        # PyYAML raises many kinds of exceptions for a value under a wrong tag.
         except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError):
             kind = node.tag.rpartition(":")[2]
             raise _Refusal(f"{show(node.value)} is no {show(kind)}", node) from None

@@ -1,7 +1,4 @@
-"""Figures that are promised: tables, checks, the machine they were measured on, docs.
-
-Benchmarks and `spisim paper` end in the same way.
-"""
+"""Results with tables, checks against promised limits, and pages of the docs that hold them."""
 
 import datetime
 import json
@@ -15,23 +12,22 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from matplotlib.figure import Figure
+
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import require_file, write_atomically
 
 
 @dataclass(frozen=True)
 class Table:
-    """Named columns and rows of text, with a sentence that says what they show.
-
-    Or the sentence alone, where there are none.
-    """
+    """Columns and rows of text with a title; or a paragraph alone."""
 
     title: str
     columns: tuple[str, ...] = ()
     rows: Sequence[tuple[str, ...]] = ()
 
     def text(self) -> str:
-        """For a terminal."""
+        """Plain text for a terminal."""
         if not self.columns:
             return f"{textwrap.fill(self.title, 100)}\n"
         lines = [self.columns, *self.rows]
@@ -40,7 +36,7 @@ class Table:
         return "\n".join([self.title, "", *cells, ""])
 
     def markdown(self) -> str:
-        """For the docs."""
+        """Markdown for the docs."""
         if not self.columns:
             return f"{self.title}\n"
         lines = [self.columns, ("---",) * len(self.columns), *self.rows]
@@ -48,23 +44,24 @@ class Table:
         return "\n".join([self.title, "", *cells, ""])
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """The table, JSON-ready."""
         rows = [dict(zip(self.columns, row, strict=True)) for row in self.rows]
         return {"title": self.title, "rows": rows}
 
 
+#: Reflectances of the targets, and their colours in all figures.
+REFLECTANCES = (0.2, 0.5, 0.8)
+COLOURS = ("#1f5f8b", "#d1762c", "#3f8f4f")
+
 Interval = Callable[[float], tuple[float, float]]
-"""What holds a true figure with a confidence, such as 0.95."""
+"""Confidence interval of a figure, by confidence."""
 HELD, FAILED = 0.95, 0.999
-"""How sure a promise is to be kept, and to be broken: of a hundred kept ones, none fails."""
+"""Confidence that a promise holds or fails: of a hundred kept ones, none fails."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """A figure that the project promises: at least, or at most, a limit.
-
-    One of which only some samples were drawn has an `interval`; without one it is exact.
-    """
+    """A figure with a promised limit; `interval` gives its confidence interval if it is sampled."""
 
     name: str
     value: float
@@ -74,18 +71,18 @@ class Check:
 
     @property
     def holds(self) -> bool | None:
-        """Whether the promise is kept; None where the samples are too few to tell."""
+        """Whether the promise is kept; None if the samples are too few."""
         if self.interval is None:
-            return self._retained(self.value)
-        if all(map(self._retained, self.interval(HELD))):
+            return self._within_limit(self.value)
+        if all(map(self._within_limit, self.interval(HELD))):
             return True
-        return None if any(map(self._retained, self.interval(FAILED))) else False
+        return None if any(map(self._within_limit, self.interval(FAILED))) else False
 
-    def _retained(self, value: float) -> bool:
+    def _within_limit(self, value: float) -> bool:
         return value >= self.limit if self.at_least else value <= self.limit
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """The check, JSON-ready."""
         interval = self.interval and [
             each if isfinite(each) else None for each in self.interval(HELD)
         ]
@@ -98,18 +95,32 @@ class Check:
         }
 
     def measured(self) -> str:
-        """The figure and its interval in words."""
+        """The figure and its interval as text."""
         if self.interval is None:
             return f"{self.value:.3g}"
         low, high = self.interval(HELD)
         return f"{self.value:.3g} ({low:.3g} to {high:.3g})"
 
 
+@dataclass(frozen=True, eq=False)
+class Result:
+    """Tables and paragraphs, promised figures, and the plot."""
+
+    tables: Sequence[Table]
+    checks: Sequence[Check]
+    figure: Figure
+
+
+def percent(deviation: float) -> str:
+    """A relative deviation with its sign."""
+    return f"{100 * deviation:+.0f} %"
+
+
 VERDICTS = {True: "holds", False: "FAILS", None: "cannot tell"}
 
 
 def checks_table(checks: Sequence[Check]) -> Table:
-    """The promises and whether they are kept."""
+    """The promised figures and whether they hold."""
     rows = [
         (
             check.name,
@@ -123,7 +134,7 @@ def checks_table(checks: Sequence[Check]) -> Table:
 
 
 def surroundings(packages: Sequence[str]) -> dict[str, Any]:
-    """Date, machine and versions that a figure depends on, of the packages that are there."""
+    """Date, machine and versions of installed packages that a figure depends on."""
     return {
         "date": datetime.date.today().isoformat(),
         "machine": f"{_processor()}, {os.cpu_count()} cores, {platform.system()}",
@@ -143,7 +154,7 @@ def _installed(package: str) -> bool:
 
 
 def surroundings_line(around: dict[str, Any]) -> str:
-    """The same in one sentence."""
+    """The same as a sentence."""
     versions = ", ".join(f"{name} {number}" for name, number in around["versions"].items())
     return f"Measured on {around['date']}: {around['machine']}; {versions}."
 
@@ -171,29 +182,22 @@ def summary(
 
 
 def paste(path: Path, name: str, around: dict[str, Any], tables: Sequence[Table]) -> None:
-    """Replace what stands between `<!-- name -->` and `<!-- /name -->` in a Markdown file.
-
-    Raises InputError as `around_marks`.
-    """
+    """Replace the text between `<!-- name -->` and `<!-- /name -->` in a Markdown file."""
     before, after = around_marks(path, name)
     body = "\n".join([surroundings_line(around), "", *(table.markdown() for table in tables)])
     write_atomically(path, f"{before}\n\n{body}\n{after}".encode())
 
 
 def around_marks(path: Path, name: str) -> tuple[str, str]:
-    """Text up to the mark `<!-- name -->` and from `<!-- /name -->` on, marks included.
-
-    Raises InputError where a mark is missing, or for a file that is no text or cannot be written,
-    and OSError where there is none.
-    """
+    """Text up to `<!-- name -->` and from `<!-- /name -->` on, with the marks; or InputError."""
     opening, closing = f"<!-- {name} -->", f"<!-- /{name} -->"
     require_file(path)
     try:
-        before, result, rest = path.read_text(encoding="utf-8").partition(opening)
+        before, opened, rest = path.read_text(encoding="utf-8").partition(opening)
     except UnicodeDecodeError:
-        raise InputError(f"{path} is no text in UTF-8; a Markdown file is expected") from None
+        raise InputError(f"{path} is not UTF-8 text; a Markdown file is expected") from None
     _, ended, after = rest.partition(closing)
-    if not (result and ended):
+    if not (opened and ended):
         raise InputError(f"{path} lacks the marks {opening} and {closing}")
     return before + opening, closing + after
 

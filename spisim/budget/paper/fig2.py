@@ -1,4 +1,4 @@
-"""Figure 2: how far away a target may be before the noise floor swallows it."""
+"""Figure 2: maximum range of the single pixel above the noise floor."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,34 +9,34 @@ from matplotlib.figure import Figure
 from scipy.optimize import least_squares
 
 from reconstruction.base.arrays import Floats
-from spisim.budget.equations import Flood, eq2
-from spisim.budget.integration import (
+from spisim.budget.equations import (
     Criterion,
+    Flood,
     common_integration_time_s,
+    eq2,
     integration_time_s,
     max_range_m,
 )
-from spisim.budget.paper.checks import Check, Table
-from spisim.budget.paper.result import COLOURS, REFLECTANCES, Result, percent
+from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.instrument import load_instrument
 
-#: The distances that the paper's figure is labelled with, by reflectance.
+#: Distances labelled in the paper's figure, by reflectance.
 PAPER_M: Mapping[float, float] = dict(zip(REFLECTANCES, (2.8, 5.0, 8.0), strict=True))
 ILLUMINANCE_KLX = 100.0
-#: Table 1 and the text of the figure disagree on the power; the angle is half or full.
+#: Power and angle: Table 1 and the figure's text disagree, and the angle is half or full.
 LIGHTS = ((6.4, 10.0), (6.4, 20.0), (25.6, 10.0), (25.6, 20.0))
-#: Of an amplifier fast enough for windows of some ten nanoseconds; not in the paper.
+#: Noise of an amplifier for windows of some ten nanoseconds; not in the paper.
 AMPLIFIER_A_PER_SQRT_HZ = 2e-12
 
-#: The best that one integration time can do where signal equals a floor that does not depend on
-#: the target: distances as √ρ, with the paper's in the geometric mean.
+#: Best fit of one integration time if the signal equals a floor independent of the target:
+#: distances as √ρ, with the paper's geometric mean.
 PHYSICAL_M = (3.28, 5.19, 6.57)
 PHYSICAL_TOLERANCE, TOTAL_TOLERANCE = 0.03, 0.02
 
 
 @dataclass(frozen=True)
 class Reading:
-    """One way to understand the figure, and the distances (3,) that follow."""
+    """One interpretation of the figure, and the resulting distances (3,)."""
 
     meaning: str
     light: str
@@ -46,12 +46,12 @@ class Reading:
 
     @property
     def deviation(self) -> Floats:
-        """From the paper (3,), relative."""
+        """Relative deviation (3,) from the paper."""
         return self.max_range_m / np.array(list(PAPER_M.values())) - 1
 
     @property
     def row(self) -> tuple[str, ...]:
-        """For a table."""
+        """A row of the table."""
         cells = (
             f"{z:.2f} ({percent(off)})"
             for z, off in zip(self.max_range_m, self.deviation, strict=True)
@@ -98,7 +98,7 @@ def figure_2() -> Result:
 
 
 def paper_flood(power_w: float, half_angle_deg: float) -> Flood:
-    """The light and the photodiode of Table 1 in full sun."""
+    """Light and photodiode of Table 1 in full sun."""
     return Flood.of(
         load_instrument("paper"),
         power_w=power_w,
@@ -109,13 +109,13 @@ def paper_flood(power_w: float, half_angle_deg: float) -> Flood:
 
 
 def total_count_max_range(floor_over_signal: float, daylight_over_signal: float) -> Floats:
-    """Distances (3,) at which ρ (S / z² + B) is a floor: 1 / z² = (floor / S) / ρ - B / S."""
+    """Distances (3,) where ρ (S / z² + B) equals a floor: 1 / z² = (floor / S) / ρ - B / S."""
     inverse_square = floor_over_signal / np.array(REFLECTANCES) - daylight_over_signal
     return 1 / np.sqrt(inverse_square)
 
 
 def fit_total_count() -> tuple[float, float]:
-    """floor / S and B / S, in m⁻², that come closest to the figure (least squares of log z)."""
+    """floor / S and B / S, m⁻², that fit the figure best (least squares of log z)."""
     goals = np.array(list(PAPER_M.values()))
 
     def deviation(fraction: Floats) -> Floats:
@@ -126,20 +126,20 @@ def fit_total_count() -> tuple[float, float]:
 
 
 def _common(flood: Flood, criterion: Criterion, meaning: str) -> Reading:
-    """One integration time for all reflectances, as close to the figure as it gets."""
+    """The best single integration time for all reflectances."""
     alone = [integration_time_s(flood, rho, goal, criterion) for rho, goal in PAPER_M.items()]
     time_s = common_integration_time_s(flood, PAPER_M, criterion)
-    reach = max_range_m(flood, time_s, REFLECTANCES, criterion)
-    return Reading(meaning, _light(flood), reach, _nanoseconds(time_s), max(alone) / min(alone))
+    ranges_m = max_range_m(flood, time_s, REFLECTANCES, criterion)
+    return Reading(meaning, _light(flood), ranges_m, _nanoseconds(time_s), max(alone) / min(alone))
 
 
 def _anchored(flood: Flood) -> Reading:
-    """The paper's search, with the darkest target as its goal."""
+    """The paper's search with the darkest target as goal."""
     darkest = REFLECTANCES[0]
     time_s = integration_time_s(flood, darkest, PAPER_M[darkest], "signal")
-    reach = max_range_m(flood, time_s, REFLECTANCES, "signal")
+    ranges_m = max_range_m(flood, time_s, REFLECTANCES, "signal")
     meaning = f"signal = floor, searched for {PAPER_M[darkest]:g} m at ρ = {darkest:g}"
-    return Reading(meaning, _light(flood), reach, _nanoseconds(time_s), None)
+    return Reading(meaning, _light(flood), ranges_m, _nanoseconds(time_s), None)
 
 
 def _noiseless(flood: Flood) -> Flood:
@@ -161,7 +161,7 @@ def _words(flood: Flood, fraction: tuple[float, float]) -> str:
         for noise in (AMPLIFIER_A_PER_SQRT_HZ, 2.6e-12)
     ]
     return (
-        "A signal that falls with z⁻² reaches as far as √ρ at most, and the figure rises faster: "
+        "If a signal falls as z⁻², the range grows as √ρ at most. The figure rises faster, "
         "from ρ = 0.5 to 0.8 as ρ¹. No single T_int gives the paper's distances where the signal "
         "equals the noise; the best one, the first row, is 18 % off. The distances come out if "
         "daylight counts as signal and the floor does not depend on the target: then "
@@ -184,8 +184,8 @@ def _figure(flood: Flood, fraction: tuple[float, float]) -> Figure:
     rates = flood.signal_per_s / distance**2
     signals = [rho * rates * time_s for rho in REFLECTANCES]
     floors = [float(eq2(flood, time_s, rho)) for rho in REFLECTANCES]
-    reach = max_range_m(flood, time_s, REFLECTANCES, "signal")
-    _panel(left, distance, signals, floors, reach)
+    ranges_m = max_range_m(flood, time_s, REFLECTANCES, "signal")
+    _panel(left, distance, signals, floors, ranges_m)
     left.set(
         title=f"signal = noise floor, T_int = {_nanoseconds(time_s)} ({_light(flood)})",
         ylabel="electrons of the signal",
@@ -199,16 +199,16 @@ def _figure(flood: Flood, fraction: tuple[float, float]) -> Figure:
 
 
 def _panel(
-    axes: Axes, distance: Floats, counts: list[Floats], floors: list[float], reach: Floats
+    axes: Axes, distance: Floats, counts: list[Floats], floors: list[float], ranges_m: Floats
 ) -> None:
-    cases = zip(REFLECTANCES, COLOURS, counts, floors, reach, PAPER_M.values(), strict=True)
-    for rho, colour, count, floor, result, goal in cases:
+    cases = zip(REFLECTANCES, COLOURS, counts, floors, ranges_m, PAPER_M.values(), strict=True)
+    for rho, colour, count, floor, range_m, goal in cases:
         axes.plot(distance, count, color=colour, label=f"ρ = {rho:g}")
-        axes.plot(result, floor, "o", color=colour)
+        axes.plot(range_m, floor, "o", color=colour)
         axes.axvline(goal, color=colour, lw=1, ls=":")
         axes.annotate(
-            f"{result:.2f} m\n(paper {goal:g} m)",
-            (result, floor),
+            f"{range_m:.2f} m\n(paper {goal:g} m)",
+            (range_m, floor),
             xytext=(4, -32),
             textcoords="offset points",
             color=colour,

@@ -1,4 +1,4 @@
-"""Figure 3: how far ranging reaches with a standard deviation below 1 cm."""
+"""Figure 3: maximum range with a standard deviation below 1 cm."""
 
 from collections.abc import Mapping
 
@@ -9,8 +9,7 @@ from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from spisim.budget.equations import Flood, range_sigma_eq3_m
-from spisim.budget.paper.checks import Check, Table
-from spisim.budget.paper.result import COLOURS, REFLECTANCES, Result, percent
+from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.budget.ranging import last_below
 from spisim.instrument import Photodiode, load_instrument
 
@@ -19,11 +18,12 @@ D_MAX_M = 10.0
 TAP_WIDTH = 0.25
 PERIODS = (1_000, 10_000)
 ILLUMINANCES_KLX = (15.0, 30.0, 50.0, 100.0)
-POSITIONS: Mapping[str, tuple[int, ...]] = {"indoors": (0, 1), "outdoors": (2, 3)}
-#: Power of the array, Table 1, at its peak, over a cone of this half angle.
+LOCATIONS: Mapping[str, tuple[int, ...]] = {"indoors": (0, 1), "outdoors": (2, 3)}
+#: Peak power of the array, Table 1, over a cone of this half angle.
 POWER_W, HALF_ANGLE_DEG = 6.4, 20.0
 AMPLIFIER_A_PER_SQRT_HZ = 2e-12
-#: The paper's text: nearest and farthest of all reflectances and both numbers of periods.
+#: Minimum and maximum distance in the paper's text, over all reflectances and both numbers of
+#: periods.
 PAPER_M: Mapping[tuple[str, str], tuple[float, float]] = {
     ("APD", "indoors"): (3.0, 9.0),
     ("APD", "outdoors"): (1.0, 4.0),
@@ -37,19 +37,19 @@ EXPONENT_TOLERANCE = 0.1
 
 
 def figure_3() -> Result:
-    """Figure 3 by Eq. (3), with and without the noise of an amplifier."""
-    reach = {diode: max_ranges(diode, AMPLIFIER_A_PER_SQRT_HZ) for diode in ("APD", "PIN")}
+    """Figure 3 by Eq. (3), with and without amplifier noise."""
+    ranges = {diode: max_ranges(diode, AMPLIFIER_A_PER_SQRT_HZ) for diode in ("APD", "PIN")}
     silent = {diode: max_ranges(diode, 0.0) for diode in ("APD", "PIN")}
     columns = (
         "diode",
-        "place",
+        "location",
         "paper",
         *(f"{n:,} periods" for n in PERIODS),
         "deviation",
         *(f"{n:,}, silent amplifier" for n in PERIODS),
     )
-    rows = [_row(diode, position, reach[diode], silent[diode]) for diode, position in PAPER_M]
-    pin, apd = reach["PIN"], reach["APD"]
+    rows = [_row(diode, location, ranges[diode], silent[diode]) for diode, location in PAPER_M]
+    pin, apd = ranges["PIN"], ranges["APD"]
     tables = [
         Table(
             "Figure 3: longest distance in metres with σ < 1 cm, reflectance 0.2 to 0.8, darkest "
@@ -57,7 +57,7 @@ def figure_3() -> Result:
             columns,
             rows,
         ),
-        Table(_words(reach, silent)),
+        Table(_words(ranges, silent)),
     ]
     outdoors = _ends(pin, "outdoors")[1] / PAPER_M["PIN", "outdoors"] - 1
     exponents = [_exponents(values) for values in (pin, apd)]
@@ -75,14 +75,14 @@ def figure_3() -> Result:
         Check("fig3_periods_exponent_most", float(by_periods.max()), 0.5),
         Check("fig3_apd_over_pin", float((apd / pin).min()), 2.0, at_least=True),
     ]
-    return Result(tables, checks, _figure(reach))
+    return Result(tables, checks, _figure(ranges))
 
 
 def max_ranges(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
-    """Longest distances (periods, illuminances, reflectances) in metres."""
+    """Maximum ranges (periods, illuminances, reflectances), metres."""
     sensor = _sensor(diode)
     paper = load_instrument("paper")
-    reach = np.empty((len(PERIODS), len(ILLUMINANCES_KLX), len(REFLECTANCES)))
+    ranges = np.empty((len(PERIODS), len(ILLUMINANCES_KLX), len(REFLECTANCES)))
     for k, illuminance in enumerate(ILLUMINANCES_KLX):
         flood = Flood.of(
             paper,
@@ -100,8 +100,8 @@ def max_ranges(diode: str, amplifier_a_per_sqrt_hz: float) -> Floats:
             d_max_m=D_MAX_M,
             tap_width=TAP_WIDTH,
         )
-        reach[:, k] = last_below(DISTANCES_M, sigma, LIMIT_M)
-    return reach
+        ranges[:, k] = last_below(DISTANCES_M, sigma, LIMIT_M)
+    return ranges
 
 
 def _sensor(diode: str) -> Photodiode:
@@ -111,14 +111,14 @@ def _sensor(diode: str) -> Photodiode:
     return sensor
 
 
-def _ends(reach: Floats, location: str) -> Floats:
-    """Nearest and farthest (periods, 2) of a place."""
-    values = reach[:, POSITIONS[location]].reshape(len(PERIODS), -1)
+def _ends(ranges: Floats, location: str) -> Floats:
+    """Minimum and maximum (periods, 2) of a location."""
+    values = ranges[:, LOCATIONS[location]].reshape(len(PERIODS), -1)
     return np.stack([values.min(axis=-1), values.max(axis=-1)], axis=-1)
 
 
-def _row(diode: str, location: str, reach: Floats, silent: Floats) -> tuple[str, ...]:
-    paper, result = PAPER_M[diode, location], _ends(reach, location)
+def _row(diode: str, location: str, ranges: Floats, silent: Floats) -> tuple[str, ...]:
+    paper, result = PAPER_M[diode, location], _ends(ranges, location)
     deviation = ", ".join(percent(off) for off in result[1] / paper - 1)
     without = (_span(ends) for ends in _ends(silent, location))
     return (diode, location, _span(paper), *map(_span, result), deviation, *without)
@@ -128,21 +128,21 @@ def _span(ends: Floats | tuple[float, float]) -> str:
     return f"{ends[0]:.2g} to {ends[1]:.2g}"
 
 
-def _exponents(reach: Floats) -> tuple[Floats, Floats]:
+def _exponents(ranges: Floats) -> tuple[Floats, Floats]:
     """d log z / d log ρ from end to end, and d log z / d log N."""
-    by_reflectance = np.log(reach[..., -1] / reach[..., 0])
-    by_periods = np.log(reach[1] / reach[0])
+    by_reflectance = np.log(ranges[..., -1] / ranges[..., 0])
+    by_periods = np.log(ranges[1] / ranges[0])
     return (
         by_reflectance / np.log(REFLECTANCES[-1] / REFLECTANCES[0]),
         by_periods / np.log(PERIODS[1] / PERIODS[0]),
     )
 
 
-def _words(reach: Mapping[str, Floats], silent: Mapping[str, Floats]) -> str:
-    ratio = reach["APD"] / reach["PIN"]
+def _words(ranges: Mapping[str, Floats], silent: Mapping[str, Floats]) -> str:
+    ratio = ranges["APD"] / ranges["PIN"]
     contrasts = [
         float(end)
-        for values in (*silent.values(), *reach.values())
+        for values in (*silent.values(), *ranges.values())
         for end in np.ravel(_ends(values, "indoors") / _ends(values, "outdoors"))
     ]
     return (
@@ -155,7 +155,7 @@ def _words(reach: Mapping[str, Floats], silent: Mapping[str, Floats]) -> str:
         "¼ where the amplifier dominates and up to the ½ where the signal does, and the avalanche "
         f"diode {ratio.min():.1f} to {ratio.max():.1f} times as far. What cannot come out is that "
         "indoors (15 to 30 klx) is 2.25 to 3 times as far as outdoors (50 to 100 klx): background "
-        f"changes the reach by B to the -¼ at most, here {min(contrasts):.2f} to "
+        f"changes the range by B to the -¼ at most, here {min(contrasts):.2f} to "
         f"{max(contrasts):.2f} times. It would take "
         "an indoor light without 1550 nm, such as white LEDs, and far less of both "
         "light and background than Table 1 has. Nor can single curves be compared, as the paper's "
@@ -164,7 +164,7 @@ def _words(reach: Mapping[str, Floats], silent: Mapping[str, Floats]) -> str:
     )
 
 
-def _figure(reach: Mapping[str, Floats]) -> Figure:
+def _figure(ranges: Mapping[str, Floats]) -> Figure:
     figure = Figure(figsize=(12, 8), layout="constrained")
     figure.suptitle(
         "Longest distance with σ of range < 1 cm; shaded: the ranges in the paper's text"
@@ -172,21 +172,21 @@ def _figure(reach: Mapping[str, Floats]) -> Figure:
     for letter, row, periods in zip("ab", figure.subplots(2, 2), PERIODS[::-1], strict=True):
         for axes, diode in zip(row, ("APD", "PIN"), strict=True):
             part = "G14858-0020AA, avalanche diode" if diode == "APD" else "FGA015, PIN"
-            _panel(axes, diode, reach[diode][PERIODS.index(periods)])
+            _panel(axes, diode, ranges[diode][PERIODS.index(periods)])
             axes.set_title(f"({letter}) {periods:,} periods, {part}")
     return figure
 
 
-def _panel(axes: Axes, diode: str, reach: Floats) -> None:
+def _panel(axes: Axes, diode: str, ranges: Floats) -> None:
     positions = np.arange(len(ILLUMINANCES_KLX))
-    for position, indices in POSITIONS.items():
-        low, high = PAPER_M[diode, position]
+    for location, indices in LOCATIONS.items():
+        low, high = PAPER_M[diode, location]
         left, right = indices[0] - 0.45, indices[-1] + 0.45
         axes.fill_between([left, right], low, high, color="0.85", zorder=0)
-        axes.text(left, 9.4, f" {position}", fontsize=9, color="0.4")
+        axes.text(left, 9.4, f" {location}", fontsize=9, color="0.4")
     for k, (rho, colour) in enumerate(zip(REFLECTANCES, COLOURS, strict=True)):
         bars = axes.bar(
-            positions + 0.26 * (k - 1), reach[:, k], 0.24, color=colour, label=f"ρ = {rho:g}"
+            positions + 0.26 * (k - 1), ranges[:, k], 0.24, color=colour, label=f"ρ = {rho:g}"
         )
         axes.bar_label(bars, fmt="%.1f", fontsize=8, padding=1)
     axes.set_xticks(positions, [f"{klx:g}" for klx in ILLUMINANCES_KLX])

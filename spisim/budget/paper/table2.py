@@ -1,4 +1,4 @@
-"""Table 2: how long an image takes, measured on this machine with `reconstruction`."""
+"""Table 2: time per image, measured on this machine with `reconstruction`."""
 
 import time
 from dataclasses import dataclass
@@ -10,20 +10,19 @@ from scipy.ndimage import gaussian_filter
 from reconstruction.base.arrays import Floats
 from reconstruction.image import Imaging
 from reconstruction.operators import PatternPlan, expose, make_plan
-from spisim.budget.paper.checks import Table
-from spisim.budget.paper.result import Result, percent
+from spisim.budget.paper.checks import Result, Table, percent
 
 PATTERN_RATE_HZ = 15e3
 REPETITIONS = 30
 WARM_UP = 20
-"""Calls before the first that counts: a pursuit called often is compiled."""
+"""Calls before timing starts: a frequently called pursuit is compiled."""
 PHOTONS = 1e6
-"""Of the brightest reading."""
+"""Photons of the brightest reading."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """A row of the paper's table: width and height in pixels, and what it reports."""
+    """A row of the paper's table: size in pixels and reported values."""
 
     width: int
     height: int
@@ -37,7 +36,7 @@ class Row:
 
     @property
     def projection_s(self) -> float:
-        """Time that the patterns take."""
+        """Duration of the patterns."""
         return self.patterns / PATTERN_RATE_HZ
 
 
@@ -50,7 +49,7 @@ PAPER = (
 
 
 def table_2() -> Result:
-    """Frame rates of the four sizes; as they are this machine's, none of them is promised."""
+    """Frame rates of the four sizes on this machine; none is promised."""
     seconds = [measure(row) for row in PAPER]
     rates = [1 / (row.projection_s + took) for row, took in zip(PAPER, seconds, strict=True)]
     tables = [
@@ -73,10 +72,7 @@ def table_2() -> Result:
 
 
 def measure(row: Row, repetitions: int = REPETITIONS) -> float:
-    """Median time from the counts of a frame to its image, without what all frames share.
-
-    Processor time, which other programs do not lengthen.
-    """
+    """Median processor time from a frame's counts to its image, without shared set-up."""
     plan, counts = readings(row)
     usable = Imaging(plan).of(np.ones(plan.exposures, dtype=bool))
     solve = usable.solver("pursuit")
@@ -89,7 +85,7 @@ def measure(row: Row, repetitions: int = REPETITIONS) -> float:
 
 
 def readings(row: Row) -> tuple[PatternPlan, Floats]:
-    """Plan of a row, and counts (M,) of an image with photon noise: their variance, too."""
+    """Plan of a row, and counts (M,) of an image with photon noise."""
     shape = (row.height, row.width)
     plan = make_plan(shape, row.patterns - 1, "sequency-2d", "single-ended")
     light = expose(plan, _image(shape))
@@ -98,7 +94,7 @@ def readings(row: Row) -> tuple[PatternPlan, Floats]:
 
 
 def _image(shape: tuple[int, int]) -> Floats:
-    """Blots at all scales, as natural images have them."""
+    """Blobs at all scales, as in natural images."""
     rng = np.random.default_rng(0)
     scales = (1, 2, 4, 8, 16)
     image = sum(s * gaussian_filter(rng.standard_normal(shape), s, mode="wrap") for s in scales)

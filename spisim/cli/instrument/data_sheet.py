@@ -79,7 +79,7 @@ QUESTIONS: dict[str, Question] = {
 def detector_parts() -> dict[str, dict[str, Any]]:
     """Sensors of instrument files by part."""
     from spisim.base.config import load_yaml, read_text
-    from spisim.instrument.load import DETECTOR_PARTS
+    from spisim.instrument.model import DETECTOR_PARTS
 
     parts: dict[str, dict[str, Any]] = load_yaml(read_text(DETECTOR_PARTS), DETECTOR_PARTS)
     return parts

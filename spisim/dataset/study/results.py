@@ -9,7 +9,7 @@ from typing import Any
 from reconstruction.base.files import Output
 from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.base.plotting import panels
-from spisim.base.config import csv_table
+from spisim.base.config.files import csv_table
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
 from spisim.dataset.study.metrics import Metric

@@ -10,5 +10,5 @@ SENSORS: Registry[type[Sensor]] = Registry(
     "sensor", package=__name__, attribute="SENSOR", group="spisim.sensors"
 )
 
-#: Any of them, as a field of a file.
+#: Any sensor, as a field of a file.
 AnySensor: TypeAlias = Annotated[Sensor, one_of(SENSORS, "type")]

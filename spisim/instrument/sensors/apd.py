@@ -10,21 +10,21 @@ from spisim.instrument.photodiode import Photodiode
 
 
 class Apd(Photodiode):
-    """Avalanche diode in linear mode.
+    """Avalanche photodiode in linear mode.
 
     The excess noise is McIntyre's (IEEE Trans. Electron Devices 13, 164 (1966)) for the carriers
-    that multiply best: F = k M + (1 - k)(2 - 1/M). Many electrons make its sum normal; for a few
-    per reading the real distribution is skewed.
+    that multiply best: F = k M + (1 - k)(2 - 1/M). It is drawn as normal, which holds for many
+    electrons per reading; for a few the true distribution is skewed.
     """
 
     type: Literal["apd"]
-    """Told by this word."""
+    """Type discriminator."""
     dark_current_na: NonNegative
-    """Dark current at the operating gain, taken as multiplied altogether."""
+    """Dark current at the operating gain, all of it multiplied."""
     gain: Annotated[Number, Field(ge=1)]
     """Electrons per primary electron."""
     ionisation_ratio: Annotated[Number, Field(ge=0, le=1)]
-    """k of holes to electrons, or its inverse, whichever is below 1."""
+    """Ionisation ratio k of holes to electrons, or its inverse, whichever is below 1."""
 
     @property
     def excess_noise_factor(self) -> float:

@@ -12,7 +12,7 @@ class Pin(Photodiode):
     """Photodiode without gain."""
 
     type: Literal["pin"]
-    """Told by this word."""
+    """Type discriminator."""
     dark_current_na: NonNegative
     """Dark current."""
 

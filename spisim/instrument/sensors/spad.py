@@ -1,8 +1,8 @@
-"""Single-photon diodes: counts in an exposure, with dead time and after-pulses."""
+"""Single-photon avalanche diodes: counts with dead time and after-pulses."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,6 +14,8 @@ from spisim.base.config import NonNegative, Number
 from spisim.instrument.sensor import (
     FWHM_PER_SIGMA,
     Each,
+    FrontEnd,
+    PulseTiming,
     Random,
     Readings,
     Sensor,
@@ -23,36 +25,31 @@ from spisim.instrument.sensor import (
 )
 from spisim.instrument.stamping.first_photons import PILE_UP, FirstPhotons
 
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Detector
-    from spisim.instrument.tofs.dtof import DirectTof
-
-#: Mean counts above which the normal limit of the renewal process stands for its distribution.
+#: Mean count above which a normal distribution replaces the renewal process.
 LARGE_COUNT = 1000.0
-#: A counter this close to one count per dead time tells nothing about the light.
+#: Counts above this fraction of one per dead time carry no information about the light.
 MAX_FRACTION_OF_FULL = 0.95
 
 
 class Spad(Sensor):
-    """Avalanche diode in Geiger mode: a counter, blind for `dead_time_s` after each detection.
+    """Avalanche diode in Geiger mode: a counter with `dead_time_s` after each detection.
 
-    Every detection is followed by another one, of a trapped carrier, with
-    `afterpulse_probability`. `jitter_fwhm_s` is that of the time stamp, taken as Gaussian.
+    Each detection is followed by another, of a trapped carrier, with `afterpulse_probability`.
     """
 
     counts: ClassVar[bool] = True
     type: Literal["spad"]
-    """Told by this word."""
+    """Type discriminator."""
     detection_efficiency: Spectral
     """Detections per photon; one value, or rows of wavelength in nm and value."""
     dark_count_rate_hz: NonNegative
-    """Dark counts, without their after-pulses."""
+    """Dark count rate, without after-pulses."""
     dead_time_s: NonNegative
-    """For which it is blind after a detection."""
+    """Dead time after a detection."""
     afterpulse_probability: Annotated[Number, Field(ge=0, lt=1)] = 0.0
-    """Chance that a detection is followed by a false one."""
+    """Probability that a detection is followed by an after-pulse."""
     jitter_fwhm_s: NonNegative = 0.0
-    """Full width at half maximum of the time stamp's error, Gaussian."""
+    """Full width at half maximum of the time stamp's Gaussian jitter."""
 
     @property
     def gain(self) -> float:
@@ -60,17 +57,17 @@ class Spad(Sensor):
 
     @property
     def excess_noise_factor(self) -> float:
-        """Of a count with its geometric cascade of after-pulses."""
+        """Excess noise of a count with its geometric cascade of after-pulses."""
         return 1 + self.afterpulse_probability
 
     @property
     def dark_rate_hz(self) -> float:
-        """Dark counts per second, without their after-pulses."""
+        """Dark counts per second, without after-pulses."""
         return self.dark_count_rate_hz
 
     @property
     def dead_time_per_primary_s(self) -> float:
-        """Time that a primary detection and its cascade of after-pulses leave the diode blind."""
+        """Dead time of a primary detection with its cascade of after-pulses."""
         return self.dead_time_s / (1 - self.afterpulse_probability)
 
     def electrons_per_joule(self, wavelength_nm: ArrayLike) -> Floats:
@@ -89,16 +86,13 @@ class Spad(Sensor):
 
     def read(
         self,
-        detector: Detector,
+        detector: FrontEnd,
         electrons: Floats,
         time_s: Each,
         rng: Random,
         taken_off: Each = 0.0,
     ) -> Readings:
-        """Counts of all diodes of the detector, which share the light; see `Sensor.read`.
-
-        Each has a dead time of its own.
-        """
+        """Counts of all diodes of the detector, each with its own dead time; see `Sensor.read`."""
         diodes = len(detector.positions_m)
         each = electrons / diodes
         if rng is None:
@@ -117,9 +111,9 @@ class Spad(Sensor):
         )
 
     def expected_counts(self, primaries: Floats, time_s: Each) -> Floats:
-        """Mean counts of so many detections as there would be without dead time.
+        """Mean counts for mean primaries N without dead time, after-pulses included.
 
-        m = N / (1 + N τ / T), non-paralysable, after-pulses included.
+        Non-paralysable: m = N / (1 + N τ / T).
         """
         blind = primaries * self.dead_time_per_primary_s / time_s
         return np.asarray(primaries / (1 + blind) / (1 - self.afterpulse_probability))
@@ -130,8 +124,8 @@ class Spad(Sensor):
         """Draw counts (frames, ...) for mean detections `primaries`.
 
         A renewal process: an exponential wait, a detection with a geometric number of after-pulses,
-        and a dead time for each of them (J. W. Müller, Nucl. Instrum. Methods 112, 47 (1973)). Many
-        counts are normal, of variance (1 + p) N / (1 + N τ / T)³ / (1 - p)².
+        and a dead time for each (J. W. Müller, Nucl. Instrum. Methods 112, 47 (1973)). Large counts
+        are normal, of variance (1 + p) N / (1 + N τ / T)³ / (1 - p)².
         """
         expected = self.expected_counts(primaries, time_s)
         many = expected > LARGE_COUNT
@@ -144,7 +138,7 @@ class Spad(Sensor):
         return counts.astype(np.int32)
 
     def _events(self, primaries: Floats, time_s: Each, rng: np.random.Generator) -> Floats:
-        """Counts, one detection of all readings after the other."""
+        """Counts, simulated detection by detection for all readings at once."""
         counts = np.zeros(primaries.shape)
         times = np.zeros(primaries.shape)
         with np.errstate(divide="ignore"):
@@ -159,19 +153,19 @@ class Spad(Sensor):
         return counts
 
     def warnings(
-        self, name: str, detector: Detector, time_s: float, background: float, whole: float
+        self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float
     ) -> list[str]:
-        """Sentences about a counter that is blind too often; see `Sensor.warnings`."""
+        """Warnings about pile-up; see `Sensor.warnings`."""
         blind = whole / len(detector.positions_m) / time_s * self.dead_time_s
         if blind < PILE_UP:
             return []
         return [
-            f"{name} would fire {blind:.2g} times in a dead time, and counts fall behind; "
+            f"{name} would fire {blind:.2g} times per dead time, so counts pile up; "
             f"below {PILE_UP:g} they would not"
         ]
 
-    def stamping(self, tof: DirectTof) -> FirstPhotons:
-        """The first detection of a gate."""
+    def stamping(self, tof: PulseTiming) -> FirstPhotons:
+        """Stamps the first detection of a gate."""
         jitter_s = self.jitter_fwhm_s / FWHM_PER_SIGMA
         return FirstPhotons(tof, jitter_s, self.dead_time_s, self.afterpulse_probability)
 

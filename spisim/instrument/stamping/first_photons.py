@@ -1,10 +1,10 @@
-"""Stamps of first photons, by a counter: time-correlated single-photon counting."""
+"""Time stamps of first photons: time-correlated single-photon counting."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.constants import c
@@ -12,17 +12,14 @@ from scipy.interpolate import CubicSpline
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
-from spisim.instrument.tof import Reading
 
-if TYPE_CHECKING:
-    from spisim.instrument.tofs.dtof import DirectTof
-
-#: Iterations for the after-pulses, which shrink by their probability every time.
+#: Iterations for after-pulses, which shrink by their probability in each.
 ROUNDS = 20
-#: Points over which the shape of an echo is integrated, and how many of its sigmas they span.
+#: Integration points of an echo's shape, and the sigmas that they span.
 ECHO_POINTS, ECHO_SIGMAS = 65, 5.0
-#: Detections per dead time, or per gate, from which on a counter falls behind.
+#: Detections per dead time, or per gate, above which counts pile up.
 PILE_UP = 0.05
 
 
@@ -32,7 +29,7 @@ class FirstPhotons:
 
     piles_up: ClassVar[bool] = True
 
-    tof: DirectTof
+    tof: PulseTiming
     jitter_sigma_s: float
     dead_time_s: float
     afterpulse_probability: float
@@ -49,15 +46,15 @@ class FirstPhotons:
         return Reading("echo", widths_s[0], echo_s, 0.0, converted=False)
 
     def check(self) -> None:
-        """Raise InputError where there is a threshold."""
+        """Raise InputError for a threshold."""
         if self.tof.threshold_sigma is not None:
             sensor = self.tof.detector.sensor
             raise InputError(f"a {sensor.type} sensor has no threshold_sigma for dtof")
 
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
-        """Chance (bins,) that the first detection of a cycle falls into each bin of the gate.
+        """Probability (bins,) that the first detection of a cycle falls into each bin of the gate.
 
-        Detections are Poisson with mean λ_i per bin, and the first one ends the cycle:
+        Detections are Poisson with mean λ_i per bin, and the first ends the cycle:
         p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)).
         """
         tof = self.tof
@@ -78,12 +75,11 @@ class FirstPhotons:
     def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Cramér-Rao bound (...) of the delay of a Gaussian echo among first detections.
 
-        Detections come at the rate λ(t) = b + n g(t); a cycle whose first one is at t says no more.
-        The information of N cycles is N ∫ exp(-∫λ) λ'² / λ dt: an at-risk cycle is a Bernoulli
-        trial in every instant. Without background or pile-up it is σ_t² over the detections. Level
-        and background are taken as known, which costs nothing as they are even about the echo's
-        centre. The width of a bin adds 1/12 of its square to σ_t². After-pulses are background,
-        spread evenly.
+        Detections come at the rate λ(t) = b + n g(t), and the first ends the cycle. The information
+        of N cycles is N ∫ exp(-∫λ) λ'² / λ dt: a live cycle is a Bernoulli trial at every instant.
+        Without background or pile-up the bound is σ_t² over the detections. Amplitude and
+        background count as known, which costs nothing as they are even about the echo's centre. A
+        bin adds 1/12 of its squared width to σ_t². After-pulses are uniform background.
         """
         tof = self.tof
         sigma = np.hypot(self.response_sigma_s, tof.bin_width_s / np.sqrt(12))
@@ -104,7 +100,7 @@ class FirstPhotons:
         return np.asarray(sigma / np.sqrt(tof.pulses * information))
 
     def warnings(self, steady_per_s: float) -> list[str]:
-        """A sentence about light that fires the detector before the echo does."""
+        """A warning about light that fires the detector before the echo does."""
         first = steady_per_s * self.tof.gate_s
         if first < PILE_UP:
             return []

@@ -1,10 +1,10 @@
-"""Stamps of a current that crosses a threshold."""
+"""Time stamps of a current that crosses a threshold."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from scipy.constants import c, elementary_charge
@@ -13,31 +13,28 @@ from scipy.special import ndtr
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.electronics import Amplifier
+from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
-from spisim.instrument.tof import Reading
-
-if TYPE_CHECKING:
-    from spisim.instrument.detector import Amplifier
-    from spisim.instrument.tofs.dtof import DirectTof
 
 
 @dataclass(frozen=True)
 class Threshold:
-    """The middle between the crossings of the first rising and falling edge.
+    """The midpoint between the crossings of the first rising and falling edge.
 
-    The noise is that of the amplifier's current, and shot noise in its bandwidth B. False alarms
-    come at the rate of Rice (Bell Syst. Tech. J. 24, 46 (1945)), B/√3 exp(-threshold² / 2 noise²).
+    The noise is that of the amplifier and shot noise in its bandwidth B. False alarms have the rate
+    of Rice (Bell Syst. Tech. J. 24, 46 (1945)), B/√3 exp(-threshold² / 2 noise²).
     """
 
     piles_up: ClassVar[bool] = False
     dead_time_s: ClassVar[float] = 0.0
-    response_sigma_s: ClassVar[float] = math.nan  # it varies with the height of the pulse
+    response_sigma_s: ClassVar[float] = math.nan  # varies with the pulse's height
 
-    tof: DirectTof
+    tof: PulseTiming
 
     @property
     def reading(self) -> Reading:
-        """The current of one pulse at its peak, as charge within half of 1 / B."""
+        """The current of one pulse at its peak, as charge within 1 / 2B."""
         time_s = self.window_s
         return Reading("echo", time_s, time_s * self.peak_fraction, time_s, converted=False)
 
@@ -48,28 +45,28 @@ class Threshold:
 
     @property
     def bandwidth_hz(self) -> float:
-        """B of the amplifier."""
+        """Bandwidth B of the amplifier."""
         bandwidth_hz = self._amplifier.bandwidth_hz
         assert bandwidth_hz is not None
         return bandwidth_hz
 
     @property
     def sigma_of_pulse_s(self) -> float:
-        """Standard deviation of the pulse behind the amplifier that feeds the threshold.
+        """Standard deviation of the pulse behind the amplifier.
 
-        The amplifier is taken as a filter of Gaussian shape here, 3 dB down at its bandwidth, so
-        that pulses stay even; one pole would draw out their end.
+        The amplifier counts as a Gaussian filter, 3 dB down at its bandwidth, so that pulses stay
+        even; one pole would draw out their tail.
         """
         widening_s = math.sqrt(math.log(2)) / (2 * math.pi * self.bandwidth_hz)
         return math.hypot(self.tof.pulse_sigma_s, widening_s)
 
     @property
     def peak_fraction(self) -> float:
-        """Height of the pulse behind the amplifier over that in front: it keeps its charge."""
+        """Peak of the pulse behind the amplifier over that before it; the charge is preserved."""
         return self.tof.pulse_sigma_s / self.sigma_of_pulse_s
 
     def check(self) -> None:
-        """Raise InputError without a threshold, and without a bandwidth of the noise below it."""
+        """Raise InputError without a threshold, or without a bandwidth of the noise."""
         if self.tof.threshold_sigma is None:
             raise InputError(
                 f"a {self.tof.detector.sensor.type} sensor needs threshold_sigma for dtof"
@@ -78,11 +75,10 @@ class Threshold:
             raise InputError("detector.amplifier.bandwidth_hz is needed for a threshold")
 
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
-        """Chance (bins,) that a cycle's first time stamp falls into each bin of the gate.
+        """Probability (bins,) that a cycle's first time stamp falls into each bin of the gate.
 
-        Its scatter is that of the noise over the slope at either edge, taken as independent. Breaks
-        for echoes so close together that the current does not fall below the threshold in between:
-        they stamp as one.
+        The stamp scatters by noise over slope at each edge, taken as independent. Not valid for
+        echoes between which the current stays above the threshold: they stamp as one.
         """
         tof, sensor = self.tof, self.tof.detector.sensor
         assert tof.threshold_sigma is not None
@@ -90,7 +86,7 @@ class Threshold:
         sigma_s = self.sigma_of_pulse_s
         step = min(tof.bin_width_s, sigma_s / 20)
         times = np.arange(0.0, tof.gate_s, step)
-        # The amplifier keeps the charge of a pulse and lowers its peak.
+        # The amplifier preserves a pulse's charge and lowers its peak.
         echo = smoothed(path_m, echo_per_s, sigma_s, tof.gate_s)
         density = CubicSpline(*echo, extrapolate=False)(times)
         density = np.maximum(np.nan_to_num(density), 0)
@@ -109,9 +105,9 @@ class Threshold:
             peak = start + int(np.argmax(current[start : stop + 1]))
             seen = float(ndtr((current[peak] - threshold) / noise_at[peak]))
             middle, scatter = _middle(times, current, noise_at, threshold, start, stop)
-            position = np.diff(ndtr((edges - middle) / scatter))
+            in_bins = np.diff(ndtr((edges - middle) / scatter))
             survives = math.exp(-false_alarms * middle)
-            chances += left * seen * survives * position
+            chances += left * seen * survives * in_bins
             left *= 1 - seen
             if left < 1e-9:
                 break
@@ -119,11 +115,10 @@ class Threshold:
         return np.asarray(chances + after * -np.diff(quiet))
 
     def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
-        """Scatter (...) of the mean of all time stamps of a leading and a falling edge.
+        """Standard deviation (...) of the mean of all time stamps.
 
-        Noise over slope at either crossing of a Gaussian pulse, taken as independent; a bin adds
-        1/12 of its square. False alarms come first, and take their cycles away. Infinite below the
-        threshold.
+        Noise over slope at both crossings of a Gaussian pulse, taken as independent; a bin adds
+        1/12 of its square. False alarms consume their cycles. Infinite below the threshold.
         """
         tof, detector, window_s = self.tof, self.tof.detector, self.window_s
         assert tof.threshold_sigma is not None
@@ -132,17 +127,16 @@ class Threshold:
         quiet = excess * steady_per_s * window_s + amplifier
         threshold = tof.threshold_sigma * np.sqrt(quiet)
         peak = echo_per_s * window_s * self.peak_fraction
-        position = np.sqrt(
-            2 * np.log(np.maximum(peak / threshold, 1))
-        )  # of the crossing, in sigmas
-        slope = threshold * position / self.sigma_of_pulse_s
+        # of the crossing, in sigmas
+        offset = np.sqrt(2 * np.log(np.maximum(peak / threshold, 1)))
+        slope = threshold * offset / self.sigma_of_pulse_s
         stamp = (quiet + excess * threshold) / (2 * slope**2) + tof.bin_width_s**2 / 12
         false_alarms = np.exp(-(tof.threshold_sigma**2) / 2) / (2 * window_s * np.sqrt(3))
         stamps = tof.pulses * np.exp(-false_alarms * path_m / c)
-        return np.asarray(np.where(position > 0, np.sqrt(stamp / stamps), np.inf))
+        return np.asarray(np.where(offset > 0, np.sqrt(stamp / stamps), np.inf))
 
     def warnings(self, steady_per_s: float) -> list[str]:
-        """None: time stamps need no converter."""
+        """No warnings: time stamps need no converter."""
         return []
 
     @property
@@ -153,7 +147,7 @@ class Threshold:
 
 
 def _above(current: Floats, threshold: float) -> list[tuple[int, int]]:
-    """Index ranges (first, last) above the threshold, or the highest point alone."""
+    """Index ranges (first, last) above the threshold, or the maximum alone."""
     above = np.concatenate([[False], current > threshold, [False]])
     turns = np.flatnonzero(above[1:] != above[:-1])
     if not turns.size:
@@ -165,7 +159,7 @@ def _above(current: Floats, threshold: float) -> list[tuple[int, int]]:
 def _middle(
     times: Floats, current: Floats, noise_at: Floats, threshold: float, start: int, stop: int
 ) -> tuple[float, float]:
-    """Middle between two crossings and its standard deviation."""
+    """Midpoint of two crossings and its standard deviation."""
     moments, variances = [], []
     for inside, outside in ((start, start - 1), (stop, stop + 1)):
         outside = min(max(outside, 0), len(times) - 1)

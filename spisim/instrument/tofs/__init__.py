@@ -6,9 +6,9 @@ from reconstruction.base.registry import Registry
 from spisim.base.config import one_of
 from spisim.instrument.tof import Tof
 
-TOFS: Registry[Any] = Registry(  # of classes; a protocol's are no type[Tof]
+TOFS: Registry[Any] = Registry(  # classes of a protocol are no type[Tof]
     "method of time of flight", package=__name__, attribute="TOF", group="spisim.tofs"
 )
 
-#: Any of them, as a field of a file.
+#: Any method, as a field of a file.
 AnyTof: TypeAlias = Annotated[Tof, one_of(TOFS, "method")]

@@ -1,4 +1,4 @@
-"""Continuous wave."""
+"""Continuous-wave time of flight."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ from reconstruction.ranging import unambiguous_path_m
 from spisim.base.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, overflow
+from spisim.instrument.sensor import Reading
+from spisim.instrument.tof import Emission, SpotLight, check_charge, overflow
 
-#: A bin shares light between its neighbours, which damps a modulation of so many bins by 1 %.
+#: Bins interpolate light between neighbours, which damps a modulation of this period by 1 %.
 BINS_PER_PERIOD = 20
 
 
@@ -28,17 +29,17 @@ class CwTof(Section):
     """Continuous wave: the phase of modulated light, from four taps per frequency."""
 
     method: Literal["cw"]
-    """Told by this word."""
+    """Method discriminator."""
     modulation: Modulation
-    """Of the lasers."""
+    """Modulation of the lasers."""
     periods: Count | Annotated[tuple[Count, ...], Field(min_length=1)]
-    """Accumulated by each tap for one frame: at all frequencies, or at each of them."""
+    """Periods that each tap accumulates per frame: at all frequencies, or at each."""
     detector: TofDetector
     """The photodiodes of the spots."""
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on a spot looks nearer than it is."""
+        """Range beyond which a spot aliases to a nearer one."""
         return float(unambiguous_path_m(np.array(self.modulation.frequencies_hz))) / 2
 
     @property
@@ -48,14 +49,14 @@ class CwTof(Section):
         return each * turns
 
     def light_time_s(self, frequency_hz: float) -> float:
-        """Time for which a tap works at a frequency in a frame."""
+        """Working time of a tap at a frequency per frame."""
         if isinstance(self.periods, tuple):
             number = self.modulation.frequencies_hz.index(frequency_hz)
             return self.periods[number] / frequency_hz
         return self.periods / frequency_hz
 
     def tap_time_s(self, frequency_hz: float) -> float:
-        """Time for which one tap is open in a frame."""
+        """Open time of one tap per frame."""
         return self.modulation.taps.fraction * self.light_time_s(frequency_hz)
 
     @property
@@ -64,7 +65,7 @@ class CwTof(Section):
         return self.reading_at(min(self.modulation.frequencies_hz))
 
     def reading_at(self, frequency_hz: float) -> Reading:
-        """Times of one tap at a frequency; the echo's is its mean over all phases."""
+        """Times of one tap at a frequency; the echo's is the mean over all phases."""
         time_s = self.tap_time_s(frequency_hz)
         amplifier_s = self.light_time_s(frequency_hz) * self.modulation.taps.noise_share
         return Reading("tap", time_s, time_s, amplifier_s)
@@ -81,7 +82,7 @@ class CwTof(Section):
     def record(
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> CwSpots:
-        """The taps of all frequencies, one after the other; see `Tof.record`."""
+        """The taps of all frequencies, in turn; see `Tof.record`."""
         modulation = self.modulation
         frequencies, phases = modulation.frequencies_hz, modulation.taps.phases_rad
         electrons = np.concatenate(
@@ -109,7 +110,7 @@ class CwTof(Section):
         )
 
     def tap_electrons(self, light: SpotLight, frequency_hz: float) -> Floats:
-        """Mean electrons of the four taps at one frequency, (frames, 4, taps)."""
+        """Mean electrons of the four taps at one frequency, (frames, spots, taps)."""
         phase = 2 * np.pi * frequency_hz / c * light.path_length_m
         modulation = self.modulation
         window = modulation.correlation(phase, frequency_hz, self._response)  # (taps, bins)
@@ -119,10 +120,9 @@ class CwTof(Section):
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Four taps: σ_φ = √(v/2) / A (Lange & Seitz, IEEE J. Quantum Electron. 37, 390 (2001)).
 
-        v is the variance of a tap at mean phase, A the amplitude of its signal against phase.
-        Equals the paper's Eq. (3) with A_R twice the mean signal of a period. Several frequencies
-        weigh by their precision, once their whole periods are told apart, which needs far better
-        than that.
+        v is the variance of a tap at mean phase, A the amplitude of its signal against phase. This
+        equals the paper's Eq. (3) with A_R twice the mean signal of a period. Several frequencies
+        are weighted by precision, assuming their whole periods are resolved.
         """
         precision = np.zeros(np.shape(echo_per_s))
         for frequency in self.modulation.frequencies_hz:
@@ -137,12 +137,12 @@ class CwTof(Section):
         return np.asarray(1 / np.sqrt(precision))
 
     def emission(self, power_w: float) -> Emission:
-        """Half a period of the slowest modulation has the most light."""
+        """The half period of the slowest modulation with the most light counts as its pulse."""
         half_period_s = 0.5 / min(self.modulation.frequencies_hz)
         return Emission(power_w, power_w * 2 * half_period_s, half_period_s)
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
-        """Sentences about taps that overflow: with the echo in phase, they take twice its mean."""
+        """Warnings about taps that overflow; an echo in phase gives twice its mean."""
         return overflow(self, steady_per_s, 2 * echo_per_s)
 
     @property
@@ -156,7 +156,7 @@ class CwTof(Section):
         if isinstance(self.periods, tuple) and len(self.periods) != len(frequencies):
             raise InputError(
                 f"periods has {len(self.periods)} numbers for {len(frequencies)} "
-                "modulation.frequencies_hz; one for all of them or one for each is needed"
+                "modulation.frequencies_hz; one for all or one for each is needed"
             )
         return self
 

@@ -1,4 +1,4 @@
-"""Histograms of single arrivals."""
+"""Direct time of flight: histograms of single arrivals."""
 
 from __future__ import annotations
 
@@ -16,48 +16,46 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.sensor import FWHM_PER_SIGMA
-from spisim.instrument.stamping import Stamping
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_pulse
+from spisim.instrument.sensor import FWHM_PER_SIGMA, Reading, Stamping
+from spisim.instrument.tof import Emission, SpotLight, check_pulse
 
-#: Where more cycles than this end with a photon, too few are left to tell late light from early.
+#: Saturation: too few cycles remain without a photon to tell late light from early.
 MAX_FRACTION_OF_CYCLES = 0.99
 
 
 class DirectTof(Section):
-    """Single arrivals: each pulse gives at most one time stamp, and those a histogram.
+    """Direct time of flight: each pulse gives at most one time stamp for a histogram.
 
-    A single-photon diode stamps its first detection in the gate. A charge detector stamps the
-    first crossing of a threshold, `threshold_sigma` times the rms noise of the current, as the
-    middle between the crossings of rising and falling edge, which does not walk with the pulse's
-    height. `pulse_fwhm_s` is that of Gaussian light.
+    A single-photon diode stamps its first detection in the gate. A charge detector stamps the first
+    crossing of a threshold, `threshold_sigma` times the rms noise of the current, as the midpoint
+    between rising and falling edge, which does not depend on the pulse's height.
     """
 
     method: Literal["dtof"]
-    """Told by this word."""
+    """Method discriminator."""
     pulse_fwhm_s: Positive
-    """Full width at half maximum of the pulse of light, Gaussian."""
+    """Full width at half maximum of the Gaussian pulse of light."""
     pulses: Count
-    """Pulses for one frame."""
+    """Pulses per frame."""
     repetition_rate_hz: Positive
     """Pulses per second; the gate fits between them."""
     bin_width_s: Positive
-    """Width of the histogram's bins."""
+    """Width of a histogram bin."""
     bins: Annotated[int, Field(ge=3, le=2**20)]
-    """Bins of the histogram, which are the gate."""
+    """Histogram bins, which make the gate."""
     threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
     """Threshold of a photodiode over the rms noise of its current."""
     detector: TofDetector
-    """The detectors of the spots."""
+    """Detectors of the spots."""
 
     @property
     def gate_s(self) -> float:
-        """How long a cycle waits for an arrival, from the centre of the pulse on."""
+        """Duration of a cycle's gate, from the centre of the pulse."""
         return self.bins * self.bin_width_s
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on the light arrives after the gate."""
+        """Range beyond which light arrives after the gate."""
         return c * self.gate_s / 2
 
     @property
@@ -107,7 +105,7 @@ class DirectTof(Section):
         )
 
     def _chances(self, light: SpotLight) -> Floats:
-        """Chances (frames, 4, bins) of a time stamp; the same light is not computed twice."""
+        """Probabilities (frames, spots, bins) of a time stamp, computed once for equal light."""
         given: dict[bytes, Floats] = {}
         stamping = self.stamping
 

@@ -1,4 +1,4 @@
-"""Pulses in windows of time."""
+"""Pulsed time of flight with integration windows."""
 
 from __future__ import annotations
 
@@ -15,32 +15,28 @@ from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, NonNegative, Positive, Section
 from spisim.instrument.detector import TofDetector
-from spisim.instrument.tof import Emission, Reading, SpotLight, check_charge, check_pulse, overflow
+from spisim.instrument.sensor import Reading
+from spisim.instrument.tof import Emission, SpotLight, check_charge, check_pulse, overflow
 
-#: Points of a pulse's wave form per window.
+#: Samples of the pulse's waveform per window.
 WAVE_POINTS = 2000
 
 
 class PulsedTof(Section):
-    """Pulses: charge in windows as long as the pulse, one after the other, and one before.
-
-    The range is the share of the light that arrives in the second of two windows. The first opens
-    `gate_delay_s` after the pulse begins to leave. The pulse rises and falls within `rise_time_s`,
-    linearly.
-    """
+    """Pulses: charge in consecutive windows as long as the pulse, and one window before it."""
 
     method: Literal["pulsed"]
-    """Told by this word."""
+    """Method discriminator."""
     pulse_width_s: Positive
-    """Width of the pulse at half its height, and of each window."""
+    """Width of the pulse at half height, and of each window."""
     rise_time_s: NonNegative = 0.0
-    """In which the pulse rises, and falls."""
+    """Rise and fall time of the pulse."""
     windows: Annotated[int, Field(ge=2, le=64)] = 2
-    """Windows for the echo, one after the other."""
+    """Consecutive windows for the echo."""
     gate_delay_s: NonNegative = 0.0
-    """From the start of the pulse to the first window."""
+    """Delay from the start of the pulse to the first window."""
     pulses: Count
-    """Pulses for one frame."""
+    """Pulses per frame."""
     repetition_rate_hz: Positive
     """Pulses per second."""
     detector: TofDetector
@@ -48,13 +44,13 @@ class PulsedTof(Section):
 
     @property
     def window_starts_s(self) -> tuple[float, ...]:
-        """Of the background's window and those for the echo, from the start of the pulse."""
+        """Starts of the background's window and the echo's, relative to the start of the pulse."""
         gates = (self.gate_delay_s + k * self.pulse_width_s for k in range(self.windows))
         return (-2 * self.pulse_width_s, *gates)
 
     @property
     def unambiguous_range_m(self) -> float:
-        """Range from which on the last window but one gets nothing."""
+        """Range beyond which the last window but one receives no light."""
         return c * (self.gate_delay_s + (self.windows - 1) * self.pulse_width_s) / 2
 
     @property
@@ -63,7 +59,7 @@ class PulsedTof(Section):
 
     @property
     def reading(self) -> Reading:
-        """One window, the echo in it entirely."""
+        """One window that contains the whole echo."""
         time_s = self.pulses * self.pulse_width_s
         return Reading("window", time_s, time_s, time_s)
 
@@ -89,7 +85,7 @@ class PulsedTof(Section):
         )
 
     def window_electrons(self, light: SpotLight) -> Floats:
-        """Mean electrons of the windows, (frames, 4, windows)."""
+        """Mean electrons of the windows, (frames, spots, windows)."""
         collected = self._collected()
         starts = (
             np.array(self.window_starts_s)[:, None] - light.path_length_m / c
@@ -99,7 +95,7 @@ class PulsedTof(Section):
         return np.asarray((light.echo_per_s @ window.T + steady) * self.pulses)
 
     def _collected(self) -> Callable[[Floats], Floats]:
-        """Integral over time of the pulse behind the amplifier, of height one, up to a time."""
+        """Time integral, as a function, of the unit pulse behind the amplifier."""
         width, amplifier = self.pulse_width_s, self.detector.amplifier
         pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
         step = width / WAVE_POINTS
@@ -116,11 +112,11 @@ class PulsedTof(Section):
         return lambda at: np.asarray(np.interp(at, times, sums))
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
-        """Windows: L = c T r with r = (S₂ - S₀) / (S₁ + S₂ - 2 S₀), to first order of the errors.
+        """Windows: L = c T r with r = (S₂ - S₀) / (S₁ + S₂ - 2 S₀), to first order in the errors.
 
-        var L = (c T)² [F r (1 - r) / s + v ((1 - r)² + r² + (1 - 2r)²) / s²], s being the whole
-        signal and v the variance of a window without it. Breaks near both ends, within the rise
-        time.
+        var L = (c T)² [F r (1 - r) / s + v ((1 - r)² + r² + (1 - 2r)²) / s²], where s is the whole
+        signal and v the variance of a window without it. Not valid within the rise time of either
+        end.
         """
         detector, reading = self.detector, self.reading
         excess = detector.sensor.excess_noise_factor
@@ -139,7 +135,7 @@ class PulsedTof(Section):
         return Emission(energy * self.repetition_rate_hz, energy, self.pulse_width_s)
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
-        """Sentences about windows that overflow."""
+        """Warnings about windows that overflow."""
         return overflow(self, steady_per_s, echo_per_s)
 
     @model_validator(mode="after")

@@ -15,7 +15,7 @@ from reconstruction.exports import Shot
 from spisim.dataset.reader import DataSet
 from spisim.dataset.shots import placed
 from spisim.scene import Scene, make_scene, scenes_folder
-from spisim.scene.cache import SceneCache
+from spisim.scene.load_context import SceneCache
 
 SECOND_NS = 10**9
 

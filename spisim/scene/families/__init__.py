@@ -1,8 +1,8 @@
-"""Families of scenes: each draws any number of different worlds from a seed.
+"""Families of scenes, each of which draws any number of worlds from seeds.
 
-Families are entry points of the group `spisim.families`: one family each, or a package of which
-every module holds one under `FAMILY`. What a family builds are the sections of a scene file, with
-meshes in memory instead of in files.
+Families are entry points of the group `spisim.families`: one family each, or a package whose
+modules each hold one under `FAMILY`. A family builds the sections of a scene file with meshes in
+memory.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from typing import Any
 
 from reconstruction.base.registry import Registry
 from spisim.base.config.distributions import stream
-from spisim.scene.families.builder import Family, Placed, Point, SceneBuilder
+from spisim.scene.families.builder import Family, Point, Pose, SceneBuilder
 from spisim.scene.families.parameters import (
     Parameters,
     draw_parameters,
@@ -32,8 +32,8 @@ __all__ = [
     "FAMILIES",
     "Family",
     "Parameters",
-    "Placed",
     "Point",
+    "Pose",
     "SceneBuilder",
     "build",
     "drawn",
@@ -46,18 +46,18 @@ __all__ = [
 def build(
     name: str, seed: int, given: Mapping[str, Any], *, attempt: int = 0, source: str = "parameters"
 ) -> SceneBuilder:
-    """Scene of a family with the given parameters, the others and all else by seed and attempt.
+    """Build a scene of a family.
 
     Parameters
     ----------
     name : str
         Name in `FAMILIES`.
     seed, attempt : int
-        The scene follows from both; attempts of one seed are different draws.
+        Determine the scene; attempts of one seed are different draws.
     given : mapping
         Values of parameters by name; the others are drawn from their ranges.
     source : str
-        What an error names as the origin of ``given``.
+        What messages call the origin of ``given``.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A scene while it is being built: the sections of a scene file, and the meshes it refers to."""
+"""Builder of scenes: sections of a scene file and the meshes that they refer to."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -10,19 +10,26 @@ import trimesh
 from spisim.scene.families.parameters import Parameters
 
 Point = Sequence[float]
-#: Rotation [roll, pitch, yaw] in degrees and place in metres of one of several copies.
-Placed = tuple[Point, Point]
+#: Pose of a copy: rotation [roll, pitch, yaw] in degrees and translation in metres.
+Pose = tuple[Point, Point]
 
 
 @dataclass
 class SceneBuilder:
-    """Objects, drone and daylight of a scene, in the words of a scene file.
+    """Objects, drone and daylight of a scene, as fields of a scene file.
 
-    `materials` are those of the builder's own, by name, each with its fields.
+    Methods that add an object take its `name`, its `material`, the position of its origin (`at`,
+    metres), a rotation applied before (`turn`, [roll, pitch, yaw] in degrees), or poses of several
+    `copies`; `more` are other fields of an object, such as velocities.
 
-    Every method that adds an object takes its `name`, its `material`, where its origin is put
-    (`at`, metres) and how it is turned before (`turn`, [roll, pitch, yaw] in degrees), or several
-    `copies` of that; `more` are other fields of an object, such as velocities.
+    Parameters
+    ----------
+    position_m, look_at_m : Point
+        Position of the drone and the point it looks at, world coordinates.
+    sun_klx, sun_direction, sky_klx
+        Daylight, as in scene files.
+    materials : dict
+        The builder's own materials by name, each with its fields.
     """
 
     position_m: Point
@@ -35,21 +42,21 @@ class SceneBuilder:
     meshes: dict[str, trimesh.Trimesh] = field(default_factory=dict)
 
     def box(self, name: str, material: str, size_m: Point, *args: Any, **more: Any) -> None:
-        """A box with edges along x, y, z, centred on its origin."""
+        """Add a box with edges along x, y, z, centred on its origin."""
         self._add({"shape": "box", "size_m": _numbers(size_m)}, name, material, *args, **more)
 
     def rectangle(self, name: str, material: str, size_m: Point, *args: Any, **more: Any) -> None:
-        """A rectangle with edges along x and y, centred on its origin, facing z."""
+        """Add a rectangle with edges along x and y, centred on its origin, facing z."""
         self._add({"shape": "rectangle", "size_m": _numbers(size_m)}, name, material, *args, **more)
 
     def sphere(self, name: str, material: str, radius_m: float, *args: Any, **more: Any) -> None:
-        """A sphere, centred on its origin."""
+        """Add a sphere, centred on its origin."""
         self._add({"shape": "sphere", "radius_m": float(radius_m)}, name, material, *args, **more)
 
     def cylinder(
         self, name: str, material: str, size_m: tuple[float, float], *args: Any, **more: Any
     ) -> None:
-        """A closed cylinder about z with radius and height, centred on its origin."""
+        """Add a closed cylinder about z of radius and height, centred on its origin."""
         radius_m, height_m = _numbers(size_m)
         shape = {"shape": "cylinder", "radius_m": radius_m, "height_m": height_m}
         self._add(shape, name, material, *args, **more)
@@ -57,7 +64,7 @@ class SceneBuilder:
     def mesh(
         self, name: str, material: str, mesh: trimesh.Trimesh, *args: Any, **more: Any
     ) -> None:
-        """Triangles of our own, in metres."""
+        """Add a mesh in memory, in metres."""
         file = f"{name.replace(' ', '-')}.ply"
         self.meshes[file] = mesh
         self._add({"mesh": file}, name, material, *args, **more)
@@ -69,16 +76,16 @@ class SceneBuilder:
         material: str,
         at: Point = (0.0, 0.0, 0.0),
         turn: Point = (0.0, 0.0, 0.0),
-        copies: Sequence[Placed] = (),
+        copies: Sequence[Pose] = (),
         **more: Any,
     ) -> None:
         thing = {"name": name, **shape, "material": material, **_pose(turn, at)}
         if copies:
-            thing["instances"] = [_pose(*placed) for placed in copies]
+            thing["instances"] = [_pose(*pose) for pose in copies]
         self.objects.append(thing | more)
 
     def sections(self) -> dict[str, Any]:
-        """The sections of a scene file: drone, ambient, objects, and materials if it has any."""
+        """Sections of a scene file: drone, ambient, objects, and materials if any."""
         sections: dict[str, Any] = {
             "drone": {
                 "position_m": _numbers(self.position_m),
@@ -96,10 +103,10 @@ class SceneBuilder:
 
 @dataclass(frozen=True)
 class Family:
-    """A kind of scene; `build` makes one from its parameters, the rest at random.
+    """A family of scenes; `build` makes a scene from parameters and a random generator.
 
-    Draws are repeated until `min_spots` of the four laser spots return: all where the world is
-    closed, fewer where it is open.
+    Draws repeat until `min_spots` of the four laser spots return: all in closed worlds, fewer in
+    open ones.
     """
 
     description: str
@@ -109,7 +116,7 @@ class Family:
 
 
 def _pose(turn: Point, at: Point) -> dict[str, list[float]]:
-    """Fields of a pose that are not their defaults, to the micrometre and microdegree."""
+    """Non-default fields of a pose, rounded to micrometres and microdegrees."""
     pose = {"rotate_deg": _numbers(turn), "translate_m": _numbers(at)}
     return {name: values for name, values in pose.items() if any(values)}
 

@@ -1,4 +1,4 @@
-"""Parameters of a family of scenes: each has the range that it is drawn from."""
+"""Parameters of a family of scenes, each with the distribution that it is drawn from."""
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
@@ -14,7 +14,7 @@ _DISTRIBUTION: TypeAdapter[Distribution] = TypeAdapter(Distribution)
 
 
 class Parameters(Section):
-    """Base of the parameters of every family; fields are made by `drawn`, `drawn_log`, `one_of`."""
+    """Base of a family's parameters; make fields with `drawn`, `drawn_log` and `one_of`."""
 
     @model_validator(mode="before")
     @classmethod
@@ -38,17 +38,17 @@ Model = TypeVar("Model", bound=Parameters)
 
 
 def drawn(low: float, high: float, text: str) -> Any:
-    """A parameter between two bounds, whole if both are; `text` says what it is."""
+    """A parameter uniform between two bounds, an integer if both are; `text` describes it."""
     return _field(Uniform(uniform=(low, high)), text, ge=low, le=high)
 
 
 def drawn_log(low: float, high: float, text: str) -> Any:
-    """A parameter between two positive bounds, every factor alike."""
+    """A parameter log-uniform between two positive bounds; `text` describes it."""
     return _field(LogUniform(log_uniform=(low, high)), text, ge=low, le=high)
 
 
 def one_of(*words: str, text: str) -> Any:
-    """A parameter that is one of several words."""
+    """A parameter that is one of several words, equally likely; `text` describes it."""
     return _field(Choice(choice=words), text)
 
 
@@ -58,7 +58,7 @@ def _field(distribution: Distribution, text: str, **limits: Any) -> Any:
 
 
 def ranges(model: type[Parameters]) -> dict[str, dict[str, Any]]:
-    """What every parameter is drawn from, as a configuration file would say it."""
+    """The distribution of every parameter, as in a configuration file."""
     result = {}
     for name, field in model.model_fields.items():
         assert isinstance(field.json_schema_extra, dict)  # made by `drawn` and the like
@@ -69,10 +69,7 @@ def ranges(model: type[Parameters]) -> dict[str, dict[str, Any]]:
 def draw_parameters(
     model: type[Model], seed: int, attempt: int, given: Mapping[str, Any], source: str
 ) -> Model:
-    """The given parameters, and the others drawn.
-
-    Raises InputError, naming `source`, for parameters that are unknown or out of range.
-    """
+    """The given parameters, the others drawn; InputError, naming `source`, for unfit ones."""
     values = dict(given)
     for name, text in ranges(model).items():
         if name not in values:

@@ -11,8 +11,7 @@ from reconstruction.capture import Spots
 from reconstruction.capture.schema import Stored
 from reconstruction.ranging import Paths, ranges_from_paths
 from spisim.base.config import Positive, Section
-from spisim.instrument import TofDetector
-from spisim.instrument.tof import Emission, Reading
+from spisim.instrument import Emission, Reading, TofDetector
 
 
 @dataclass(frozen=True, eq=False)
