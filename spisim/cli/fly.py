@@ -63,7 +63,7 @@ def command(
     """
     from reconstruction.base.files import remove_unfinished
     from reconstruction.base.folders import output_folder
-    from spisim.dataset.flight import instants, retained_captures
+    from spisim.dataset.flight import existing_captures, instants
     from spisim.report.flight import flight_outputs, write_animation, write_table
     from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path, load_trajectory
@@ -77,7 +77,7 @@ def command(
         position, oddities = scene_with(scene, carried.wavelength_nm, weather)
         check_clear_path(position, trajectory)
         flight = instants(position, trajectory, carried, rate, seed)
-        retained = retained_captures(output, flight, carried, light, spp)
+        retained = existing_captures(output, flight, carried, light, spp)
         remove_unfinished(output / instant.file for instant in flight)
         record = partial(_record, output, instrument=carried, light=light, spp=spp)
         with progress_bar(f"Flying {len(flight)} captures", progress) as advance:

@@ -134,7 +134,7 @@ def test_a_folder_that_is_no_data_set_ends_with_two(tmp_path: Path, command: str
     more = {"export": ["-o", tmp_path / "out"], "sheet": ["-o", tmp_path / "out.html"]}
     code, _, text = run(command, tmp_path, *more.get(command, []))
     assert code == 2
-    assert "no data set there" in text
+    assert "not a data set" in text
     assert not list(tmp_path.iterdir())
 
 

@@ -63,11 +63,11 @@ def listed(parameters: Mapping[str, Any]) -> str:
 def _print_samples(preview: Preview) -> None:
     from spisim.dataset.records import flat
 
-    rows = [dict(flat(sample.parameters)) for sample in preview.displayed]
+    rows = [dict(flat(sample.parameters)) for sample in preview.first]
     common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
     if common:
         results.print(f"   all  {listed(common)}", soft_wrap=True)
-    for sample, row in zip(preview.displayed, rows, strict=True):
+    for sample, row in zip(preview.first, rows, strict=True):
         own = {name: value for name, value in row.items() if name not in common}
         line = f"{sample.index:6}  {sample.scene_name}  {listed(own)}"
         results.print(line.rstrip(), soft_wrap=True)

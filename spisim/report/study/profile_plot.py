@@ -3,7 +3,7 @@
 from matplotlib.figure import Figure
 
 from reconstruction.evaluation import method_title
-from spisim.dataset.study.profile import CENTRES_M
+from spisim.dataset.study.metrics import CENTRES_M
 from spisim.dataset.study.results import Results, Row, over_units
 from spisim.dataset.study.statistics import Estimate
 from spisim.report.inline import WIDE_IN

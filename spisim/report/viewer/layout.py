@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.dataset.extras import needed
+from spisim.dataset.reader import import_optional
 from spisim.scene import Scene
 from spisim.scene.rays import first_hits
 
@@ -22,7 +22,7 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
 
     Raises InputError where Rerun is missing.
     """
-    rrb = needed("rerun.blueprint", "viewer")
+    rrb = import_optional("rerun.blueprint", "viewer")
     back = EYE if scene is None else _inside(scene, pose)
     eye, target = (pose @ np.array([*point, 1.0]) for point in (back, TARGET))
     looking = rrb.EyeControls3D(

@@ -11,7 +11,7 @@ import numpy as np
 
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, mark
-from spisim.dataset.extras import needed
+from spisim.dataset.reader import import_optional
 from spisim.report.viewer.layout import layout
 from spisim.report.viewer.pictures import draw_pictures
 from spisim.report.viewer.readings import draw_readings, style_ranges
@@ -25,7 +25,7 @@ SUFFIX = ".rrd"
 
 def library() -> Any:
     """Rerun; InputError, with what to install, where it is missing."""
-    return needed("rerun", "viewer")
+    return import_optional("rerun", "viewer")
 
 
 def recording_output(path: Path) -> Output:
