@@ -54,10 +54,10 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Reconstruct captures, and write images, depth and ranges as other programs take them.
+    """Reconstruct captures, and write images, depth and ranges for other programs.
 
-    Frames stand where the scene of a simulated capture has the drone; those of a rig, at poses of
-    a file: python -m reconstruction export --poses.
+    Poses of simulated captures are those of the drone in the scene. For poses of recordings from a
+    file, use python -m reconstruction export --poses.
     """
     from reconstruction.cli.reconstruct import names
     from reconstruction.exports import (
