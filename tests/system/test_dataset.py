@@ -127,7 +127,7 @@ def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
         message = process.communicate(timeout=SAFETY_S)[1]
         assert process.returncode == 130
-        assert "Run the same command again to go on" in message
+        assert "Run the same command again to continue" in message
         assert "Traceback" not in message
         assert not any(Path(f"/proc/{pid}/exe").exists() for pid in workers)
     assert not [name for name in files(tmp_path / "set") if name.endswith(".tmp")]
