@@ -13,14 +13,7 @@ if TYPE_CHECKING:
     from spisim_formats.format import SCENE_FORMATS, SceneFormat
     from spisim_formats.importing import Import, Options, import_scene
 
-__all__ = [
-    "SCENE_FORMATS",
-    "Import",
-    "Options",
-    "SceneFormat",
-    "export_scene",
-    "import_scene",
-]
+__all__ = ["SCENE_FORMATS", "Import", "Options", "SceneFormat", "export_scene", "import_scene"]
 
 _HOMES = {"SCENE_FORMATS": "format", "SceneFormat": "format", "export_scene": "exporting"}
 

@@ -43,8 +43,7 @@ def command(
         typer.Option("--format", help="rgbd, nerf, pcd, mcap; without it as OUT ends, or rgbd."),
     ] = None,
     formats: Annotated[
-        bool,
-        typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
+        bool, typer.Option("--formats", callback=_list, is_eager=True, help="List all formats.")
     ] = False,
     image: Methods = None,
     ranging: Methods = None,

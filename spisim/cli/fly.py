@@ -48,8 +48,7 @@ def command(
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: fast, for training data."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast, for training data.")
     ] = "traced",
     spp: opt.Spp = 256,
     overwrite: opt.Overwrite = False,

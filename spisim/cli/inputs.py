@@ -77,12 +77,7 @@ def instrument_with(
     instrument = load_instrument(name)
     if wavelength_nm is not None:
         instrument = instrument.at_wavelength(wavelength_nm)
-    plan = {
-        "patterns": patterns,
-        "order": order,
-        "polarity": polarity,
-        "interleave": interleave,
-    }
+    plan = {"patterns": patterns, "order": order, "polarity": polarity, "interleave": interleave}
     changes = {key: value for key, value in plan.items() if value is not None}
     if not changes and stated is None:
         return instrument

@@ -38,8 +38,7 @@ def command(
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: fast, for training data."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast, for training data.")
     ] = "traced",
     spp: opt.SppOrShare = None,
     transport_noise_share: opt.NoiseShare = None,

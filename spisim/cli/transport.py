@@ -74,14 +74,7 @@ def command(
     carried = instrument_with(instrument, wavelength)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
-        light = solve(
-            loaded,
-            carried,
-            **budget,
-            seed=seed,
-            outputs=outputs,
-            progress=advance,
-        )
+        light = solve(loaded, carried, **budget, seed=seed, outputs=outputs, progress=advance)
     write_truth(output, ground_truth(loaded, carried), light_channels(light, frequency or ()))
     write_histograms(histograms, light)
     if json:

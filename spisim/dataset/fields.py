@@ -213,11 +213,7 @@ FIELDS = {
         recorded=False,
     ),
     "true_image": Field(
-        _PIXELS,
-        "float32",
-        "electron",
-        "signal of each pixel alone",
-        _truth("image"),
+        _PIXELS, "float32", "electron", "signal of each pixel alone", _truth("image")
     ),
     "true_range_m": Field(
         _PIXELS,
@@ -234,11 +230,7 @@ FIELDS = {
         _truth("depth_m"),
     ),
     "true_depth_known": Field(
-        _PIXELS,
-        "bool",
-        "1",
-        "mask of pixels that hit a surface",
-        _finite(_truth("depth_m")),
+        _PIXELS, "bool", "1", "mask of pixels that hit a surface", _finite(_truth("depth_m"))
     ),
     "true_reflectance": Field(
         _PIXELS, "float32", "1", "reflectance at the laser wavelength", _truth("reflectance")

@@ -57,11 +57,7 @@ def instants(
 
 
 def existing_captures(
-    folder: Path,
-    flight: list[Instant],
-    instrument: Instrument,
-    light: LightSource,
-    spp: int,
+    folder: Path, flight: list[Instant], instrument: Instrument, light: LightSource, spp: int
 ) -> set[int]:
     """Return the numbers of captures of this very flight that a folder already holds.
 

@@ -86,11 +86,7 @@ def check_packable(samples: DataSet, folder: Path) -> None:
 
 
 def _fill(
-    stage: Path,
-    folder: Path,
-    samples: DataSet,
-    names: list[str],
-    progress: Callable[[float], None],
+    stage: Path, folder: Path, samples: DataSet, names: list[str], progress: Callable[[float], None]
 ) -> None:
     files = {name: stage / f"{number:03d}.npy" for number, name in enumerate(names)}
     columns: dict[str, np.memmap] = {}

@@ -24,12 +24,7 @@ from spisim.base.config import (
 from spisim.base.config.distributions import is_distribution
 from spisim.base.config.messages import show
 from spisim.dataset.poses import AnyPoses, Poses
-from spisim.dataset.values import (
-    Grid,
-    open_value,
-    openable,
-    possible,
-)
+from spisim.dataset.values import Grid, open_value, openable, possible
 from spisim.scene.families import FAMILIES
 
 #: A run holds the indices of all its samples in memory.

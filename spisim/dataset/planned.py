@@ -26,11 +26,7 @@ from spisim.base.config import (
 from spisim.base.config.distributions import stream
 from spisim.dataset.plan import SCENE_SEEDS, Plan, SceneSource, is_field
 from spisim.dataset.poses import View
-from spisim.dataset.values import (
-    drawn_value,
-    section_of,
-    set_field,
-)
+from spisim.dataset.values import drawn_value, section_of, set_field
 from spisim.instrument import Instrument
 from spisim.instrument.load import PRESETS
 from spisim.scene import scenes_folder

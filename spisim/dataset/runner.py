@@ -74,11 +74,7 @@ def run_dataset(
     Raises InputError as `locked_folder` and `opened` do, and if workers do not share the folder;
     OutOfSpace after waiting too long for space.
     """
-    with (
-        locked_folder(folder),
-        opened(planned, folder, say, is_sound) as manifest,
-        executor,
-    ):
+    with locked_folder(folder), opened(planned, folder, say, is_sound) as manifest, executor:
         wanted = range(planned.plan.size) if only is None else only
         samples = planned.plan.size if only is None else len(manifest.indices() | {*only})
         run = _Run(Layout(folder), manifest, wanted, samples, space_timeout_s, say)

@@ -60,10 +60,7 @@ def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
             name,
             [method_title(station, method) for method in metrics[station]],
             [
-                (
-                    words,
-                    *(written(each[key], factor, how) for each in metrics[station].values()),
-                )
+                (words, *(written(each[key], factor, how) for each in metrics[station].values()))
                 for key, (words, factor, how) in FIGURES[station].items()
                 if any(each[key] is not None for each in metrics[station].values())
             ],

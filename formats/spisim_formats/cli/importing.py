@@ -41,8 +41,7 @@ def command(
         Path, typer.Option("--output", "-o", metavar="YAML", help="Scene file to write.")
     ],
     units: Annotated[
-        str,
-        typer.Option(metavar="UNIT", help="mm, cm, m, in, ft, or auto: what the file says."),
+        str, typer.Option(metavar="UNIT", help="mm, cm, m, in, ft, or auto: what the file says.")
     ] = "auto",
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")

@@ -182,12 +182,7 @@ class Content:
             raise InputError("; ".join([f"{path}: {lack}", *reasons]))
 
     def texture(
-        self,
-        name: str,
-        beside: Path,
-        folders: Folders,
-        referrer: str,
-        more: Sequence[Path] = (),
+        self, name: str, beside: Path, folders: Folders, referrer: str, more: Sequence[Path] = ()
     ) -> Texture | None:
         """Return the texture that a file refers to; None, with a note, if missing or forbidden.
 

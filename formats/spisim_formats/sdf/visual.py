@@ -249,7 +249,7 @@ MAX_VERTICES = 1025
 
 
 def heightmap(path: Path, size: Sequence[float]) -> trimesh.Trimesh:
-    """Return a surface over a rectangle about the origin, `size` metres in x, y, z, from a PNG file.
+    """Return a surface over a rectangle about the origin, `size` metres in x, y, z, from a PNG.
 
     https://gazebosim.org/api/sim/8/, "Heightmaps": black is lowest, white is the size's z above it,
     and the top of the image is north (+y). Raises InputError for an invalid size or image.

@@ -34,8 +34,7 @@ def command(
         ),
     ] = "webdataset",
     formats: Annotated[
-        bool,
-        typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
+        bool, typer.Option("--formats", callback=_list, is_eager=True, help="List all formats.")
     ] = False,
     shard_size: Annotated[
         int, number_option(1, 10**6, "Samples per shard, if the format has shards.")

@@ -138,13 +138,7 @@ def _light(answers: Answers, time_s: float) -> tuple[str, float]:
 
 
 def _sensor(
-    answers: Answers,
-    of: str,
-    full_scale: float,
-    *,
-    noise: float,
-    bandwidth_hz: float,
-    indent: int,
+    answers: Answers, of: str, full_scale: float, *, noise: float, bandwidth_hz: float, indent: int
 ) -> str:
     """Return the sensor by part, and amplifier and converter if it integrates charge."""
     name = answers[f"{of}_part"]

@@ -50,15 +50,13 @@ def command(
         ),
     ] = "tcp-listen://127.0.0.1:5800",
     commands: Annotated[
-        str | None,
-        typer.Option(metavar="SOURCE", help="Source of commands, if not the same link."),
+        str | None, typer.Option(metavar="SOURCE", help="Source of commands, if not the same link.")
     ] = None,
     lockstep: Annotated[
         bool, typer.Option("--lockstep", help="Send one frame per command, however long it takes.")
     ] = False,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: fast."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast.")
     ] = "traced",
     spp: opt.Spp = 64,
     spacing: Annotated[

@@ -85,8 +85,7 @@ class StudyPlan(Plan):
     def _fits(self) -> StudyPlan:
         if not self.axes:
             raise PydanticCustomError(
-                "study",
-                "needs a grid to compare: in vary, materials or instrument, or every_scene",
+                "study", "needs a grid to compare: in vary, materials or instrument, or every_scene"
             )
         if self.samples is not None:
             raise PydanticCustomError("study", "samples follow from study.rounds; remove samples")

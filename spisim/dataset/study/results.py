@@ -245,9 +245,7 @@ def over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
 
 
 def _differences(
-    planned: PlannedStudy,
-    metrics: Sequence[str],
-    by_condition: Mapping[Condition, Sequence[Row]],
+    planned: PlannedStudy, metrics: Sequence[str], by_condition: Mapping[Condition, Sequence[Row]]
 ) -> list[Difference]:
     made = []
     first = planned.conditions[0]

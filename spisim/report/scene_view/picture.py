@@ -200,11 +200,7 @@ def _limits(
 
 
 def _draw_section(
-    axis: Any,
-    look: Look,
-    section: Section,
-    limits: tuple[float, float, float, float],
-    cut: float,
+    axis: Any, look: Look, section: Section, limits: tuple[float, float, float, float], cut: float
 ) -> None:
     shape = (round(PIXELS / RATIO), PIXELS)
     rays = section.rays((shape[0] * FINE, shape[1] * FINE), limits, cut)
