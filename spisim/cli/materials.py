@@ -37,13 +37,13 @@ def command(
     if name is not None:
         _tell(find_material(name, wavelength_nm=wavelength), wavelength, json)
         return
-    table = material_table(wavelength)
+    materials = material_table(wavelength)
     if json:
-        rows = [_summary(material) for material in table.values()]
+        rows = [_summary(material) for material in materials.values()]
         print_json({"wavelength_nm": wavelength, "materials": rows})
         return
     table = word_table("material", f"reflectance at {wavelength:g} nm", "how")
-    for material in table.values():
+    for material in materials.values():
         table.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
     print_table(table)
     results.print(

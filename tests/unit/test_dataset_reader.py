@@ -183,7 +183,7 @@ def test_captures_without_truth_have_no_true_arrays(own: Path, capture: Capture)
     )
     data = spisim.dataset.open(own)
     for name in ("true_image", "spot_range_m", "spot_readings"):
-        with pytest.raises(InputError, match=rf"000000\.h5: the capture holds no {name}"):
+        with pytest.raises(InputError, match=rf"000000\.h5: the capture has no {name}"):
             data.arrays(name)
 
 

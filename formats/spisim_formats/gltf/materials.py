@@ -43,7 +43,7 @@ def read_surfaces(
         _image(number, row, buffers, path, folders, content)
         for number, row in enumerate(header.get("images", []))
     ]
-    textures = [_image(row, images) for row in header.get("textures", [])]
+    textures = [_texture_image(row, images) for row in header.get("textures", [])]
     surfaces = []
     for number, row in enumerate(header.get("materials", [])):
         try:
@@ -128,8 +128,8 @@ def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]
     return replace(result, factor=red, fits=picture.get("texCoord", 0) == 0 and not moved)
 
 
-def _image(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
-    """The picture of a texture, in whichever format there is."""
+def _texture_image(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
+    """Return the image of a texture in the first readable format."""
     extensions = row.get("extensions", {})
     others = (extensions[name].get("source") for name in OTHER_PICTURES if name in extensions)
     numbers = (each for each in (row.get("source"), *others) if each in range(len(images)))

@@ -181,11 +181,11 @@ class _Shapes:
         words = (*(METALS[name] for name in metals if name in METALS), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
-        source = self._source(outer, flips)
+        source = self._source_material(outer, flips)
         color = colors[0] if colors else None
         return Surface(names[0] if names else None, color, words, body, source)
 
-    def _source(self, bsdf: Node, flips: bool) -> Callable[[], SourceMaterial | None]:
+    def _source_material(self, bsdf: Node, flips: bool) -> Callable[[], SourceMaterial | None]:
         """Return one material for all shapes that share a bsdf."""
         key = id(bsdf), flips
         if key not in self._surfaces:

@@ -114,7 +114,7 @@ def _estimate(
     json: bool,
     progress: bool | None,
 ) -> None:
-    from spisim.dataset.preview import PILOT, preview
+    from spisim.dataset.preview import PILOT_SAMPLES, preview
     from spisim.dataset.workers import default_workers
     from spisim.transport.backend import activate
 
@@ -125,7 +125,7 @@ def _estimate(
             folder,
             executor,
             workers or default_workers(),
-            pilot=pilot or PILOT,
+            pilot=pilot or PILOT_SAMPLES,
             progress=update,
         )
     if json:

@@ -98,16 +98,18 @@ class _Viewer:
         period_s = _period_s(capture.setup)
         for number in range(capture.frames):
             since_s = (number + 0.5) * period_s
-            number = placed(capture, number)
+            placement = placed(capture, number)
             stamp_ns = begun_ns + round(1e9 * since_s)
-            if number is not None and number.time_s is not None:
-                stamp_ns = round(1e9 * number.time_s)
+            if placement is not None and placement.time_s is not None:
+                stamp_ns = round(1e9 * placement.time_s)
             frame = capture.frame(number)
             result = reconstruct(frame)
             valid = capture.truth is not None and capture.truth.knows(number)
             yield View(
                 title,
-                Shot.of(result, capture.setup, stamp_ns, None if number is None else number.pose),
+                Shot.of(
+                    result, capture.setup, stamp_ns, None if placement is None else placement.pose
+                ),
                 result,
                 capture.setup,
                 frame,
