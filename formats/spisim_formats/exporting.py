@@ -1,4 +1,4 @@
-"""From a scene to a foreign file: surfaces with the names of their materials, and daylight."""
+"""Export a scene: surfaces with the names of their materials, and daylight."""
 
 import secrets
 import shutil
@@ -17,12 +17,29 @@ from spisim_formats.format import writers
 def export_scene(
     scene: Scene, output: Path, overwrite: bool = False, further: Sequence[Element] = ()
 ) -> list[Path]:
-    """Write a scene as it stands now; the files written.
+    """Write a scene as it is now.
 
-    A world of Gazebo has `further` elements too, such as sensors. Raises InputError for a suffix of
-    no format that is written, or one without such elements, where another process writes a scene of
-    this name, and where a file is there unless it may be replaced; a folder of meshes is only if
-    all in it was written here.
+    Parameters
+    ----------
+    scene
+        The scene.
+    output
+        File to write; its suffix selects the format.
+    overwrite
+        Whether to replace a file, and a folder of meshes if all in it was written here.
+    further
+        Further elements of a Gazebo world, such as sensors.
+
+    Returns
+    -------
+    list of Path
+        The files written.
+
+    Raises
+    ------
+    InputError
+        For an unknown suffix, further elements in a format without any, an existing file, or a
+        scene of this name that another process is writing.
     """
     folder, suffix = mesh_folder(output), output.suffix.lower()
     given = writers()
@@ -43,7 +60,7 @@ def export_scene(
 
 
 def _write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
-    """All files under a temporary name, then in place of an older folder."""
+    """Write all files under a temporary name, then replace an older folder."""
     if folder.exists():
         check_meshes(folder)
     stage = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")

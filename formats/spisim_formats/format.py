@@ -1,4 +1,4 @@
-"""What a format of scene files is, and which there are."""
+"""The interface of scene file formats, and their registry."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from spisim_formats.library.files import Folders
 
 Reader: TypeAlias = "Callable[[Path, Folders], Content]"
-"""From a file, and the folders that may be read, to what is in it."""
+"""Reads a file within the allowed folders."""
 Writer: TypeAlias = "Callable[[Scene, str, Sequence[Element]], tuple[bytes, dict[str, bytes]]]"
 """From a scene, the name of its folder of meshes, and further elements of an XML format to the
 bytes of the scene's file, and those of the folder's files by name."""
@@ -30,12 +30,15 @@ class SceneFormat:
 
     Parameters
     ----------
-    title : str
-        What people call it.
-    readers, writers : mapping of str to callable
-        By suffix, in lower case and with its dot.
-    meshes : bool
-        Whether scenes of other formats refer to such files as meshes.
+    title
+        str
+        Its name for users.
+    readers, writers
+        mapping of str to callable
+        By suffix, in lower case with its dot.
+    meshes
+        bool
+        Whether scenes of other formats may refer to such files as meshes.
     """
 
     title: str
@@ -54,18 +57,18 @@ SCENE_FORMATS: Registry[SceneFormat] = Registry(
 
 
 def readers(*, meshes_alone: bool = False) -> dict[str, Reader]:
-    """Readers by suffix, of all formats or of those of meshes; InputError as `_by_suffix`."""
+    """Return readers by suffix, of all or of mesh formats. Raises InputError as `_by_suffix`."""
     chosen = {n: each for n, each in _formats().items() if each.meshes or not meshes_alone}
     return _by_suffix({name: each.readers for name, each in chosen.items()})
 
 
 def writers() -> dict[str, Writer]:
-    """Writers by suffix; InputError as `_by_suffix`."""
+    """Return writers by suffix. Raises InputError as `_by_suffix`."""
     return _by_suffix({name: each.writers for name, each in _formats().items()})
 
 
 def lazily(target: str) -> Callable[..., Any]:
-    """The function ``module:name``, imported when it is first called: formats are slow to load."""
+    """Return a function that imports ``module:name`` on its first call; formats load slowly."""
     module, _, name = target.partition(":")
 
     def call(*args: Any) -> Any:
@@ -79,7 +82,7 @@ def _formats() -> dict[str, SceneFormat]:
 
 
 def _by_suffix(tables: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
-    """All tables in one; InputError where two formats have the same suffix."""
+    """Merge all tables. Raises InputError if two formats have the same suffix."""
     owners: dict[str, str] = {}
     for name, table in tables.items():
         for suffix in table:

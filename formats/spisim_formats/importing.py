@@ -1,4 +1,4 @@
-"""From a foreign file to a scene file, and what there is to say about it."""
+"""Import a file of another program as a scene file, with notes on what was decided."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -20,15 +20,15 @@ from spisim_formats.library import drone as drones
 from spisim_formats.library.content import Content
 from spisim_formats.library.drone import DronePose, Surroundings
 from spisim_formats.library.files import Folders
-from spisim_formats.library.ground import ground, ground_material
 from spisim_formats.library.materials import Match, check_map, match, read_map
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.source_material import SourceMaterials
+from spisim_formats.library.surround import ground, ground_material
 from spisim_formats.library.textures import Pictured, Use
 from spisim_formats.library.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim_formats.library.writing import scene_fields
 
-#: A model smaller than that is in another unit than is thought.
+#: A smaller model is probably in another unit.
 MIN_SIZE_M = 1e-3
 HEADER = "# Imported by `spisim scenes import`; docs/importing.md tells what may be changed.\n"
 BEWARE = "what eyes see tells little of 1550 nm; give --materials where you know them"
@@ -46,12 +46,24 @@ ARCHIVES = (".zip", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2"
 
 @dataclass(frozen=True)
 class Options:
-    """How to read a foreign file; the defaults believe the file.
+    """How to read a file of another program; by default as the file says.
 
-    `units` is a name of `UNITS` or "auto"; `up` a letter of `TO_Z_UP`, or None for the file's own.
-    `fuel` is where Gazebo keeps downloads; `ground` the material of a floor under everything;
-    `textures` what becomes of pictures: the mean of them, the whole, or nothing; `lamps` what of
-    lamps, which have no unit; `surfaces` whether materials are guessed, or as the file has them.
+    Parameters
+    ----------
+    units
+        A name in `UNITS`, or "auto".
+    up
+        A key of `TO_Z_UP`, or None for the file's own axis.
+    fuel
+        Gazebo's folder of downloads.
+    ground
+        Material of a floor under everything.
+    textures
+        How to use textures: their mean, the whole image, or not at all.
+    lamps
+        Whether to use lamps, which have no unit.
+    surfaces
+        Whether to guess materials, or use them as the file has them.
     """
 
     units: str = "auto"
@@ -71,7 +83,7 @@ class Options:
 
 @dataclass(frozen=True)
 class Import:
-    """What an import wrote and decided."""
+    """The result of an import, and what was decided."""
 
     written: Written
     unit_m: float
@@ -81,17 +93,34 @@ class Import:
     triangles: int
     bounds_m: Floats  # (2, 3)
     drone: DronePose
-    materials: tuple[tuple[Match, int], ...]  # and how many parts it is on
+    materials: tuple[tuple[Match, int], ...]  # with numbers of parts
     notes: tuple[str, ...]
     warnings: tuple[str, ...]
 
 
 def import_scene(file: Path, output: Path, options: Options | None = None) -> Import:
-    """Write a scene file, and its meshes as PLY files beside it, from a file of another program.
+    """Convert a file of another program to a scene file, and its meshes to PLY files beside it.
 
-    Raises InputError, with nothing written, for a file that is missing, damaged, of an unknown
-    format, too large, or that refers to what is missing or may not be read; for options that do not
-    fit; and where `output` exists unless it may be overwritten.
+    Parameters
+    ----------
+    file
+        The file to read.
+    output
+        The scene file to write.
+    options
+        How to read the file.
+    overwrite
+        Whether to replace an existing file.
+
+    Returns
+    -------
+    Import
+
+    Raises
+    ------
+    InputError
+        With nothing written: if the file is missing, damaged, too large, of unknown format, or
+        refers to missing or forbidden files, if options do not fit, or if `output` exists.
     """
     options = options or Options()
     reader = _reader(file)
@@ -105,19 +134,19 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     content.check_not_empty(file)
     content = _lit(content, options.lamps)
     with _naming_once(file):
-        content, placed = _placed(to_metres(content, options.scale))
+        content, placed = _meshes_of(to_metres(content, options.scale))
     content.check_not_empty(file)
     with _naming_once(file):
         _check_size(placed)
     if options.materials is not None:
         check_map(chosen, content.parts, options.materials)
     pictured = Pictured(options.textures)
-    reported = SourceMaterials() if options.surfaces == "file" else None
-    matches = [match(part, chosen, pictured, reported) for part in content.parts]
+    sources = SourceMaterials() if options.surfaces == "file" else None
+    matches = [match(part, chosen, pictured, sources) for part in content.parts]
     content.notes += pictured.notes
-    if reported is not None:
-        _check_stated(reported, file)
-        content.notes += reported.notes
+    if sources is not None:
+        _check_stated(sources, file)
+        content.notes += sources.notes
     if pictured.rows:
         content.note(
             f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
@@ -131,10 +160,10 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
     fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
-    own = pictured.rows | (reported.rows if reported else {})
+    own = pictured.rows | (sources.rows if sources else {})
     if own:
         fields["materials"] = own
-    more = reported.files if reported else {}
+    more = sources.files if sources else {}
     written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files | more)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
@@ -169,9 +198,9 @@ def _reader(file: Path) -> Reader:
     return given[suffix]
 
 
-def _check_stated(reported: SourceMaterials, file: Path) -> None:
-    """InputError where a file tells nothing that could be kept."""
-    if not reported.rows:
+def _check_stated(sources: SourceMaterials, file: Path) -> None:
+    """Raise InputError if no material of the file can be used."""
+    if not sources.rows:
         raise InputError(
             f"{file}: --surfaces file: nothing in it tells surfaces in a way that is read; so do "
             "Mitsuba's scenes, glTF and Gazebo by metalness, and OpenUSD's preview surfaces"
@@ -180,7 +209,7 @@ def _check_stated(reported: SourceMaterials, file: Path) -> None:
 
 @contextmanager
 def _naming_once(file: Path) -> Iterator[None]:
-    """Put the file in front of an InputError's message that does not begin with it."""
+    """Prefix an InputError's message with the file unless it begins with it."""
     try:
         yield
     except InputError as error:
@@ -189,22 +218,22 @@ def _naming_once(file: Path) -> Iterator[None]:
         raise InputError(f"{file}: {error}") from None
 
 
-def _placed(content: Content) -> tuple[Content, list[trimesh.Trimesh]]:
-    """The content less what is too far away, and the meshes of its parts in the world."""
+def _meshes_of(content: Content) -> tuple[Content, list[trimesh.Trimesh]]:
+    """Return the content without parts that are too far away, and its meshes in the world."""
     meshes = {id(part.geometry): as_mesh(part.geometry) for part in content.parts}
     check_triangles(sum(len(meshes[id(part.geometry)].faces) for part in content.parts))
     placed = [
         meshes[id(part.geometry)].copy().apply_transform(part.to_world) for part in content.parts
     ]
-    max_ranges = [float(np.abs(mesh.bounds).max()) for mesh in placed]
+    distances = [float(np.abs(mesh.bounds).max()) for mesh in placed]
     faults = {
         index: f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m: see --units "
         "and --scale"
-        for index, far in enumerate(max_ranges)
+        for index, far in enumerate(distances)
         if not far <= MAX_COORDINATE_M
     }
-    retained = [mesh for index, mesh in enumerate(placed) if index not in faults]
-    return content.without(faults), retained
+    near = [mesh for index, mesh in enumerate(placed) if index not in faults]
+    return content.without(faults), near
 
 
 def _check_size(placed: Sequence[trimesh.Trimesh]) -> None:
@@ -217,7 +246,7 @@ def _check_size(placed: Sequence[trimesh.Trimesh]) -> None:
 
 
 def _drone(around: Surroundings, content: Content, options: Options) -> DronePose:
-    """The pose that is asked for, else the camera's where that is in the open, else a proposal."""
+    """Return the requested pose, else the first camera in the open, else a proposal."""
     if options.position_m is not None:
         given, target = options.position_m, options.look_at_m
         with naming("--drone"):
@@ -239,7 +268,7 @@ def _drone(around: Surroundings, content: Content, options: Options) -> DronePos
 
 
 def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
-    """The content with its lamps, or without; a note tells what was assumed."""
+    """Return the content with or without its lamps, with a note on the assumption."""
     count = len(content.glows) + sum(part.radiance > 0 for part in content.parts)
     if count == 0:
         return content
@@ -255,6 +284,6 @@ def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:
     counts: dict[Match, int] = {}
-    for result in matches:
-        counts[result] = counts.get(result, 0) + 1
+    for each in matches:
+        counts[each] = counts.get(each, 0) + 1
     return tuple(counts.items())

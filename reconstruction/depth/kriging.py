@@ -99,7 +99,9 @@ class AnchoredImage:
 
         def sigma() -> Floats:
             reported = (weights * to_pixels).sum(axis=0).reshape(shape)
-            return np.asarray(prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - reported))
+            return np.asarray(
+                prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - reported)
+            )
 
         return LogDepth(np.clip(kriged, nearest, farthest), sigma)
 

@@ -1,5 +1,5 @@
-"""Worlds to fly in: one module a family, which draws as many scenes as there are seeds.
+"""Worlds to fly in: one module per family, which draws one scene per seed.
 
-`spisim` reaches them through the entry point `spisim.families` alone, as it does the families of
-other packages. What families share is in `spisim_worlds.parts`.
+`spisim` finds them only through the entry point `spisim.families`, like families of other packages.
+`spisim_worlds.parts` has what families share.
 """

@@ -1,4 +1,4 @@
-"""A bridge from a drone that inspects it: deck, girders, truss, arch or cables, piers, water."""
+"""A bridge as seen by an inspection drone: deck, girders, truss, arch or cables, piers, water."""
 
 from collections.abc import Callable
 
@@ -6,8 +6,8 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Point, SceneBuilder, drawn, drawn_log, one_of
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.boats import add_boat
-from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.lattice import boom
 from spisim_worlds.parts.props import add_worker
 from spisim_worlds.parts.shapes import Mesh, bars, block, lathe, rod, spread, union
@@ -15,12 +15,12 @@ from spisim_worlds.parts.terrain import Terrain, add_shore, hills, patchwork, te
 from spisim_worlds.parts.vehicles import add_car, add_van
 from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view
 
-#: The deck begins so far behind the drone, and ends so far ahead of it.
+#: The deck extends this far behind and ahead of the drone.
 BEHIND_M, AHEAD_M = -60.0, 210.0
 
 
 class BridgeParameters(Parameters):
-    """The drone flies beside the deck, over it or below it, and looks along it or across."""
+    """The drone flies beside, over or below the deck, and looks along it or across."""
 
     kind: str = one_of("girder", "truss", "arch", "stayed", "suspension", text="of the bridge")
     bridge_deg: float = drawn(12.0, 88.0, "of the bridge to the line of sight")
@@ -48,7 +48,7 @@ class BridgeParameters(Parameters):
 
 
 def build(parameters: BridgeParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The deck is at z = 0; the drone is over the origin and looks along x."""
+    """Build the scene with the deck at z = 0 and the drone over the origin, looking along x."""
     eye = (0.0, 0.0, parameters.above_m)
     ahead = min(parameters.aside_m / np.sin(np.radians(parameters.bridge_deg)) + 1.0, 25.0)
     aim = (ahead, ahead * float(np.tan(np.radians(parameters.beside_deg))), parameters.look_m)
@@ -68,7 +68,7 @@ def build(parameters: BridgeParameters, rng: np.random.Generator) -> SceneBuilde
 
 
 def _frame(parameters: BridgeParameters) -> tuple[Floats, Floats]:
-    """Origin and turn [roll, pitch, yaw] of the bridge: its axis is x, the deck's middle y = 0."""
+    """Return origin and rotation [roll, pitch, yaw] of the bridge, whose axis is x at y = 0."""
     way = 1 if parameters.side == "left" else -1
     angle = np.radians(way * parameters.bridge_deg) * -1
     off = parameters.aside_m + parameters.width_m / 2
@@ -77,7 +77,7 @@ def _frame(parameters: BridgeParameters) -> tuple[Floats, Floats]:
 
 
 def _world(at: Floats, turn: Floats, points: Floats) -> Floats:
-    """World places (n, 2) of some along and across the bridge."""
+    """Return world positions (n, 2) of coordinates along and across the bridge."""
     angle = np.radians(turn[2])
     c, s = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[c, s], [-s, c]]) + at[:2])
@@ -90,7 +90,7 @@ def _land(
     at: Floats,
     turn: Floats,
 ) -> Terrain:
-    """Water below, banks up to the deck at its ends, hills."""
+    """Add water below, banks up to the deck at its ends, and hills."""
     level = -parameters.clearance_m
     middle, half = rng.uniform(-20, 90), parameters.river_m / 2
     rolling, slope = waves(rng, (25, 150)), rng.uniform(0.25, 1.2)
@@ -172,7 +172,7 @@ def _piers(
     builder: SceneBuilder, parameters: BridgeParameters, rng: np.random.Generator, land: Terrain,
     at: Floats, turn: Floats,
 ) -> None:  # fmt: skip
-    """Down to the ground or into the water, with a cap below the girders."""
+    """Add piers into the ground or water, with a cap below the girders."""
     half, top = parameters.width_m / 2, -0.25 - parameters.girder_m
     first = rng.uniform(0, parameters.pier_span_m)
     along = np.arange(first - parameters.pier_span_m, AHEAD_M, parameters.pier_span_m)
@@ -207,7 +207,7 @@ def _girder(
     at: Floats,
     turn: Floats,
 ) -> None:
-    """Girders alone; below them an inspection cradle now and then."""
+    """Add only girders, and sometimes an inspection cradle below them."""
     if rng.random() < 0.5:
         half, low = parameters.width_m / 2, -1.2 - parameters.girder_m
         x = rng.uniform(5, 25)

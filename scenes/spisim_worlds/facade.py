@@ -6,7 +6,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.facade import ROOM_M, STOREY_M, WALL_M, Front, add_front
 from spisim_worlds.parts.houses import ROOFS, WALLS, add_houses
 from spisim_worlds.parts.plants import blades
@@ -26,7 +26,7 @@ from spisim_worlds.parts.terrain import Terrain, hills, patchwork, terrain, wave
 from spisim_worlds.parts.vehicles import add_car, add_van
 from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view
 
-#: How deep the house goes behind its front rooms.
+#: Depth of the house behind its front rooms.
 DEEP_M = 7.0
 
 
@@ -49,7 +49,7 @@ class FacadeParameters(Parameters):
     balconies: str = one_of("none", "bars", "solid", "glass", text="before some windows")
     balcony_share: float = drawn(0.15, 1.0, "of windows that have a balcony, where there are any")
     shutters: str = one_of("none", "open", text="beside the windows")
-    ivy: float = drawn(0.0, 0.6, "share of the front that it may cover, where there is any")
+    ivy: float = drawn(0.0, 0.6, "fraction of the front that it may cover, if there is any")
     trees: int = drawn(0, 3, "before the front")
     tree_m: float = drawn(4.0, 14.0, "height of these")
     wire: str = one_of("none", "cable", "laundry", text="before the front")
@@ -57,7 +57,7 @@ class FacadeParameters(Parameters):
 
 
 def build(parameters: FacadeParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The drone is over the origin; the front is `distance_m` along y and seen from below it."""
+    """Build the scene with the drone over the origin and the front `distance_m` along y."""
     eaves = parameters.storeys * STOREY_M
     view = 90.0 - parameters.heading_deg
     rolling, far = waves(rng, (20, 80)), hills(rng, rng.uniform(250, 800), parameters.hills_m)
@@ -87,7 +87,7 @@ def build(parameters: FacadeParameters, rng: np.random.Generator) -> SceneBuilde
 
 
 def _front(parameters: FacadeParameters, rng: np.random.Generator) -> Front:
-    """It ends where the parameters say, and goes on the other way."""
+    """Build the front, which ends where the parameters say and extends the other way."""
     at = np.clip(parameters.heading_deg + parameters.end_deg, -78, 78)
     corner = float(parameters.distance_m * np.tan(np.radians(at)))
     width = min(parameters.window_m, parameters.bay_m - 0.5)
@@ -281,7 +281,7 @@ def _before(
 
 
 def _no_wire(builder: SceneBuilder, parameters: FacadeParameters, rng: np.random.Generator) -> None:
-    """Nothing in the way."""
+    """Add nothing."""
 
 
 def _cable(builder: SceneBuilder, parameters: FacadeParameters, rng: np.random.Generator) -> None:
@@ -319,7 +319,7 @@ def _laundry(builder: SceneBuilder, parameters: FacadeParameters, rng: np.random
     builder.mesh("laundry", "cotton-white", union(cloths))
 
 
-#: Turns a dish that looks up so that it looks out of the front.
+#: Rotates a dish from facing up to facing out of the front.
 _TILT = np.array(
     [[1, 0, 0, 0], [0, 0.5, -np.sqrt(0.75), 0], [0, np.sqrt(0.75), 0.5, 0], [0, 0, 0, 1.0]]
 )

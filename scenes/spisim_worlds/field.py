@@ -1,4 +1,4 @@
-"""An open field with what stands on it: poles, fences, bales, bushes, animals, machines."""
+"""An open field with poles, fences, bales, bushes, animals and machines."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -8,8 +8,8 @@ from trimesh.creation import icosphere
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.animals import COATS, SIZES, animal
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
+from spisim_worlds.parts.figure import COATS, SIZES, animal
 from spisim_worlds.parts.houses import add_houses
 from spisim_worlds.parts.natural import clipped_bush, scattered_rocks
 from spisim_worlds.parts.plants import blades
@@ -25,19 +25,13 @@ from spisim_worlds.parts.shapes import (
 )  # fmt: skip
 from spisim_worlds.parts.terrain import Terrain, hills, patchwork, terrain, waves
 from spisim_worlds.parts.vehicles import add_car, add_tractor, add_van
-from spisim_worlds.parts.woods import (
-    TREES,
-    add_far_woods,
-    add_wood,
-    in_view,
-    scattered_tufts,
-)
+from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view, scattered_tufts
 
 GROUNDS = ("grass", "soil-field", "soil-dry", "leaves-dry", "sand-dry", "gravel")
 
 
 class FieldParameters(Parameters):
-    """The drone flies low over the land, or as high as what stands there."""
+    """The drone flies low over the land, or as high as the objects on it."""
 
     drone_height_m: float = drawn_log(1.0, 6.0, "above the ground")
     pitch_deg: float = drawn(-8.0, 15.0, "of the line of sight, down is positive")
@@ -58,7 +52,7 @@ class FieldParameters(Parameters):
 
 
 def build(parameters: FieldParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The drone is over the origin and looks along x."""
+    """Build the scene with the drone over the origin, looking along x."""
     rolling, far = waves(rng, (12, 70)), hills(rng, rng.uniform(250, 1200), parameters.hills_m)
     land = terrain(
         lambda x, y: parameters.relief_m * rolling(x, y) + far(x, y), ((-3, 45), (-12, 12)), 0.8
@@ -82,7 +76,7 @@ def build(parameters: FieldParameters, rng: np.random.Generator) -> SceneBuilder
 
 
 def _start(parameters: FieldParameters) -> float:
-    """Where the ground comes into view, as if it were flat."""
+    """Return where the ground enters the view, as if it were flat."""
     low = np.radians(max(4.0, parameters.pitch_deg + 11))
     return max(1.5, parameters.drone_height_m / float(np.tan(low)))
 
@@ -91,7 +85,7 @@ def _spots(
     parameters: FieldParameters, rng: np.random.Generator, land: Terrain, count: int,
     far: float = 4.0,
 ) -> Floats:  # fmt: skip
-    """Places (n, 3) in view from the nearest thing on to `far` times as far."""
+    """Return positions (n, 3) in view, from the nearest object to `far` times its distance."""
     nearest = max(parameters.nearest_m, 0.5 * _start(parameters))
     return in_view(rng, land, count, nearest, far * nearest, 10)
 
@@ -163,13 +157,13 @@ def _poles(
 def _no_fence(
     builder: SceneBuilder, parameters: FieldParameters, rng: np.random.Generator, land: Terrain
 ) -> None:
-    """Open land."""
+    """Leave the land open."""
 
 
 def _course(
     parameters: FieldParameters, rng: np.random.Generator, land: Terrain, step: float
 ) -> Floats:
-    """Feet (n, 3) of a fence, wall or hedge that crosses the view at a slant."""
+    """Return feet (n, 3) of a fence, wall or hedge that crosses the view at a slant."""
     at = _spots(parameters, rng, land, 1, 2.0)[0, :2]
     turn = np.radians(90 + rng.uniform(-65, 65))
     flat = at + np.arange(-16, 17)[:, None] * step * np.array([np.cos(turn), np.sin(turn)])
@@ -215,12 +209,7 @@ def _wall(
 
 _FENCES: dict[
     str, Callable[[SceneBuilder, FieldParameters, np.random.Generator, Terrain], None]
-] = {
-    "none": _no_fence,
-    "wire": _wire_fence,
-    "rails": _rail_fence,
-    "wall": _wall,
-}
+] = {"none": _no_fence, "wire": _wire_fence, "rails": _rail_fence, "wall": _wall}
 
 
 def _bales(
@@ -262,7 +251,7 @@ def _herd(
 def _machine(
     builder: SceneBuilder, parameters: FieldParameters, rng: np.random.Generator, land: Terrain
 ) -> None:
-    """A tractor, a car or van, or an irrigator on wheels; and somebody."""
+    """Add a tractor, a car or van, or an irrigator on wheels; and a person."""
     spot = _spots(parameters, rng, land, 1, 2.5)[0] + (1.0, 0, 0)
     spot[2] = land.height(*spot[:2])
     turn = (0.0, 0.0, float(rng.uniform(0, 360)))

@@ -4,7 +4,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.natural import clipped_bush, scattered_rocks
 from spisim_worlds.parts.plants import bush, leaves, tree, wood
 from spisim_worlds.parts.shapes import Mesh, bars, moved, rod, spread, union
@@ -45,7 +45,7 @@ class ForestEdgeParameters(Parameters):
 
 
 def build(parameters: ForestEdgeParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The edge is a line across x at `edge_m`; the wood is behind it."""
+    """Build the scene; the edge is a line across x at `edge_m`, with the wood behind it."""
     rolling, far = waves(rng, (8, 40)), hills(rng, rng.uniform(300, 900), parameters.hills_m)
     land = terrain(
         lambda x, y: parameters.relief_m * rolling(x, y) + far(x, y), ((-4, 50), (-14, 14)), 0.8
@@ -98,7 +98,7 @@ def _wood(
     spacing = parameters.spacing_m * parameters.tree_m
     turn = np.radians(parameters.edge_angle_deg)
     along, inward = np.array([[-np.sin(turn), np.cos(turn)], [np.cos(turn), np.sin(turn)]])
-    # Where the line of sight to the gap meets the edge, counted along the edge.
+    # Where the line of sight to the gap meets the edge, measured along the edge.
     gap = parameters.edge_m * np.tan(np.radians(parameters.gap_deg) - turn)
     gap = float(np.clip(gap, -200, 200))
     rows = []
@@ -118,7 +118,7 @@ def _wood(
         builder, "tree", kinds or (parameters.trees,), parameters.season, rng,
         land.positions(feet[:, 0], feet[:, 1]), parameters.tree_m,
     )  # fmt: skip
-    # What is deep in the wood nobody tells apart; it starts behind the rows.
+    # The interior of the wood is a single mass behind the rows.
     start = np.array([parameters.edge_m, 0]) + 3 * spacing * inward
     lines = []
     for low, high in ((-700.0, gap), (gap + parameters.gap_m, 700.0)):
@@ -154,13 +154,13 @@ def _undergrowth(
 def _nothing(
     builder: SceneBuilder, parameters: ForestEdgeParameters, rng: np.random.Generator, land: Terrain
 ) -> None:
-    """An open field."""
+    """Leave the field open."""
 
 
 def _place(
     parameters: ForestEdgeParameters, rng: np.random.Generator, land: Terrain
 ) -> tuple[float, float, float]:
-    """Where in view something of the foreground stands."""
+    """Return a position in view for a foreground object."""
     angle = np.radians(rng.uniform(-8, 8))
     distance = parameters.foreground_m
     return land.on(distance * np.cos(angle), distance * np.sin(angle), 0.05)

@@ -4,25 +4,14 @@ import numpy as np
 from trimesh.creation import icosphere
 
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.placing import Ground, aside, rolling
-from spisim_worlds.parts.plants import (
-    FLARE,
-    UP,
-    Limb,
-    bush,
-    grow,
-    leaves,
-    tree,
-    tuft,
-    unit,
-    wood,
-)
+from spisim_worlds.parts.plants import FLARE, UP, Limb, bush, grow, leaves, tree, tuft, unit, wood
 from spisim_worlds.parts.shapes import Mesh, limb, union
 
-#: Kinds of tree, bush and tuft that are copied; more would look no different.
+#: Kinds of tree, bush and tuft to copy; more would make no visible difference.
 TREES, BUSHES, TUFTS = 3, 3, 2
-#: Of a trunk that is neither of the thickest nor of the thinnest; trunks differ by scale.
+#: Radius of an average trunk; trunks differ by scale.
 TREE_HEIGHT_M = 6.5
 
 
@@ -46,7 +35,7 @@ class ForestParameters(Parameters):
 
 
 def build(parameters: ForestParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The drone is over the trail and looks along it."""
+    """Build the scene with the drone over the trail, looking along it."""
     ground = rolling(rng, parameters.relief_m, parameters.bank_m)
     eye = ground.on(0.0, 0.0, -parameters.drone_height_m)
     target = (10.0, 0.5 * parameters.bend_m, eye[2] - rng.uniform(-0.3, 0.6))
@@ -66,14 +55,14 @@ def build(parameters: ForestParameters, rng: np.random.Generator) -> SceneBuilde
 
 
 def _bend(parameters: ForestParameters, x: float | np.ndarray) -> float | np.ndarray:
-    """Where the middle of the trail is."""
+    """Return the lateral position of the middle of the trail."""
     return parameters.bend_m * (np.asarray(x) / 10) ** 2
 
 
 def _trees(
     builder: SceneBuilder, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
-    """Trees on both sides; a few kinds, copied."""
+    """Add trees on both sides, copies of a few kinds."""
     ahead = np.linspace(2.8, parameters.bank_m + 0.5, parameters.trunks) + rng.uniform(
         -0.3, 0.3, parameters.trunks
     )
@@ -98,7 +87,7 @@ def _trees(
 def _bank(
     builder: SceneBuilder, parameters: ForestParameters, rng: np.random.Generator, ground: Ground
 ) -> None:
-    """Trunks and bushes on the bank, too far away for twigs to matter."""
+    """Add trunks and bushes on the bank, which is too far away for twigs."""
     trunks = []
     for y in np.linspace(-4, 4, 10) + rng.uniform(-0.4, 0.4, 10):
         foot = ground.on(parameters.bank_m + rng.uniform(0.0, 2.5), float(y), 0.5)
@@ -123,13 +112,13 @@ def _crossing_branch(
     ground: Ground,
     i: int,
 ) -> None:
-    """A sapling beside the view with a bough across the way, about as high as the drone."""
+    """Add a sapling with a bough across the trail, about as high as the drone."""
     ahead = parameters.nearest_branch_m + 1.1 * i
     side = (-1) ** i * (1 if parameters.bend_m < 0 else -1)
     heading = np.degrees(np.arctan2(builder.look_at_m[1], builder.look_at_m[0]))
     x, y = ahead + 0.2, aside(ahead, heading + side * 14.0)
     height = builder.position_m[2] + aside(ahead, rng.uniform(-4.0, 9.0))
-    start = (x, y, max(height, ground.on(x, y, -0.2)[2]))  # above the bank, where that is near
+    start = (x, y, max(height, ground.on(x, y, -0.2)[2]))  # above the bank if it is near
     towards = unit((rng.uniform(-0.1, 0.3), -side, rng.uniform(-0.35, 0.15)))
     length = aside(ahead, rng.uniform(14.0, 22.0))
     grown = grow(rng, start, towards, length, parameters.branch_mm / 2000, 2, 4)
@@ -188,7 +177,5 @@ def _fallen(
 
 
 FAMILY = Family(
-    "A trail through a forest, twigs of a few millimetres across the way",
-    ForestParameters,
-    build,
+    "A trail through a forest, twigs of a few millimetres across the way", ForestParameters, build
 )

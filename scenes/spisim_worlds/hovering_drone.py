@@ -7,11 +7,10 @@ from trimesh.creation import icosphere, torus
 from trimesh.transformations import rotation_matrix
 
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.backdrops import BACKDROPS, add_backdrop
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import BACKDROPS, add_backdrop, outdoors
 from spisim_worlds.parts.shapes import Mesh, block, lathe, loft, moved, rod, tube, union
 
-#: What a turning rotor covers of its disc, on average over a turn.
+#: Fraction of its disc that a turning rotor covers on average.
 SOLIDITY = 0.12
 BLURRED_ROTOR = {
     "reflectance": 0.5,
@@ -43,14 +42,14 @@ class DroneParameters(Parameters):
 
 @dataclass(frozen=True)
 class Airframe:
-    """Sizes of a multicopter in metres, and where its motors are."""
+    """Dimensions of a multicopter in metres, and positions of its motors."""
 
     diagonal: float
     arms: int
 
     @property
     def motors(self) -> list[tuple[float, float]]:
-        """Places (x, y) of the motors; x is ahead, between two arms."""
+        """Positions (x, y) of the motors; x is ahead, between two arms."""
         angles = 2 * np.pi * (np.arange(self.arms) + 0.5) / self.arms
         return [(self.diagonal / 2 * np.cos(a), self.diagonal / 2 * np.sin(a)) for a in angles]
 
@@ -126,7 +125,7 @@ def _add_load(
         builder.mesh("rope", "polyester-fabric", rod(start, (x, y, low), radius, 8))
         builder.box("parcel", "cardboard", (edge, 0.8 * edge, 0.6 * edge), (x, y, low), (0, 0, 20))
     elif parameters.load == "tether":
-        # A tether under its own weight, nearly: steep above, slack below.
+        # Approximates a tether under its own weight: steep above, slack below.
         along = np.linspace(0, 1, 16)
         drift = 0.6 * along**3
         path = np.stack([x + drift, y + 0.7 * drift, start[2] * (1 - along) + 0.02], axis=1)
@@ -161,7 +160,7 @@ def _motors(size: Airframe) -> Mesh:
 
 
 def _rotors(size: Airframe, rng: np.random.Generator) -> Mesh:
-    """Two twisted blades of 2 mm per motor, stopped anywhere."""
+    """Add two twisted 2 mm blades per motor, stopped at random."""
     rotors = []
     for x, y in size.motors:
         start = rng.uniform(0, np.pi)

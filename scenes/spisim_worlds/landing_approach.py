@@ -1,30 +1,24 @@
-"""A place to land seen at a slant, pad, road or flat roof, and the land to the horizon."""
+"""A landing site seen at a slant, pad, road or flat roof, and the land to the horizon."""
 
 from collections.abc import Callable
 
 import numpy as np
 
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.houses import add_houses
 from spisim_worlds.parts.natural import scattered_rocks
 from spisim_worlds.parts.props import add_worker, cone, drum, pallet
 from spisim_worlds.parts.shapes import Mesh, bars, block, lathe, rod, spread, union
 from spisim_worlds.parts.terrain import Terrain, hills, patchwork, terrain, waves
 from spisim_worlds.parts.vehicles import add_car, add_van
-from spisim_worlds.parts.woods import (
-    TREES,
-    add_far_woods,
-    add_wood,
-    in_view,
-    scattered_tufts,
-)
+from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view, scattered_tufts
 
 GROUNDS = ("grass", "soil-field", "gravel", "sand-dry", "leaves-dry")
 
 
 class LandingApproachParameters(Parameters):
-    """The drone comes down towards the place and looks at it, or over it."""
+    """The drone descends towards the site and looks at it, or over it."""
 
     place: str = one_of("pad", "road", "roof", "runway", text="to land on")
     height_m: float = drawn_log(1.2, 8.0, "of the drone above the place")
@@ -46,7 +40,7 @@ class LandingApproachParameters(Parameters):
 
 
 def build(parameters: LandingApproachParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The middle of the place is ahead where the line of sight meets it, z = 0 there."""
+    """Build the scene; the middle of the site is ahead on the line of sight, at z = 0."""
     on_roof = parameters.place == "roof"
     level = -parameters.building_m if on_roof else 0.0
     middle = _middle(parameters)
@@ -71,7 +65,7 @@ def build(parameters: LandingApproachParameters, rng: np.random.Generator) -> Sc
 
 
 def _middle(parameters: LandingApproachParameters) -> np.ndarray:
-    """(x, y) of the middle of the place; not under the drone."""
+    """Return (x, y) of the middle of the site, which is not under the drone."""
     distance = parameters.height_m / np.tan(np.radians(parameters.slant_deg + 2))
     distance = float(np.clip(distance, 1.2 * parameters.size_m, 14 + 1.5 * parameters.size_m))
     angle = np.radians(parameters.aside_deg)
@@ -79,7 +73,7 @@ def _middle(parameters: LandingApproachParameters) -> np.ndarray:
 
 
 def _turned(parameters: LandingApproachParameters, x: float, y: float) -> tuple[float, float]:
-    """World place of one given along and across the place to land on."""
+    """Return the world position of one given along and across the site."""
     angle = np.radians(parameters.turn_deg)
     c, s = np.cos(angle), np.sin(angle)
     to = _middle(parameters) + np.array([c * x - s * y, s * x + c * y])
@@ -238,7 +232,7 @@ def _around(
     rng: np.random.Generator,
     land: Terrain,
 ) -> None:
-    """What stands on and beside the place, trees, houses and woods beyond."""
+    """Add objects on and beside the site, and trees, houses and woods beyond."""
     size = parameters.size_m
     things: list[tuple[str, str, Mesh]] = [
         ("cones", "polypropylene", cone()), ("drums", "steel-rusty", drum()),
@@ -284,7 +278,7 @@ def _around(
 def _ring(
     rng: np.random.Generator, parameters: LandingApproachParameters, n: int, low: float, high: float
 ) -> np.ndarray:
-    """Places (n, 2) ahead, so far from the middle of the place and not near the drone."""
+    """Return positions (n, 2) ahead, at a distance from the site and not near the drone."""
     result = np.empty((0, 2))
     while len(result) < n:
         angle = rng.uniform(-np.pi, np.pi, 64)
@@ -301,7 +295,7 @@ def _nothing(
     rng: np.random.Generator,
     land: Terrain,
 ) -> None:
-    """A free approach."""
+    """Leave the approach free."""
 
 
 def _power_line(
@@ -310,7 +304,7 @@ def _power_line(
     rng: np.random.Generator,
     land: Terrain,
 ) -> None:
-    """Wires across the view, before or behind the place."""
+    """Add wires across the view, before or behind the site."""
     x, slope = rng.uniform(2.5, 12.0), rng.uniform(-0.3, 0.3)
     z = parameters.height_m - x * np.tan(np.radians(parameters.slant_deg + rng.uniform(-7, 7)))
     wires = []
@@ -329,7 +323,7 @@ def _lamp_posts(
     rng: np.random.Generator,
     land: Terrain,
 ) -> None:
-    """Lamp posts or flag poles in a row beside the place."""
+    """Add lamp posts or flag poles in a row beside the site."""
     off = parameters.size_m + 2.5
     ground = -parameters.building_m if parameters.place == "roof" else 0.0
     tall = max(4.0, parameters.height_m * rng.uniform(0.7, 1.3)) - ground
@@ -372,12 +366,7 @@ def _fence(
 _ACROSS: dict[
     str, Callable[[SceneBuilder, LandingApproachParameters, np.random.Generator, Terrain], None]
 ]
-_ACROSS = {
-    "none": _nothing,
-    "power-line": _power_line,
-    "lamp-posts": _lamp_posts,
-    "fence": _fence,
-}
+_ACROSS = {"none": _nothing, "power-line": _power_line, "lamp-posts": _lamp_posts, "fence": _fence}
 
 FAMILY = Family(
     "The approach to a pad, a road, a runway or a flat roof, the horizon behind",

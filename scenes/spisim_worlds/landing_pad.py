@@ -7,7 +7,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import props
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.houses import house
 from spisim_worlds.parts.natural import blob, scattered_rocks
 from spisim_worlds.parts.plants import tuft
@@ -27,7 +27,7 @@ from spisim_worlds.parts.shapes import (
 from spisim_worlds.parts.vehicles import add_car
 
 PAD_HEIGHT_M = 0.06
-#: Of painted and glued things, so that they stand out from the pad and leave it closed.
+#: Thickness of painted and glued parts, which lie on a closed pad.
 RELIEF_M = 0.003
 GROUND_M = (40, 40)
 
@@ -54,7 +54,7 @@ class LandingPadParameters(Parameters):
 
 
 def build(parameters: LandingPadParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The pad around the origin, the drone on the side of -x."""
+    """Build the pad around the origin, with the drone on the side of -x."""
     back = parameters.height_m / float(np.tan(np.radians(parameters.pitch_deg)))
     builder = SceneBuilder(
         position_m=(-back, 0.0, parameters.height_m),
@@ -122,7 +122,7 @@ def _crates(rng: np.random.Generator) -> Mesh:
 def _no_shelter(
     builder: SceneBuilder, parameters: LandingPadParameters, rng: np.random.Generator
 ) -> None:
-    """Nothing beyond."""
+    """Add nothing beyond."""
 
 
 def _beyond(parameters: LandingPadParameters, rng: np.random.Generator) -> tuple[float, float]:
@@ -279,7 +279,7 @@ def _add_mast(
 def _add_tools(
     builder: SceneBuilder, parameters: LandingPadParameters, rng: np.random.Generator
 ) -> None:
-    """Things beside the pad, each at most once, where the drone sees them."""
+    """Add objects beside the pad, each at most once, in view of the drone."""
     reach = 0.5 * parameters.pad_m * (1.25 if parameters.shape == "round" else 1.5)
     angles = rng.permutation(np.linspace(0, 2 * np.pi, len(_TOOLS), endpoint=False))
     for name, angle in list(zip(rng.permutation(sorted(_TOOLS)), angles, strict=True))[
@@ -363,7 +363,7 @@ def _concrete(
 
 
 def _around(rng: np.random.Generator, parameters: LandingPadParameters, count: int) -> Floats:
-    """Places (n, 3) on the ground beside the pad, the denser the nearer."""
+    """Return positions (n, 3) on the ground beside the pad, denser near it."""
     inner = parameters.pad_m * (0.56 if parameters.shape == "round" else 0.76)
     radius = inner + rng.exponential(0.4, count)
     angle = rng.uniform(0, 2 * np.pi, count)

@@ -1,4 +1,4 @@
-"""A person who raises an arm: a marshaller, someone lost, someone who wants the drone to go."""
+"""A person with a raised arm: a marshaller, someone lost, or someone who waves the drone off."""
 
 import numpy as np
 from trimesh.geometry import align_vectors
@@ -6,13 +6,12 @@ from trimesh.geometry import align_vectors
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import figure, props
-from spisim_worlds.parts.backdrops import BACKDROPS, add_backdrop
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import BACKDROPS, add_backdrop, outdoors
 from spisim_worlds.parts.figure import Arm, Leg, Side
 from spisim_worlds.parts.ropes import hanging
 from spisim_worlds.parts.shapes import Mesh, lathe, rod, tube, union
 
-#: Of the figure before it is scaled.
+#: Height of the figure before scaling.
 FIGURE_M = 1.77
 #: Legs of every stance, right and left.
 STANCES = {
@@ -24,7 +23,7 @@ STANCES = {
 
 
 class PersonParameters(Parameters):
-    """Someone `distance_m` ahead, the right arm raised; angles of arms are from hanging down."""
+    """A person `distance_m` ahead, the right arm raised; angles of arms are from hanging down."""
 
     distance_m: float = drawn_log(2.8, 6.5, "to the person")
     person_m: float = drawn(1.5, 1.95, "how tall the person is")
@@ -123,7 +122,7 @@ def _paddle(side: Side) -> Mesh:
     grip, axis = _grip(side)
     handle = rod(grip, grip + 0.18 * axis, 0.014, 8)
     centre = grip + 0.3 * axis
-    # Square to the arm, and towards whoever is in front; the arm is never level and straight ahead.
+    # Perpendicular to the arm and towards the viewer; the arm is never level and straight ahead.
     facing = np.array([-1.0, 0.0, 0.0]) + axis[0] * axis
     facing /= np.linalg.norm(facing)
     return union([handle, rod(centre - 0.004 * facing, centre + 0.004 * facing, 0.15, 24)])

@@ -16,7 +16,7 @@ from spisim.scene.families import (
     drawn_log,
     one_of,
 )
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.placing import Ground, aside, rolling
 from spisim_worlds.parts.plants import FLARE, leaves, tree, wood
 from spisim_worlds.parts.ropes import hanging
@@ -24,7 +24,7 @@ from spisim_worlds.parts.shapes import Mesh, block, lathe, limb, moved, rod, tub
 from spisim_worlds.parts.terrain import hills, patchwork, terrain, waves
 from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view
 
-#: Height of the cross-arm, and how far the support goes on above it.
+#: Height of the cross-arm, and of the support above it.
 ARM_M, PEAK_M = 9.0, 0.9
 #: Bars of a lattice, and the distance between its levels.
 BAR_RADIUS_M, LEVEL_M = 0.03, 0.9
@@ -61,7 +61,7 @@ class PowerLineParameters(Parameters):
 
 
 def build(parameters: PowerLineParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The support stands a little off the axis; its neighbours, out of view, are left out."""
+    """Build the scene with the support slightly off the axis; its neighbours are out of view."""
     eye_z = ARM_M - parameters.drone_below_m
     if parameters.behind != "slope":
         return _in_the_open(parameters, rng, eye_z)
@@ -80,7 +80,7 @@ def build(parameters: PowerLineParameters, rng: np.random.Generator) -> SceneBui
 def _overhead(
     builder: SceneBuilder, parameters: PowerLineParameters, rng: np.random.Generator, foot: Point
 ) -> None:
-    """The support, what it carries, and the cable in front."""
+    """Add the support, what it carries, and the cable in front."""
     _SUPPORTS[parameters.support](builder, parameters, foot)
     _line(builder, parameters, foot)
     _service_cable(builder, parameters, rng)
@@ -89,7 +89,7 @@ def _overhead(
 def _in_the_open(
     parameters: PowerLineParameters, rng: np.random.Generator, eye_z: float
 ) -> SceneBuilder:
-    """The same line over fields, or above a valley that falls away behind it."""
+    """Add the same line over fields, or above a valley that falls away behind it."""
     x, waved = parameters.distance_m, waves(rng, (12, 60))
     far = hills(rng, rng.uniform(250, 900), parameters.hills_m)
     fall = rng.uniform(0.15, 0.6) if parameters.behind == "valley" else 0.0
@@ -127,7 +127,7 @@ def _wooden_pole(builder: SceneBuilder, parameters: PowerLineParameters, foot: P
     builder.mesh("cross-arm", "wood-weathered", arm, at, turn)
     builder.mesh("braces", "steel-galvanised", union(braces), at, turn)
     if parameters.equipment == "transformer":
-        # On the side of the drone, whatever way the line runs.
+        # On the drone's side, whatever the direction of the line.
         builder.mesh("transformer", "steel-painted", _transformer(), (*foot[:2], ARM_M - 1.3))
     stay = hanging((*foot[:2], ARM_M - 0.3), (foot[0] + 0.5, foot[1] - 5.0, foot[2]), 0.0, 2)
     builder.mesh("stay wire", "steel-galvanised", tube(stay, 0.006, 5))
@@ -174,7 +174,7 @@ def _lattice_pylon(builder: SceneBuilder, parameters: PowerLineParameters, foot:
 
 
 def _corners(height: float) -> Floats:
-    """Corners (4, 3) of a pylon at a height, which widens downwards."""
+    """Return corners (4, 3) of a pylon, which widens downwards, at a height."""
     half = 0.2 + 0.06 * (ARM_M + PEAK_M - height)
     square = np.array([(-1, -1), (-1, 1), (1, 1), (1, -1)])
     return np.column_stack([half * square, np.full(4, height)])
@@ -234,7 +234,7 @@ def _line(builder: SceneBuilder, parameters: PowerLineParameters, foot: Point) -
 
 
 def _both_ways(parameters: PowerLineParameters, at: Floats, along: Floats, sag_m: float) -> Floats:
-    """Wire from the support before, through a point of this one, to the next."""
+    """Return a wire from the previous support, through a point of this one, to the next."""
     reach = parameters.span_m * along
     return np.vstack([hanging(at - reach, at, sag_m, 41), hanging(at, at + reach, sag_m, 41)[1:]])
 
@@ -242,7 +242,7 @@ def _both_ways(parameters: PowerLineParameters, at: Floats, along: Floats, sag_m
 def _service_cable(
     builder: SceneBuilder, parameters: PowerLineParameters, rng: np.random.Generator
 ) -> None:
-    """A lone thin cable right across the view, in front of everything else."""
+    """Add a single thin cable across the view, in front of everything else."""
     x, z = parameters.cable_m, builder.position_m[2]
     rise = aside(x, rng.uniform(-6.0, 6.0))
     slope = rng.uniform(-0.3, 0.3)

@@ -7,14 +7,14 @@ from trimesh.creation import torus
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.placing import aside, rolling
 from spisim_worlds.parts.props import cone
 from spisim_worlds.parts.ropes import hanging
 from spisim_worlds.parts.shapes import Mesh, block, grid_mesh, lathe, rod, tube, union
 
 KINDS = ("square", "round", "arch")
-#: From the net to the backdrop.
+#: Distance from the net to the backdrop.
 NET_M = 1.1
 
 
@@ -39,7 +39,7 @@ class GatesParameters(Parameters):
 
 
 def build(parameters: GatesParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The course runs along x."""
+    """Build the scene with the course along x."""
     eye = (0.0, 0.0, parameters.drone_height_m)
     target = (parameters.backdrop_m, 0.0, eye[2] + rng.uniform(-0.4, 0.2))
     builder = SceneBuilder(eye, target)
@@ -85,7 +85,7 @@ _VENUES: dict[str, Callable[[SceneBuilder, GatesParameters, np.random.Generator]
 
 
 def _gates(builder: SceneBuilder, parameters: GatesParameters, rng: np.random.Generator) -> None:
-    """Every gate is off the axis, left and right in turn, so far that its frame is in view."""
+    """Add gates alternately left and right of the axis, so that their frames are in view."""
     first = KINDS.index(parameters.first_gate)
     side = rng.choice([-1, 1])
     for i in range(parameters.gates):
@@ -174,7 +174,7 @@ def _flags(builder: SceneBuilder, parameters: GatesParameters, rng: np.random.Ge
 
 
 def _pole_line(tall: float) -> Floats:
-    """Straight up, then bent over to +y."""
+    """Return a line straight up, then bent over to +y."""
     t = np.linspace(0, 1, 16)
     return np.column_stack([0 * t, 0.45 * np.clip(t - 0.6, 0, 1) ** 2 * 6 * tall / 2.4, tall * t])
 
@@ -221,7 +221,5 @@ def _on_the_ground(
 
 
 FAMILY = Family(
-    "Racing gates in a row, flags, pennants on a cord and a net behind",
-    GatesParameters,
-    build,
+    "Racing gates in a row, flags, pennants on a cord and a net behind", GatesParameters, build
 )

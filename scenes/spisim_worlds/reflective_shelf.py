@@ -1,4 +1,4 @@
-"""A shelf of shiny tins, glass jars, bottles and boxes: light that comes back by other ways."""
+"""A shelf of shiny tins, glass jars, bottles and boxes, with specular multipath."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,25 +20,25 @@ BOARD_M = 0.02
 #: Slope of the line of sight.
 DOWN = 0.05
 TIN_RADIUS_M, TIN_HEIGHT_M = 0.0425, 0.115
-#: Corners of what is round.
+#: Corners of round objects.
 SECTIONS = 14
-#: How far the fronts of things are behind the edge of the board.
+#: Distance of objects behind the edge of the board.
 SETBACK_M = 0.03
 
 
 class ShelfParameters(Parameters):
-    """A shelf `distance_m` ahead; `shiny` is the share of tins without a paper label."""
+    """A shelf `distance_m` ahead; `shiny` is the fraction of tins without a paper label."""
 
     distance_m: float = drawn_log(1.6, 3.5, "to the front of the shelf")
     height_m: float = drawn(0.9, 1.8, "of the drone above the floor")
     turn_deg: float = drawn(-25.0, 25.0, "of the shelf about the vertical")
     spacing_m: float = drawn(0.24, 0.4, "from board to board")
     depth_m: float = drawn(0.25, 0.5, "of the boards")
-    filled: float = drawn(0.7, 1.0, "share of places with something in them")
-    shiny: float = drawn(0.2, 0.9, "share of tins that are bare metal")
+    filled: float = drawn(0.7, 1.0, "fraction of occupied positions")
+    shiny: float = drawn(0.2, 0.9, "fraction of tins that are bare metal")
     roughness: float = drawn_log(0.08, 0.5, "of bare tins (GGX)")
     mirrors: int = drawn(0, 2, "tins polished like a mirror")
-    jars: float = drawn(0.1, 0.4, "share of places with glass jars")
+    jars: float = drawn(0.1, 0.4, "fraction of positions with glass jars")
     boards: str = one_of("steel-painted", "wood-dry", "steel-galvanised", text="of the shelf")
     lamp: float = drawn(0.65, 0.8, "how far the hanging lamp is, relative to the shelf")
     wire_mm: float = drawn_log(3.0, 8.0, "diameter of its wire")
@@ -46,7 +46,7 @@ class ShelfParameters(Parameters):
 
 @dataclass(frozen=True)
 class Kind:
-    """Something on a shelf: its parts by material, and how wide and high it is, in metres."""
+    """A kind of object on a shelf: its parts by material, its width and height in metres."""
 
     wide: float
     high: float
@@ -54,7 +54,7 @@ class Kind:
 
 
 def build(parameters: ShelfParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The shelf in a storeroom, a lamp before it."""
+    """Build the shelf in a storeroom, with a lamp before it."""
     eye = (0.0, 0.0, parameters.height_m)
     x = parameters.distance_m
     builder = SceneBuilder(
@@ -104,7 +104,7 @@ def _add_shelf(builder: SceneBuilder, parameters: ShelfParameters) -> list[float
 def _add_goods(
     builder: SceneBuilder, parameters: ShelfParameters, tops: list[float], rng: np.random.Generator
 ) -> None:
-    """Rows of things on every board, and some behind or upon them."""
+    """Add rows of objects on every board, and some behind or upon them."""
     half = 0.3 + 0.175 * parameters.distance_m - 0.06
     poses: dict[str, list[Floats]] = {}
     for top in tops:
@@ -123,7 +123,7 @@ def _add_goods(
                 at = np.add(position, (0, 0, level * kind.high))
                 poses.setdefault(name, []).append(_pose(turn, at))
     shelf, turned = (parameters.distance_m, 0, 0), (0, 0, parameters.turn_deg)
-    # Mirrors are a hard case only where they are looked at: nearest to the line of sight.
+    # Mirrors are difficult only near the line of sight.
     tins = sorted(poses.pop("bare tins", []), key=lambda pose: _off_axis(pose, parameters))
     mirrors, bare = tins[: parameters.mirrors], tins[parameters.mirrors :]
     if mirrors:
@@ -138,7 +138,7 @@ def _add_goods(
 
 
 def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
-    """Name of a kind, by the shares asked for."""
+    """Draw the name of a kind by the given fractions."""
     if rng.random() < parameters.jars:
         return "jars"
     if rng.random() < 0.55:
@@ -149,7 +149,7 @@ def _pick(parameters: ShelfParameters, rng: np.random.Generator) -> str:
 
 
 def _off_axis(pose: Floats, parameters: ShelfParameters) -> float:
-    """How far a tin is from where the line of sight meets the shelf."""
+    """Return the distance of a tin from the point where the line of sight meets the shelf."""
     axis_z = parameters.height_m - DOWN * parameters.distance_m
     return float(np.hypot(pose[1, 3], pose[2, 3] + TIN_HEIGHT_M / 2 - axis_z))
 
@@ -216,7 +216,7 @@ def _flat_tin() -> dict[str, Mesh]:
 
 
 def _jar() -> dict[str, Mesh]:
-    """Glass as an open sheet, what is in it, and a lid."""
+    """Return glass as an open sheet, the content, and a lid."""
     wall = [(0.044, 0.002), (0.046, 0.01), (0.046, 0.11), (0.036, 0.13), (0.036, 0.15)]
     inside = [(0, 0.006), (0.042, 0.006), (0.043, 0.012), (0.043, 0.085), (0, 0.09)]
     lid = [(0, 0.145), (0.039, 0.145), (0.039, 0.163), (0, 0.163)]
@@ -254,7 +254,5 @@ KINDS = {
 }
 
 FAMILY = Family(
-    "A shelf of shiny tins, glass jars, bottles and boxes in a storeroom",
-    ShelfParameters,
-    build,
+    "A shelf of shiny tins, glass jars, bottles and boxes in a storeroom", ShelfParameters, build
 )

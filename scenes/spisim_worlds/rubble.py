@@ -1,4 +1,4 @@
-"""A collapsed building: tilted slabs, bent reinforcement, dangling cables, and someone in it."""
+"""A collapsed building: tilted slabs, bent reinforcement, dangling cables, and a victim."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from trimesh.transformations import euler_matrix
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import figure
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.figure import Arm, Leg
 from spisim_worlds.parts.natural import scattered_rocks
 from spisim_worlds.parts.ropes import hanging
@@ -73,13 +73,10 @@ class Heap:
 
 
 def build(parameters: RubbleParameters, rng: np.random.Generator) -> SceneBuilder:
-    """Heap, what lies on it, and the wall it fell from."""
+    """Build the heap, the objects on it, and the wall that it fell from."""
     middle = parameters.distance_m + Heap.EXTENT_M[0]
     heap = Heap(
-        middle,
-        parameters.heap_m,
-        rng.normal(scale=4.0, size=(7, 2)),
-        rng.uniform(0, 2 * np.pi, 7),
+        middle, parameters.heap_m, rng.normal(scale=4.0, size=(7, 2)), rng.uniform(0, 2 * np.pi, 7)
     )
     aim = (parameters.distance_m + 1.2, 0.0, 0.75 * parameters.heap_m + 0.15)
     builder = SceneBuilder(position_m=(0, 0, parameters.height_m), look_at_m=aim, **outdoors(rng))
@@ -144,7 +141,7 @@ def _add_loose(
 
 
 def _strewn(count: int, heap: Heap, rng: np.random.Generator) -> Floats:
-    """Places (n, 3) on the near side of the heap and before it."""
+    """Return positions (n, 3) on the near side of the heap and before it."""
     x = heap.x + rng.uniform(-1.15, 0.2, count) * heap.EXTENT_M[0]
     y = rng.normal(0, 0.9, count)
     return np.stack([x, y, heap.height(x, y)], axis=1)
@@ -153,7 +150,7 @@ def _strewn(count: int, heap: Heap, rng: np.random.Generator) -> Floats:
 def _add_wall(
     builder: SceneBuilder, parameters: RubbleParameters, x: float, rng: np.random.Generator
 ) -> None:
-    """What is left of a wall, its top stepped, and a slab of the next floor that hangs from it."""
+    """Add the remains of a wall with a stepped top, and a hanging slab of the next floor."""
     wide = 0.3
     columns = np.arange(-4.8, 4.9, wide)
     heights = 2.6 + np.cumsum(rng.normal(0, 0.12, len(columns)))
@@ -164,7 +161,7 @@ def _add_wall(
         for y, high in zip(columns, heights, strict=True)
     ]
     builder.mesh("broken wall", parameters.wall, union(parts))
-    # Far away, for what is seen over the top of the broken one.
+    # A far wall, visible over the top of the broken one.
     builder.box("next house", "concrete", (0.3, 24, 12), (x + 4, 0, 6))
     pose = (0, rng.uniform(15, 45), rng.uniform(-15, 15))
     side = float(rng.choice((-1, 1))) * rng.uniform(0.8, 1.4)
@@ -188,7 +185,7 @@ def _add_cables(
 def _add_victim(
     builder: SceneBuilder, parameters: RubbleParameters, heap: Heap, rng: np.random.Generator
 ) -> None:
-    """An arm held up out of the rubble, or all above the belt, leaning back."""
+    """Add an arm held up out of the rubble, or a body above the belt, leaning back."""
     x, y = heap.x - rng.uniform(0.9, 1.4), rng.uniform(-0.3, 0.3)
     at = (x, y, float(heap.height(x, y)))
     if parameters.victim == "arm":
@@ -208,7 +205,7 @@ def _add_victim(
     }
     turn = (0, rng.uniform(10, 35), rng.uniform(-40, 40))
     for (name, material), mesh in parts.items():
-        # The belt comes to lie where the heap is.
+        # The belt is at the surface of the heap.
         mesh.apply_translation((0, 0, -1.08))
         builder.mesh(name, material, mesh, at, turn)
 

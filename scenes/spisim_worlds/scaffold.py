@@ -7,16 +7,16 @@ import numpy as np
 
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
 from spisim_worlds.parts import props
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.ropes import net
 from spisim_worlds.parts.shapes import Mesh, alike, block, grid_mesh, rod, tube, union
 
-#: EN 39.
+#: Tube diameter, EN 39.
 TUBE_DIAMETER_M = 0.0483
 PLANK_M = (0.22, 0.038)
 TOE_BOARD_M = (0.025, 0.15)
 GUARD_RAILS_M = (0.5, 1.0)
-#: Lowest deck above the ground.
+#: Height of the lowest deck above the ground.
 FOOT_M = 0.25
 SECTIONS = 10
 #: Bays on either side of the middle.
@@ -34,8 +34,8 @@ class ScaffoldParameters(Parameters):
     lift_m: float = drawn(1.8, 2.1, "from deck to deck")
     depth_m: float = drawn(0.7, 1.1, "from row to row")
     gap_m: float = drawn(0.15, 0.4, "from the scaffold to the wall")
-    planked: float = drawn(0.5, 1.0, "share of planks that are there")
-    braces: float = drawn(0.3, 1.0, "share of bays with a diagonal brace")
+    planked: float = drawn(0.5, 1.0, "fraction of planks that are present")
+    braces: float = drawn(0.3, 1.0, "fraction of bays with a diagonal brace")
     cover: str = one_of("none", "net", "tarpaulin", text="hung before one of the bays")
     cord_mm: float = drawn_log(3.0, 6.0, "diameter of the cords of the net")
     rope_mm: float = drawn_log(8.0, 20.0, "diameter of the rope with the bucket")
@@ -44,7 +44,7 @@ class ScaffoldParameters(Parameters):
 
 @dataclass(frozen=True)
 class Frame:
-    """Where the tubes are: the wall is along y, the near row at x = 0, decks at `levels`.
+    """Geometry of the tubes: the wall is along y, the near row at x = 0, decks at `levels`.
 
     The rope hangs from `top`.
     """
@@ -61,7 +61,7 @@ class Frame:
 
 
 def build(parameters: ScaffoldParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The scaffold about a point straight ahead, turned."""
+    """Build the scaffold about a point straight ahead, rotated."""
     x, eye_z = parameters.distance_m, parameters.height_m
     aim_z = max(0.3, eye_z + x * float(np.tan(np.radians(parameters.tilt_deg))))
     builder = SceneBuilder(position_m=(0, 0, eye_z), look_at_m=(x, 0, aim_z), **outdoors(rng))
@@ -105,7 +105,7 @@ def _tubes(frame: Frame, parameters: ScaffoldParameters, rng: np.random.Generato
     """Standards, ledgers, transoms, guard rails and braces."""
     radius = TUBE_DIAMETER_M / 2
     first, last = frame.columns[0] - 0.3, frame.columns[-1] + 0.3
-    # As high as braces reach; the rope's bracket is below that.
+    # The top of the braces; the rope's bracket is below it.
     high = frame.levels[-1] + parameters.lift_m + 0.1
     standards = [
         rod((x, y, 0), (x, y, high), radius, SECTIONS) for x in frame.rows for y in frame.columns
@@ -164,7 +164,7 @@ def _planks(frame: Frame, parameters: ScaffoldParameters, rng: np.random.Generat
                 if rng.random() < parameters.planked:
                     size = (wide, y_next - y - 0.01, thick)
                     planks.append(block(size, (x + over, (y + y_next) / 2 + start, top)))
-    # Whatever is missing elsewhere, somebody stands on this one.
+    # This plank is never missing, because a person stands on it.
     spare = block((wide, 1.2, thick), (wide / 2 + 0.03, 0, frame.levels[0] + 0.15))
     return union([*planks, spare])
 
@@ -204,7 +204,7 @@ def _deck_below(frame: Frame, z: float) -> float:
 
 
 def _hook(parameters: ScaffoldParameters, offset: float) -> tuple[float, float]:
-    """Where the rope hangs, before the scaffold and inside the field of view."""
+    """Return the upper end of the rope, before the scaffold and inside the field of view."""
     return -0.35, float(np.clip(offset + 0.35 * parameters.bay_m, -0.35, 0.35))
 
 

@@ -4,9 +4,9 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.boats import add_boat, hull
 from spisim_worlds.parts.cranes import CRANES
-from spisim_worlds.parts.daylight import outdoors
 from spisim_worlds.parts.lattice import boom
 from spisim_worlds.parts.props import add_worker, cone, drum, gas_cylinder, pallet
 from spisim_worlds.parts.ropes import hanging
@@ -80,7 +80,7 @@ def build(parameters: ShipyardParameters, rng: np.random.Generator) -> SceneBuil
 
 
 def _look(builder: SceneBuilder, parameters: ShipyardParameters, position: Floats) -> None:
-    """Put the drone before a place, not into the quay."""
+    """Move the drone to look at a point, without entering the quay."""
     angle = np.radians(parameters.azimuth_deg - 90)
     level = np.sqrt(max(1.0, parameters.distance_m**2 - parameters.above_m**2))
     away = np.array([level * np.cos(angle), level * np.sin(angle), parameters.above_m])
@@ -97,7 +97,7 @@ def _look(builder: SceneBuilder, parameters: ShipyardParameters, position: Float
 def _ship(
     builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.Generator
 ) -> dict[str, Floats]:
-    """Hull with port-holes, plates and railing, superstructure, mast; places worth a look."""
+    """Add hull, plates, railing, superstructure and mast; return points to look at."""
     length = parameters.ship_m
     beam = 0.16 * length + 2.5
     docked = parameters.ship == "docked"
@@ -151,7 +151,7 @@ def _superstructure(
     builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.Generator,
     x: float, y: float, deck: float, beam: float,
 ) -> Floats:  # fmt: skip
-    """Storeys that get smaller, windows around, a funnel, life-rafts, radar on top."""
+    """Add storeys of decreasing size, windows around, a funnel, life rafts and a radar."""
     length, parts, panes, z = 0.22 * parameters.ship_m, [], [], deck
     storeys = int(rng.integers(1, 4))
     for k in range(storeys):
@@ -301,7 +301,7 @@ def _containers(
 
 
 def _quay(builder: SceneBuilder, parameters: ShipyardParameters, rng: np.random.Generator) -> None:
-    """The quay wall, bollards, rails, and what lies about, most of it before the drone."""
+    """Add the quay wall, bollards, rails, and objects, most of them before the drone."""
     wide = 2.5 * YARD_M
     builder.box("quay", "concrete-weathered", (wide, YARD_M, 4.0), (0, -YARD_M / 2, -2.0))
     edge = block((wide, 0.4, 0.2), (0, -0.2, 0.1))

@@ -25,7 +25,7 @@ SLAB_M, RAILING_M = 0.18, 0.95
 
 
 class StairwellParameters(Parameters):
-    """Of two flights the first goes up ahead on the right, the second comes back on the left."""
+    """Of two flights, the first goes up ahead on the right, the second returns on the left."""
 
     looking: str = one_of("up", "down", text="from the lobby up, or from the landing down")
     steps: int = drawn(7, 11, "of each flight")
@@ -46,12 +46,12 @@ class StairwellParameters(Parameters):
 
 
 def build(parameters: StairwellParameters, rng: np.random.Generator) -> SceneBuilder:
-    """Lobby at x = 0, the first step `LOBBY_M` ahead, the landing at the far end."""
+    """Build the scene: lobby at x = 0, the first step `LOBBY_M` ahead, the landing beyond."""
     if parameters.shape != "two-flights":
         return _other_stairs(parameters, rng)
     top = _landing_m(parameters)
     far = LOBBY_M + parameters.steps * parameters.tread_m
-    # From the right of the railing across it, so that its bars stand apart.
+    # Looks across the railing from its right, so that its bars are separate.
     right, left = -parameters.width_m, 0.5 * parameters.width_m
     if parameters.looking == "up":
         position = (0.6, rng.uniform(0.5, 0.7) * right, parameters.drone_height_m)
@@ -74,7 +74,7 @@ def build(parameters: StairwellParameters, rng: np.random.Generator) -> SceneBui
 
 
 def _turned(eye: Point, aim: Point, left_deg: float, down_deg: float) -> tuple[float, ...]:
-    """What is looked at after a turn to the left and one down; the same where both are 0."""
+    """Return the target after a turn to the left and down; unchanged if both are 0."""
     x, y, z = np.subtract(aim, eye)
     turn = np.radians(left_deg)
     c, s = np.cos(turn), np.sin(turn)
@@ -83,7 +83,7 @@ def _turned(eye: Point, aim: Point, left_deg: float, down_deg: float) -> tuple[f
 
 
 def _other_stairs(parameters: StairwellParameters, rng: np.random.Generator) -> SceneBuilder:
-    """Winding or straight stairs with somebody or something on them."""
+    """Add winding or straight stairs with a person or objects on them."""
     builder = SceneBuilder((0, 0, 0), (1, 0, 0), sky_klx=rng.uniform(5.0, 18.0))
     if parameters.shape == "winding":
         eye, aim = add_winding(builder, rng, parameters.rise_m, parameters.stairs, parameters.walls)
@@ -143,7 +143,7 @@ def _shell(builder: SceneBuilder, parameters: StairwellParameters, top: float, f
     builder.mesh("window frame", "paint-white", union(bars))
     centre = (end + 0.07, 0, (low + high) / 2)
     builder.rectangle("window pane", "glass-pane", (high - low, 2 * wide), centre, (0, 90, 0))
-    # What laser spots end on that leave by the window.
+    # Ends laser beams that leave through the window.
     builder.box("house opposite", "brick", (0.2, 12, 14), (end + 3.0, 0, 4))
 
 
@@ -225,7 +225,7 @@ def _railings(builder: SceneBuilder, parameters: StairwellParameters) -> None:
 def _clutter(
     builder: SceneBuilder, parameters: StairwellParameters, rng: np.random.Generator
 ) -> None:
-    """Things on steps, and maybe somebody on his way up."""
+    """Add objects on steps, and sometimes a person walking up."""
     y = -(parameters.width_m + WELL_M) / 2
     taken = int(rng.integers(1, parameters.steps // 2))
     free = [step for step in range(parameters.steps - 1) if abs(step - taken) > 1]
@@ -234,11 +234,7 @@ def _clutter(
     for name, step in zip(things, positions, strict=True):
         material, make = _THINGS[name]
         x = LOBBY_M + (step + 0.55) * parameters.tread_m
-        at = (
-            x,
-            y + rng.uniform(-0.35, 0.35) * parameters.width_m,
-            (step + 1) * parameters.rise_m,
-        )
+        at = (x, y + rng.uniform(-0.35, 0.35) * parameters.width_m, (step + 1) * parameters.rise_m)
         builder.mesh(name, material, make(), at, (0, 0, rng.uniform(0, 360)))
     if parameters.person == "person":
         x = LOBBY_M + (taken + 0.5) * parameters.tread_m

@@ -4,7 +4,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.facade import DOOR_M, Front, add_front
 from spisim_worlds.parts.houses import add_houses
 from spisim_worlds.parts.placing import aside
@@ -50,7 +50,7 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> SceneBuilde
     """The street runs along x; the line of sight turns from it to the left."""
     y = parameters.front_m
     if parameters.view != "front":
-        # Every draw of a front goes on as it was; what is seen of it is another part.
+        # The random draws of a front are unchanged; another part of it is in view.
         parameters = _further(parameters)
     eye_z = parameters.drone_height_m
     target = (y / np.tan(np.radians(parameters.heading_deg)), y, parameters.target_m)
@@ -68,7 +68,7 @@ def build(parameters: StreetParameters, rng: np.random.Generator) -> SceneBuilde
 
 
 def _further(parameters: StreetParameters) -> StreetParameters:
-    """The same street, seen along it past its end, or at the eaves, from higher up."""
+    """Show the same street past its end, or from the height of the eaves or above."""
     low, eaves = parameters.drone_height_m, 3.0 * parameters.storeys
     height = low + parameters.rise * (eaves + 0.5 - low)
     heading = parameters.heading_deg + parameters.turn_deg
@@ -84,7 +84,7 @@ def _further(parameters: StreetParameters) -> StreetParameters:
 def _open_end(
     builder: SceneBuilder, parameters: StreetParameters, rng: np.random.Generator
 ) -> None:
-    """The street goes on beyond the houses, over land to the horizon; roofs, trees, a lamp row."""
+    """Add land to the horizon beyond the houses, with roofs, trees and a row of lamps."""
     heading = parameters.heading_deg
     rolling, far = waves(rng, (40, 200)), hills(rng, rng.uniform(200, 900), rng.uniform(0, 300))
 
@@ -113,7 +113,7 @@ def _open_end(
 
 
 def _in_view(parameters: StreetParameters, before_m: float, angle_deg: float) -> float:
-    """x of what stands so far before the house front and is seen at an angle to the left."""
+    """Return x of an object before the house front that is seen at an angle to the left."""
     heading = np.radians(parameters.heading_deg + angle_deg)
     return float((parameters.front_m - before_m) / np.tan(heading))
 
@@ -158,7 +158,7 @@ def _vehicle(builder: SceneBuilder, parameters: StreetParameters, rng: np.random
 def _pavement(
     builder: SceneBuilder, parameters: StreetParameters, rng: np.random.Generator
 ) -> None:
-    """Lamp post, bins, bollards and whoever walks there."""
+    """Add a lamp post, bins, bollards and a pedestrian."""
     y = parameters.front_m
     post = (_in_view(parameters, 1.2, rng.choice([-1, 1]) * rng.uniform(3, 8)), y - 1.2, KERB_M)
     builder.mesh("lamp post", "steel-galvanised", _lamp_post(), post)
@@ -238,7 +238,7 @@ def _bin() -> Mesh:
     return union([body, lid, *wheels, handle])
 
 
-#: Turns a lathe of four sections so that its sides, not its edges, face x and y.
+#: Rotates a lathe of four sections so that its sides face x and y.
 _QUARTER = np.array(
     [[c := np.sqrt(0.5), -c, 0, 0], [c, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], float
 )

@@ -11,11 +11,11 @@ from spisim_worlds.parts.terrain import patchwork, terrain, waves
 from spisim_worlds.parts.woods import add_far_woods
 
 EYE_M = (0.0, 0.0, 1.5)
-#: A little more than what a field of 20° covers, per metre of distance.
+#: Slightly more than the width of a 20° field, per metre of distance.
 SIZE_PER_M = 0.4
-#: In front of the board, so that the drawn pattern stands out from it and leaves it closed.
+#: Distance of the pattern in front of the closed board.
 RELIEF_M = 0.004
-#: Of boards around the target.
+#: Materials of boards around the target.
 BRIGHT = ("paint-white", "cardboard", "wood-dry", "pvc", "steel-painted")
 DARK = ("rubber-black", "asphalt", "charcoal", "brick", "paint-black")
 
@@ -47,7 +47,7 @@ class TargetParameters(Parameters):
 
 
 def build(parameters: TargetParameters, rng: np.random.Generator) -> SceneBuilder:
-    """One target, dead ahead; or from another side, with others around it."""
+    """Build one target straight ahead; or from another side, with others around it."""
     x = EYE_M[0] + parameters.distance_m
     builder = SceneBuilder(
         position_m=EYE_M, look_at_m=(x, *EYE_M[1:]), sky_klx=float(rng.uniform(0.1, 1.0))
@@ -62,7 +62,7 @@ def build(parameters: TargetParameters, rng: np.random.Generator) -> SceneBuilde
 def _seen_from_aside(
     builder: SceneBuilder, parameters: TargetParameters, rng: np.random.Generator
 ) -> None:
-    """Move the drone about the target, as far from it as before, and look past its middle."""
+    """Move the drone around the target at a constant distance, and look past its middle."""
     azimuth, elevation = np.radians([parameters.azimuth_deg, parameters.elevation_deg])
     level = np.cos(elevation)
     away = np.array([-level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
@@ -75,12 +75,12 @@ def _seen_from_aside(
 
 
 def _turned(builder: SceneBuilder, parameters: TargetParameters, rng: np.random.Generator) -> None:
-    """A wall behind, and nothing else."""
+    """Add only a wall behind."""
     behind = rng.uniform(0.3, 3.0)
     eye, target = np.asarray(builder.position_m), np.asarray(builder.look_at_m)
     view = (target - eye) / np.linalg.norm(target - eye)
     at = eye + (parameters.distance_m + behind) * view
-    # Square to nothing: the wall is as it happens to be.
+    # The wall has a random orientation.
     turn = (
         0.0,
         rng.uniform(-20, 20),
@@ -111,7 +111,7 @@ def _laboratory(
 
 
 def _range(builder: SceneBuilder, parameters: TargetParameters, rng: np.random.Generator) -> None:
-    """A test range in the open: boards at all distances, land to the horizon."""
+    """Build an outdoor test range: boards at all distances, land to the horizon."""
     low = min(0.0, float(builder.position_m[2]) - 1.0)
     rolling = waves(rng, (30, 200))
     land = terrain(lambda x, y: low - 0.3 + 0.3 * rolling(x, y), ((-20, 20), (-20, 20)), 2.0)
@@ -126,7 +126,7 @@ def _range(builder: SceneBuilder, parameters: TargetParameters, rng: np.random.G
 def _boards(
     builder: SceneBuilder, parameters: TargetParameters, rng: np.random.Generator, low: float
 ) -> None:
-    """Charts on stands in view, before and behind the target, each turned its own way."""
+    """Add charts on stands in view, before and behind the target, at random orientations."""
     eye = np.asarray(builder.position_m)
     view = np.subtract(builder.look_at_m, eye)
     view = view / np.linalg.norm(view)
@@ -161,7 +161,7 @@ def _plane(
 def _tilted_plane(
     builder: SceneBuilder, parameters: TargetParameters, at: tuple[float, float, float]
 ) -> None:
-    # Far enough across for the field still to be filled on the far side.
+    # Wide enough to fill the field on the far side.
     size = SIZE_PER_M * parameters.distance_m * 4
     turn = (0.0, 0.0, parameters.tilt_deg)
     builder.box("board", parameters.bright, (0.02, size, size), at, turn)
@@ -175,7 +175,7 @@ def _step_wedge(
     width = size / parameters.steps
     for i in range(parameters.steps):
         behind = (i - (parameters.steps - 1) / 2) * parameters.step_m
-        # Overlapping strips leave no gap to look through between two steps.
+        # Overlapping strips leave no gap between two steps.
         middle_x = at[0] + behind + parameters.step_m
         position = (middle_x, at[1] + size / 2 - (i + 0.5) * width, at[2])
         builder.box(
@@ -192,7 +192,7 @@ def _siemens_star(
     radius = 0.4 * SIZE_PER_M * parameters.distance_m
     edges = np.linspace(0, 2 * np.pi, 2 * parameters.spokes, endpoint=False)
     wedge = np.pi / parameters.spokes
-    turn = 0.3 * wedge  # no edge along rows, columns or diagonals of pixels
+    turn = 0.3 * wedge  # avoids edges along rows, columns or diagonals of pixels
     spokes = union([_spoke(radius, turn + edge, wedge) for edge in edges[::2]])
     builder.mesh("star", parameters.dark, spokes, (at[0] - RELIEF_M, *at[1:]))
 
@@ -221,7 +221,7 @@ def _board(
     builder: SceneBuilder, parameters: TargetParameters, at: tuple[float, float, float]
 ) -> None:
     size = 1.1 * SIZE_PER_M * parameters.distance_m
-    # Its front is where the target is, so that distances are those of its description.
+    # Its front is at the target, so that distances are as described.
     builder.box("board", parameters.bright, (0.02, size, size), (at[0] + 0.01, *at[1:]))
 
 

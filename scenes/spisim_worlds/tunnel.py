@@ -54,7 +54,7 @@ class TunnelParameters(Parameters):
 
 
 def build(parameters: TunnelParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The tunnel runs along x; the floor is z = 0."""
+    """Build the tunnel along x with the floor at z = 0."""
     radius = parameters.radius_m
     position = (0.0, -rng.uniform(0.2, 0.45) * radius, rng.uniform(0.9, 1.3))
     ahead = 0.7 * parameters.length_m
@@ -79,7 +79,7 @@ def build(parameters: TunnelParameters, rng: np.random.Generator) -> SceneBuilde
 
 
 def _look_elsewhere(builder: SceneBuilder, parameters: TunnelParameters) -> None:
-    """Move the drone to the left and turn it; not at all where both are 0."""
+    """Move the drone to the left and turn it, unless both are 0."""
     eye, aim = np.asarray(builder.position_m, float), np.asarray(builder.look_at_m, float)
     eye[1] += parameters.aside * parameters.radius_m
     eye[1] = np.clip(eye[1], -0.5 * parameters.radius_m, 0.45 * parameters.radius_m)
@@ -91,7 +91,7 @@ def _look_elsewhere(builder: SceneBuilder, parameters: TunnelParameters) -> None
 
 
 def _stores(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator) -> None:
-    """Crates, cones, bottles and pallets along the way, and a ladder to the vault."""
+    """Add crates, cones, bottles and pallets along the way, and a ladder to the vault."""
     kinds = [
         ("crates", "plywood", block((0.6, 0.5, 0.5), (0, 0, 0.25))),
         ("cones", "polypropylene", cone()),
@@ -110,7 +110,7 @@ def _stores(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
 
 
 def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator) -> None:
-    """Posts and a beam across, every metre or two, as where rock presses."""
+    """Add posts and a beam across every metre or two, as under rock pressure."""
     if not parameters.props:
         return
     high, half = 0.92 * float(_outline(parameters)[:, 1].max()), 0.72 * parameters.radius_m
@@ -127,7 +127,7 @@ def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
 
 
 def _vault(parameters: TunnelParameters) -> tuple[Floats, Floats]:
-    """Distances from the middle, ascending, and the height of the vault there."""
+    """Return distances from the middle, ascending, and the height of the vault there."""
     outline = _outline(parameters)
     left = outline[: int(outline[:, 1].argmax()) + 1]
     upper = left[left[:, 1] >= left[int(left[:, 0].argmax()), 1]][::-1]
@@ -135,9 +135,9 @@ def _vault(parameters: TunnelParameters) -> tuple[Floats, Floats]:
 
 
 def _outline(parameters: TunnelParameters) -> Floats:
-    """Points (n, 2), (y, z), of the vault from the floor on the left over the top to the right.
+    """Return points (n, 2), (y, z), of the vault from the floor on the left over the top.
 
-    A round tunnel is cut by its floor at 0.6 radii below its middle, a horseshoe has upright walls.
+    A round tunnel is cut by its floor 0.6 radii below its middle; a horseshoe has upright walls.
     """
     radius = parameters.radius_m
     if parameters.profile == "horseshoe":
@@ -159,13 +159,13 @@ def _outline(parameters: TunnelParameters) -> Floats:
 
 
 def _left_wall(outline: Floats, height: float) -> float:
-    """y of the left wall at a height."""
+    """Return y of the left wall at a height."""
     left = outline[: len(outline) // 2 + 1]
     return float(np.interp(height, left[:, 1], left[:, 0]))
 
 
 def _niches(parameters: TunnelParameters, rng: np.random.Generator) -> list[float]:
-    """Where niches start along x, apart from each other."""
+    """Return starts of niches along x, separated from each other."""
     slots = np.arange(2.5, parameters.length_m - NICHE_LENGTH_M - 0.3, NICHE_LENGTH_M + 0.6)
     return sorted(float(x) for x in rng.permutation(slots)[: parameters.niches])
 
@@ -378,7 +378,7 @@ def _hanging(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random
 def _on_the_floor(
     builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator
 ) -> None:
-    """Track, drum, tyre, puddle, and somebody at work."""
+    """Add a track, a drum, a tyre, a puddle, and a worker."""
     radius = parameters.radius_m
     if parameters.track == "track":
         xs = np.arange(START_M, parameters.length_m, 0.6)

@@ -7,7 +7,7 @@ from trimesh.creation import icosphere
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, SceneBuilder, drawn, drawn_log, one_of
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.lattice import boom
 from spisim_worlds.parts.natural import scattered_rocks
 from spisim_worlds.parts.ropes import hanging
@@ -15,12 +15,12 @@ from spisim_worlds.parts.shapes import Mesh, bars, block, lathe, moved, rod, spr
 from spisim_worlds.parts.terrain import Terrain, patchwork, terrain, waves
 from spisim_worlds.parts.woods import TREES, add_far_woods, add_wood, in_view
 
-#: Bundles are held apart by spacers every so many metres.
+#: Distance between spacers of a bundle.
 SPACERS_M, BUNDLE_M = 18.0, 0.4
 
 
 class ValleyLineParameters(Parameters):
-    """The drone flies beside the near support or under the line and looks out over the valley."""
+    """The drone flies beside the near support or under the line, and looks over the valley."""
 
     line: str = one_of("conductors", "bundles", "ropeway", "chairlift", text="what is carried")
     support: str = one_of("pylon", "portal", "mast", text="on the near slope")
@@ -71,7 +71,7 @@ def _valley(parameters: ValleyLineParameters, rng: np.random.Generator) -> Terra
 
     def relief(x: Floats, y: Floats) -> Floats:
         s = x * np.cos(across) + y * np.sin(across) - edge
-        # Softly from one slope to the next: log of a sum of exponentials.
+        # Smooth maximum of the slopes: log of a sum of exponentials.
         soft = 6.0 * fall
         near = -soft * np.logaddexp(0, np.clip(s * fall / soft, -700, 700))
         near = np.maximum(near, -parameters.depth_m)
@@ -90,7 +90,7 @@ def _along(parameters: ValleyLineParameters) -> Floats:
 
 
 def _offsets(parameters: ValleyLineParameters) -> Floats:
-    """Of the wires (n,) from the middle of the support, across the line."""
+    """Return offsets of the wires (n,) from the middle of the support, across the line."""
     n = parameters.wires
     return np.asarray(parameters.spread_m * (np.arange(n) - (n - 1) / 2))
 
@@ -98,7 +98,7 @@ def _offsets(parameters: ValleyLineParameters) -> Floats:
 def _support(
     builder: SceneBuilder, parameters: ValleyLineParameters, land: Terrain, foot: Floats, top: float
 ) -> None:
-    """What carries the wires, with a cross-arm as wide as they are apart."""
+    """Add the support, with a cross-arm as wide as the wires."""
     base = float(land.height(*foot)) - 1.5
     reach = float(np.abs(_offsets(parameters)).max()) + 0.4
     along = np.array([*_along(parameters), 0.0])
@@ -129,7 +129,7 @@ def _line(
     builder: SceneBuilder, parameters: ValleyLineParameters, rng: np.random.Generator,
     land: Terrain, foot: Floats, top: float,
 ) -> None:  # fmt: skip
-    """Wires both ways from the support, what holds them, what hangs on them, the far support."""
+    """Add wires both ways from the support, fittings, loads, and the far support."""
     along = _along(parameters)
     across = np.array([-along[1], along[0]])
     far_foot = foot + parameters.span_m * along
@@ -202,14 +202,14 @@ def _dense(start: Floats, end: Floats, sag: float, near: Floats) -> Floats:
 
 
 def _open(segments: Floats, radius: float) -> Mesh:
-    """Bars without ends: wires that run on are no solids, however long."""
+    """Return bars without end caps, because endless wires are not solids."""
     whole = bars(segments, radius, 6)
     open_ = whole.faces.reshape(len(segments), -1, 3)[:, :12].reshape(-1, 3)
     return Mesh(whole.vertices, open_, process=False)
 
 
 def _spots_on(paths: list[Floats], spacing: float, low: float, high: float) -> Floats:
-    """Places (n, 3) on wires, evenly along each between two distances from its start."""
+    """Return positions (n, 3) on wires, evenly between two distances from their start."""
     result = []
     for path in paths:
         length = np.concatenate([[0], np.linalg.norm(np.diff(path, axis=0), axis=1).cumsum()])
@@ -227,7 +227,7 @@ def _fittings(
     builder: SceneBuilder, parameters: ValleyLineParameters, rng: np.random.Generator,
     paths: list[Floats], foot: Floats,
 ) -> None:  # fmt: skip
-    """Balls that warn pilots, or dampers."""
+    """Add aerial marker balls, or dampers."""
     if parameters.balls == "balls":
         spots = _spots_on(paths[:1], rng.uniform(8, 35), rng.uniform(2, 8), 400)
         builder.mesh("warning balls", "polypropylene", spread(icosphere(3, 0.3), spots, 0, 1))
@@ -274,7 +274,7 @@ def _hung(
     builder: SceneBuilder, rng: np.random.Generator, ropes: list[Floats], spacing: float,
     parts: dict[tuple[str, str], Mesh],
 ) -> None:  # fmt: skip
-    """Copies of what hangs along ropes, none on the drone."""
+    """Add copies of a load along ropes, none of them at the drone."""
     spots = _spots_on(ropes, spacing, rng.uniform(4, spacing), 300)
     spots = spots[np.linalg.norm(spots - np.asarray(builder.position_m), axis=1) > 6.0][:24]
     heading = np.degrees(np.arctan2(*(ropes[0][-1] - ropes[0][0])[1::-1]))

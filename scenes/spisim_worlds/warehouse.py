@@ -1,4 +1,4 @@
-"""A warehouse aisle: racks with goods on both sides, things in the way, an end wall."""
+"""A warehouse aisle: racks with goods on both sides, obstacles, an end wall."""
 
 from collections.abc import Callable
 
@@ -9,12 +9,12 @@ from spisim_worlds.parts import props
 from spisim_worlds.parts.placing import aside
 from spisim_worlds.parts.shapes import Mesh, tube
 
-Place = tuple[float, float, float]
-Add = Callable[[SceneBuilder, Place, np.random.Generator], None]
-#: Heights of the decks of a rack, and width and depth of one.
+Position = tuple[float, float, float]
+Add = Callable[[SceneBuilder, Position, np.random.Generator], None]
+#: Heights of a rack's decks, and its width and depth.
 DECKS_M, RACK_M, RACK_DEPTH_M = (0.15, 1.0, 1.8), 1.8, 0.6
 SKYLIGHT_M = 1.6
-#: Of somebody around the middle, elbows and hands included.
+#: Radius of a person, including elbows and hands.
 WORKER_MAX_RANGE_M = 0.4
 
 
@@ -26,7 +26,7 @@ class WarehouseParameters(Parameters):
     length_m: float = drawn(7.5, 9.3, "to the end wall")
     aisle_m: float = drawn(1.7, 2.8, "width between the racks")
     first_rack_m: float = drawn(3.0, 5.0, "to the first racks")
-    goods: float = drawn(0.3, 0.95, "share of the places on the racks that are taken")
+    goods: float = drawn(0.3, 0.95, "fraction of the rack positions that are occupied")
     nearest_m: float = drawn(2.4, 3.4, "to the first thing in the way")
     things: int = drawn(4, 8, "in the way, where there is room")
     lamps: int = drawn(1, 3, "that hang from the ceiling")
@@ -37,7 +37,7 @@ class WarehouseParameters(Parameters):
 
 
 def build(parameters: WarehouseParameters, rng: np.random.Generator) -> SceneBuilder:
-    """The aisle runs along x."""
+    """Build the scene with the aisle along x."""
     eye = (0.0, rng.uniform(-0.15, 0.15), parameters.drone_height_m)
     target = (parameters.length_m, rng.uniform(-0.5, 0.5), parameters.target_m)
     builder = SceneBuilder(eye, target, sky_klx=rng.uniform(5.0, 20.0))
@@ -105,7 +105,7 @@ def _racks(
 
 
 def _end(builder: SceneBuilder, parameters: WarehouseParameters, rng: np.random.Generator) -> None:
-    """What leans on or stands at the end wall."""
+    """Add objects that lean on or stand at the end wall."""
     x = parameters.length_m
     y = rng.uniform(-0.3, 0.3) * parameters.aisle_m
     builder.mesh("ladder", "aluminium-anodised", props.ladder(), (x - 0.66, y, 0.01), (0, 15, 0))
@@ -116,7 +116,7 @@ def _end(builder: SceneBuilder, parameters: WarehouseParameters, rng: np.random.
 
 
 def _way(builder: SceneBuilder, parameters: WarehouseParameters, rng: np.random.Generator) -> None:
-    """Things in the aisle, alternately on its left and right, each in view, where there is room."""
+    """Add obstacles in the aisle, alternately left and right, each in view, if there is room."""
     ahead = np.linspace(parameters.nearest_m, parameters.length_m - 2.0, parameters.things)
     kinds = rng.permutation(sorted(_THINGS))[: parameters.things]
     side = rng.choice([-1, 1])
@@ -138,7 +138,7 @@ def _worker(
     taken: list[tuple[float, float, float]],
     rng: np.random.Generator,
 ) -> None:
-    """Somebody in the first free place of many, if any is."""
+    """Add a person at the first free position of several, if any."""
     turn = (0, 0, rng.uniform(-40, 40))
     widest = parameters.aisle_m / 2 - WORKER_MAX_RANGE_M
     for x, across in rng.uniform((4.5, -1.0), (7.0, 1.0), (50, 2)).tolist():
@@ -149,14 +149,14 @@ def _worker(
 
 
 def _is_free(taken: list[tuple[float, float, float]], x: float, y: float, reach: float) -> bool:
-    """Whether what reaches so far around a place stays clear of all others (x, y, reach)."""
+    """Return whether an object of some reach stays clear of all others (x, y, reach)."""
     return all(np.hypot(x - x_, y - y_) >= reach + reach_ for x_, y_, reach_ in taken)
 
 
 def _above(
     builder: SceneBuilder, parameters: WarehouseParameters, rng: np.random.Generator
 ) -> None:
-    """Lamps, and a loose cable down to about the height of the drone."""
+    """Add lamps, and a loose cable down to about the height of the drone."""
     rim = parameters.ceiling_m - 1.75
     spots = np.linspace(3.5, parameters.length_m - 1.5, parameters.lamps)
     lamps: list[Pose] = [((0, 0, 0), (float(x), 0, rim)) for x in spots]
@@ -171,7 +171,7 @@ def _above(
     builder.box("skylight bar", "steel-painted", (0.06, SKYLIGHT_M, 0.1), copies=bars)
 
 
-def _drum_on_pallets(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
+def _drum_on_pallets(builder: SceneBuilder, at: Position, rng: np.random.Generator) -> None:
     count = int(rng.integers(1, 5))
     pallets: list[Pose] = [
         ((0, 0, 90 + rng.uniform(-4, 4)), (at[0], at[1], 0.144 * k)) for k in range(count)
@@ -180,7 +180,7 @@ def _drum_on_pallets(builder: SceneBuilder, at: Place, rng: np.random.Generator)
     builder.mesh("drum", "steel-rusty", props.drum(), (at[0], at[1], 0.144 * count))
 
 
-def _cartons_on_a_pallet(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
+def _cartons_on_a_pallet(builder: SceneBuilder, at: Position, rng: np.random.Generator) -> None:
     builder.mesh("pallet below the cartons", "wood-weathered", props.pallet(), at, (0, 0, 90))
     copies: list[Pose] = []
     layers = int(rng.integers(1, 4))
@@ -193,7 +193,7 @@ def _cartons_on_a_pallet(builder: SceneBuilder, at: Place, rng: np.random.Genera
     builder.mesh("open carton", "cardboard", props.open_carton(), top, (0, 0, rng.uniform(-20, 20)))
 
 
-def _tyres(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
+def _tyres(builder: SceneBuilder, at: Position, rng: np.random.Generator) -> None:
     copies: list[Pose] = [
         ((0, 0, 0), (at[0] + rng.uniform(-0.03, 0.03), at[1] + rng.uniform(-0.03, 0.03), 0.2 * k))
         for k in range(int(rng.integers(2, 6)))
@@ -201,8 +201,8 @@ def _tyres(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
     builder.mesh("tyre", "rubber-black", props.tyre(), copies=copies)
 
 
-def _pallet_truck(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
-    """Along the aisle, its forks upon the place, towards us or away."""
+def _pallet_truck(builder: SceneBuilder, at: Position, rng: np.random.Generator) -> None:
+    """Add it along the aisle, with forks over the position, towards the drone or away."""
     turn = float(rng.choice((0, 180)) + rng.uniform(-8, 8))
     back = 0.4 * np.array([np.cos(np.radians(turn)), np.sin(np.radians(turn)), 0])
     builder.mesh("pallet truck", "steel-painted", props.pallet_jack(), at - back, (0, 0, turn))
@@ -211,13 +211,13 @@ def _pallet_truck(builder: SceneBuilder, at: Place, rng: np.random.Generator) ->
 def _single(name: str, material: str, make: Callable[[], Mesh]) -> Add:
     """One prop, turned at random."""
 
-    def add(builder: SceneBuilder, at: Place, rng: np.random.Generator) -> None:
+    def add(builder: SceneBuilder, at: Position, rng: np.random.Generator) -> None:
         builder.mesh(name, material, make(), at, (0, 0, rng.uniform(0, 360)))
 
     return add
 
 
-#: How far each thing reaches around its place on the floor, and what adds it.
+#: Reach of each obstacle around its position on the floor, and the function that adds it.
 _THINGS: dict[str, tuple[float, Add]] = {
     "drum on pallets": (0.75, _drum_on_pallets),
     "cartons on a pallet": (0.75, _cartons_on_a_pallet),

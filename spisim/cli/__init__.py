@@ -39,25 +39,25 @@ from .outputs import INTERRUPTED
 
 
 class Commands(TyperGroup):
-    """The subcommands; what a user can cause ends as a message, never as a traceback."""
+    """The subcommands; errors caused by the user end in a message, never in a traceback."""
 
     as_json = False
 
     def make_context(self, info_name: Any, args: Any, *more: Any, **options: Any) -> Any:
-        """Read the arguments up to the subcommand."""
+        """Parse the arguments before the subcommand."""
         self.as_json = "--json" in args
-        with _reported(self.as_json):
+        with _report_errors(self.as_json):
             return super().make_context(info_name, args, *more, **options)
 
     def invoke(self, ctx: Any) -> Any:
-        """Run a subcommand: exit 2 for input or files that cannot be used, 130 for Ctrl-C."""
-        with _reported(self.as_json):
+        """Run a subcommand: exit 2 for unusable input or files, 130 for Ctrl-C."""
+        with _report_errors(self.as_json):
             return super().invoke(ctx)
 
 
 @contextmanager
-def _reported(as_json: bool) -> Iterator[None]:
-    """What a user can cause is told in one line, and ends the program."""
+def _report_errors(as_json: bool) -> Iterator[None]:
+    """Report errors caused by the user in one line, and exit."""
     try:
         yield
         flush_output()
@@ -83,21 +83,21 @@ def _reported(as_json: bool) -> Iterator[None]:
 
 
 def _is_interrupt(error: BaseException) -> bool:
-    """Whether it is what a library in C++ makes of Ctrl-C, as Mitsuba does while it is loaded."""
+    """Return whether an exception is Ctrl-C raised by a C++ library, as Mitsuba does on import."""
     cause = error.__cause__ or error.__context__
     return isinstance(error, SystemError | ImportError) and isinstance(cause, KeyboardInterrupt)
 
 
 def _wrong_arguments(error: Any) -> str | None:
-    """What is wrong with the arguments, and where their help is; None of other errors.
+    """Return a message on wrong arguments and where their help is; None for other errors.
 
-    Typer's errors have a context; a command called without any shows its help as one of them.
+    Typer's errors have a context; a command called without arguments shows its help as one of them.
     """
     if not hasattr(error, "format_message") or type(error).__name__ == "NoArgsIsHelpError":
         return None
     context = getattr(error, "ctx", None)
-    where = "" if context is None else f" ({context.command_path} --help tells more)"
-    message = error.format_message().replace(": Value error, ", ": ")  # of words to choose from
+    where = "" if context is None else f" ({context.command_path} --help)"
+    message = error.format_message().replace(": Value error, ", ": ")  # of a choice
     return f"{message}{where}"
 
 
@@ -121,7 +121,7 @@ def _tell_version(wanted: bool) -> None:
 def _options(
     version: Annotated[
         bool,
-        typer.Option("--version", callback=_tell_version, is_eager=True, help="Tell the version."),
+        typer.Option("--version", callback=_tell_version, is_eager=True, help="Show the version."),
     ] = False,
 ) -> None:
     """Options of the program itself."""

@@ -1,4 +1,4 @@
-"""What the commands say: results on stdout, progress and messages on stderr."""
+"""Output of the commands: results on stdout, progress and messages on stderr."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -13,13 +13,13 @@ from spisim.base.progress import Advance, terminal_bar
 
 
 class _Terminal(Console):
-    """Shows all words as they are: names of files and scenes are no markup and steer nothing."""
+    """Prints text verbatim, without markup or control sequences in names of files and scenes."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(highlight=False, markup=False, emoji=False, **options)
 
     def render_str(self, text: str, **options: Any) -> Text:
-        """Words to be shown, those of tables included."""
+        """Return text to print, including that of tables."""
         return super().render_str(printable(text), **options)
 
 
@@ -28,17 +28,17 @@ results = _Terminal()
 
 
 def print_json(report: Mapping[str, Any]) -> None:
-    """Print one JSON object; what is not finite becomes null."""
+    """Print one JSON object; values that are not finite become null."""
     print(json_line(_plain(report)))
 
 
 def say(text: str, style: str | None = None) -> None:
-    """Print a message; terminals break long lines, not this program."""
+    """Print a message without line breaks, which are left to the terminal."""
     messages.print(shortened(text), style=style, soft_wrap=True)
 
 
 def fail(message: str, status: int, as_json: bool) -> None:
-    """Tell an error in one line on stderr, and with --json as an object on stdout too."""
+    """Print an error in one line on stderr, and with --json also as an object on stdout."""
     line = shortened(" ".join(message.split("\n")))
     say(f"error: {line}", style="red")
     with suppress(OSError):
@@ -49,20 +49,20 @@ def fail(message: str, status: int, as_json: bool) -> None:
 
 
 def warn(warnings: Iterable[str]) -> None:
-    """Say what the user should know before believing the results."""
+    """Print warnings about the results."""
     for warning in warnings:
         say(f"warning: {warning}", "yellow")
 
 
 def progress_bar(title: str, displayed: bool | None) -> AbstractContextManager[Advance]:
-    """Show a bar that the function in hand moves to a fraction; None shows it on terminals."""
+    """Display a bar that the returned function moves; None displays it on terminals only."""
     return terminal_bar(
         title, messages, displayed=messages.is_terminal if displayed is None else displayed
     )
 
 
 def _plain(value: Any) -> Any:
-    """JSON has no NaN, no tuples and no paths."""
+    """Replace values unknown to JSON: NaN, tuples and paths."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

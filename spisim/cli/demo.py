@@ -1,4 +1,4 @@
-"""`spisim demo`: everything once, from a scene to a depth map."""
+"""`spisim demo`: the whole chain, from a scene to a depth map."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,10 +12,10 @@ from .options import Bar, Json, Overwrite, Seed, Spp
 from .tables import print_errors, print_spots
 
 EXAMPLE = "spisim demo -o out/demo"
-#: Of the light, for the instrument that the page is about.
+#: Light paths for the instrument of the page.
 FRACTION = 0.8
 
-#: Beside those of a reconstruction: what their marks tell.
+#: Further files and their kinds.
 FILES = {
     "capture.h5": "simulated capture",
     "truth.exr": "transport image",
@@ -34,10 +34,10 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Simulate two instruments in a foggy warehouse, reconstruct, compare with truth.
+    """Simulate two instruments in a foggy warehouse, reconstruct, and compare with the truth.
 
-    The preset `fog`, which measures through it, and beside it the paper's single frequency, whose
-    ranges rest on a prior over the weather and say so.
+    The first is the preset `fog`, which measures through fog. The second is the paper's single
+    frequency, whose ranges depend on a prior of the weather and carry a warning.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture, write_outputs
     from reconstruction.base.files import Output

@@ -1,4 +1,4 @@
-"""`spisim doctor`: is this machine ready?"""
+"""`spisim doctor`: check this machine."""
 
 import importlib.metadata
 import os
@@ -24,10 +24,12 @@ def command(
     json: Json = False,
     install_llvm: Annotated[
         bool,
-        typer.Option("--install-llvm", help="First get LLVM from the Debian or Ubuntu archive."),
+        typer.Option(
+            "--install-llvm", help="First install LLVM from the Debian or Ubuntu archive."
+        ),
     ] = False,
 ) -> None:
-    """Tell what was found on this machine; exit 1 if it cannot simulate."""
+    """Report the state of this machine; exit 1 if it cannot simulate."""
     if install_llvm:
         from .install_llvm import install_llvm as install
 
@@ -43,7 +45,7 @@ def command(
 
 
 def examine() -> dict[str, Any]:
-    """Everything about the machine that matters here, and a list of problems, empty if ready."""
+    """Return all relevant facts about the machine, and a list of problems."""
     llvm, trouble = _llvm()
     gpu = _gpu()
     problems = [*([] if trouble is None or gpu else [trouble]), *_plug_ins()]
@@ -63,7 +65,7 @@ def examine() -> dict[str, Any]:
 
 
 def _llvm() -> tuple[dict[str, Any], str | None]:
-    """The LLVM library that Dr.Jit will use, and what is wrong with it."""
+    """Return the LLVM library that Dr.Jit will use, and its problem."""
     from spisim.base.llvm import LLVMNotFound, advice, find_llvm, probe, version_of
 
     try:
@@ -71,19 +73,19 @@ def _llvm() -> tuple[dict[str, Any], str | None]:
     except LLVMNotFound as error:
         return {"path": None, "version": None}, str(error)
     problem = probe(path)
-    result = {"path": str(path), "version": version_of(path)}
-    return result, problem and f"LLVM {path}: {problem}\n{advice()}"
+    library = {"path": str(path), "version": version_of(path)}
+    return library, problem and f"LLVM {path}: {problem}\n{advice()}"
 
 
 def _gpu() -> bool:
-    """Whether Dr.Jit can use a CUDA device."""
+    """Return whether Dr.Jit can use a CUDA device."""
     from spisim.transport.backend import has_cuda
 
     return has_cuda()
 
 
 def _plug_ins() -> list[str]:
-    """What is wrong with the entries that other packages register."""
+    """Return problems of entries that other packages register."""
     from reconstruction.capture import READINGS
     from reconstruction.depth import DEPTH_METHODS
     from reconstruction.image import DICTIONARIES, IMAGE_METHODS
@@ -98,15 +100,15 @@ def _plug_ins() -> list[str]:
     methods: tuple[Registry[Any], ...] = (IMAGE_METHODS, RANGING_METHODS, DEPTH_METHODS)
     parts: tuple[Registry[Any], ...] = (DICTIONARIES, READINGS, BASES, ORDERS)
     simulated: tuple[Registry[Any], ...] = (SENSORS, TOFS, WEATHER, FAMILIES, EXPORTS)
-    with warnings.catch_warnings(record=True) as reported:
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         for registry in (*methods, *parts, *simulated):
             list(registry.loadable())
-    return [str(each.message) for each in reported]
+    return [str(each.message) for each in caught]
 
 
 def _kernel_cache() -> dict[str, Any]:
-    """Where Dr.Jit keeps compiled kernels; without it every run compiles anew."""
+    """Return where Dr.Jit caches compiled kernels; without a cache every run recompiles."""
     from spisim.base.llvm import KERNELS
 
     nearest = KERNELS if KERNELS.exists() else KERNELS.parent
@@ -114,7 +116,7 @@ def _kernel_cache() -> dict[str, Any]:
 
 
 def _packages() -> dict[str, str]:
-    """Versions of spisim and of what it depends on."""
+    """Return versions of spisim and its dependencies."""
     requirements = importlib.metadata.requires("spisim") or []
     needed = [line for line in requirements if "extra" not in line]
     names = [re.split(r"[^\w.-]", line, maxsplit=1)[0] for line in needed]
@@ -128,7 +130,7 @@ def _packages() -> dict[str, str]:
 
 
 def _print(findings: dict[str, Any]) -> None:
-    """The same for people."""
+    """Print the findings as text."""
     llvm, cache = findings["llvm"], findings["cache"]
     table = word_table()
     table.add_column(style="dim")

@@ -29,9 +29,9 @@ def command(
 ) -> None:
     """Compare image, ranges and depth map with the truth of a simulated capture.
 
-    Without the folder of a result, a frame of the capture is reconstructed first, by the methods
-    named as for `reconstruct`. Of a rig's capture, which holds no truth, tell what its frames
-    repeat: noise against what is expected, saturation, spread of ranges.
+    Without the folder of a result, a frame is reconstructed first by the given methods. For a
+    recording without truth, report the repeatability of its frames: noise against the expected
+    noise, saturation, and spread of ranges.
     """
     from dataclasses import replace
 
@@ -51,13 +51,13 @@ def command(
     recording = read_capture(capture)
     if recording.truth is None and folder is None:
         with naming(capture):
-            reported = evaluate_recording(recording, names(ranging), weather=weather)
+            repeatability = evaluate_recording(recording, names(ranging), weather=weather)
         warnings = capture_warnings(recording, frame)
         warn(warnings)
         if json:
-            print_json(reported | {"warnings": warnings})
+            print_json(repeatability | {"warnings": warnings})
         else:
-            print_recording(reported)
+            print_recording(repeatability)
         return
     file = None
     if folder is None:
@@ -72,7 +72,7 @@ def command(
             )
     else:
         if weather is not None:
-            raise InputError(f"--weather goes with a reconstruction; {folder} holds a result")
+            raise InputError(f"--weather is only for a reconstruction; {folder} holds a result")
         file = folder / "result.h5"
         result = read_result(file)
     if min_free is not None:

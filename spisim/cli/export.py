@@ -43,8 +43,7 @@ def command(
         typer.Option("--format", help="rgbd, nerf, pcd, mcap; without it as OUT ends, or rgbd."),
     ] = None,
     formats: Annotated[
-        bool,
-        typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
+        bool, typer.Option("--formats", callback=_list, is_eager=True, help="List all formats.")
     ] = False,
     image: Methods = None,
     ranging: Methods = None,
@@ -54,10 +53,10 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Reconstruct captures, and write images, depth and ranges as other programs take them.
+    """Reconstruct captures, and write images, depth and ranges for other programs.
 
-    Frames stand where the scene of a simulated capture has the drone; those of a rig, at poses of
-    a file: python -m reconstruction export --poses.
+    Poses of simulated captures are those of the drone in the scene. For poses of recordings from a
+    file, use python -m reconstruction export --poses.
     """
     from reconstruction.cli.reconstruct import names
     from reconstruction.exports import (

@@ -39,7 +39,7 @@ def command(
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
     rate: Annotated[
-        float, opt.real_option("Captures a second.", minimum=0.01, maximum=1e4, metavar="HZ")
+        float, opt.real_option("Captures per second.", minimum=0.01, maximum=1e4, metavar="HZ")
     ] = 2.0,
     speed: Annotated[
         float, opt.real_option("Fly the path X times as fast.", minimum=0.01, maximum=100)
@@ -48,22 +48,21 @@ def command(
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: a fast stand-in, to learn from."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast, for training data.")
     ] = "traced",
     spp: opt.Spp = 256,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
-    """Fly a path: one capture per instant, with the drone's motion, then image and depth of each.
+    """Fly a path: one capture per instant with the drone's motion, then its image and depth.
 
-    Writes capture-0000.h5 and so on, a page, an animation and a table. Captures that the
-    folder has of the same flight are kept, so that an interrupted flight goes on where it was.
+    Writes capture-0000.h5 and so on, a page, an animation and a table. Existing captures of the
+    same flight are reused, so an interrupted flight continues.
     """
     from reconstruction.base.files import remove_unfinished
     from reconstruction.base.folders import output_folder
-    from spisim.dataset.flight import instants, retained_captures
+    from spisim.dataset.flight import existing_captures, instants
     from spisim.report.flight import flight_outputs, write_animation, write_table
     from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path, load_trajectory
@@ -74,31 +73,31 @@ def command(
     with output_folder(output, files, read, overwrite=overwrite), resumed():
         trajectory = load_trajectory(path, frame).faster(speed)
         carried = instrument_with(instrument, stated=stated or trajectory.weather)
-        position, oddities = scene_with(scene, carried.wavelength_nm, weather)
-        check_clear_path(position, trajectory)
-        flight = instants(position, trajectory, carried, rate, seed)
-        retained = retained_captures(output, flight, carried, light, spp)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        check_clear_path(loaded, trajectory)
+        flight = instants(loaded, trajectory, carried, rate, seed)
+        existing = existing_captures(output, flight, carried, light, spp)
         remove_unfinished(output / instant.file for instant in flight)
         record = partial(_record, output, instrument=carried, light=light, spp=spp)
         with progress_bar(f"Flying {len(flight)} captures", progress) as advance:
-            seen = []
+            frames = []
             for instant in flight:
                 done, fraction = instant.number / len(flight), 1 / len(flight)
-                if instant.number not in retained:
+                if instant.number not in existing:
                     record(instant, progress=_part(advance, done, fraction))
-                seen.append(_look(instant, output))
+                frames.append(_evaluated(instant, output))
                 advance(done + fraction)
-        write_animation(animation, seen, rate)
-        write_flight(page, position.name, seen, rate)
-        write_table(table, seen)
-    warnings = _warnings(seen)
+        write_animation(animation, frames, rate)
+        write_flight(page, loaded.name, frames, rate)
+        write_table(table, frames)
+    warnings = _warnings(frames)
     warn(warnings)
     written = [*(output / instant.file for instant in flight), animation, page, table]
     if json:
-        report = {"written": written, "captures": len(flight), "kept": len(retained)}
+        report = {"written": written, "captures": len(flight), "kept": len(existing)}
         print_json(report | {"duration_s": trajectory.duration_s, "warnings": oddities + warnings})
         return
-    old = f" ({len(retained)} of them kept)" if retained else ""
+    old = f" ({len(existing)} of them kept)" if existing else ""
     names = ", ".join(file.path.name for file in files)
     say(f"Wrote {len(flight)} captures{old}, {names} to {output}.")
     say(f"Look at it: {page.resolve().as_uri()}")
@@ -119,7 +118,7 @@ def _record(
     spp: int,
     progress: Callable[[float], None],
 ) -> None:
-    """Simulate and write the capture of an instant, without its time: equal ones are byte-equal."""
+    """Simulate and write the capture of an instant; without its time, equal ones are byte-equal."""
     from dataclasses import replace
 
     from reconstruction import write_capture
@@ -132,8 +131,8 @@ def _record(
     write_capture(replace(capture, provenance=provenance), folder / instant.file)
 
 
-def _look(instant: Instant, folder: Path) -> EvaluatedFrame:
-    """What a capture shows, as it is read: equal whether it was kept or made."""
+def _evaluated(instant: Instant, folder: Path) -> EvaluatedFrame:
+    """Evaluate a capture as read from its file, so that reused and new ones are equal."""
     from reconstruction import evaluate, read_capture, reconstruct
     from reconstruction.diagnostics import result_warnings
     from spisim.report.flight import EvaluatedFrame
@@ -145,10 +144,10 @@ def _look(instant: Instant, folder: Path) -> EvaluatedFrame:
     return EvaluatedFrame(instant, capture, result, evaluate(result, capture), warnings)
 
 
-def _warnings(seen: list[EvaluatedFrame]) -> list[str]:
-    """Of the captures, each once, with the first one's name."""
-    result: dict[str, str] = {}
-    for sighting in seen:
-        for warning in sighting.warnings:
-            result.setdefault(warning, sighting.instant.file)
-    return [f"{file}: {warning}" for warning, file in result.items()]
+def _warnings(frames: list[EvaluatedFrame]) -> list[str]:
+    """Return each warning once, with the name of its first capture."""
+    first: dict[str, str] = {}
+    for frame in frames:
+        for warning in frame.warnings:
+            first.setdefault(warning, frame.instant.file)
+    return [f"{file}: {warning}" for warning, file in first.items()]

@@ -1,4 +1,4 @@
-"""Scene and instrument, as the command line changes them."""
+"""Load scene and instrument with the changes of the command line."""
 
 from __future__ import annotations
 
@@ -22,10 +22,9 @@ if TYPE_CHECKING:
 def scene_with(
     name: str, wavelength_nm: float, weather: Weather = OWN_WEATHER
 ) -> tuple[Scene, list[str]]:
-    """Load a scene at a wavelength, with the weather of the command line in place of its own.
+    """Load a scene at a wavelength, with the weather of the command line instead of its own.
 
-    The scene's text is changed along, so that a capture tells how to make it again. Its warnings
-    are printed, and returned too.
+    The scene's text changes too, so that a capture records it. Warnings are printed and returned.
     """
     from spisim.scene import SceneWarning, load_scene
 
@@ -38,18 +37,18 @@ def scene_with(
 
 
 def captures_in(names: Iterable[Path]) -> list[Path]:
-    """Captures by their names, those of folders in the order of theirs; InputError for none."""
-    result: list[Path] = []
+    """Return captures by name, and those of folders in order. Raises InputError for none."""
+    files: list[Path] = []
     for name in names:
         inside = sorted(name.glob("*.h5")) if name.is_dir() else [name]
         if not inside:
-            raise InputError(f"{name}: there is no capture (.h5) in this folder")
-        result += inside
-    return result
+            raise InputError(f"{name}: no captures (.h5) in this folder")
+        files += inside
+    return files
 
 
 def _weather(stated: str) -> str | float:
-    """As an instrument's file states it; InputError for what is no weather."""
+    """Parse weather as in an instrument file. Raises InputError."""
     from reconstruction.ranging.weather import WORDS
     from reconstruction.ranging.weather import Weather as StatedWeather
 
@@ -66,19 +65,14 @@ def instrument_with(
     interleave: int | None = None,
     stated: str | None = None,
 ) -> Instrument:
-    """Load an instrument; move it, change its plan and weather where the command line says so."""
+    """Load an instrument with the wavelength, plan and weather of the command line."""
     from spisim.base.config import dump_yaml, parse_model
     from spisim.instrument import Instrument, load_instrument
 
     instrument = load_instrument(name)
     if wavelength_nm is not None:
         instrument = instrument.at_wavelength(wavelength_nm)
-    plan = {
-        "patterns": patterns,
-        "order": order,
-        "polarity": polarity,
-        "interleave": interleave,
-    }
+    plan = {"patterns": patterns, "order": order, "polarity": polarity, "interleave": interleave}
     changes = {key: value for key, value in plan.items() if value is not None}
     if not changes and stated is None:
         return instrument

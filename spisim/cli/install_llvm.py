@@ -1,6 +1,6 @@
 """Install LLVM from the Debian or Ubuntu archive into the Python environment, without root.
 
-Meant for machines that the LLVM wheel does not serve, such as 64-bit Arm under Linux.
+It serves machines without an LLVM wheel, such as 64-bit Arm under Linux.
 """
 
 import re
@@ -14,10 +14,10 @@ from spisim.base.llvm import MIN_VERSION, PRIVATE_FOLDER
 
 
 def install_llvm() -> Path:
-    """Download the newest libllvm and what it needs and this machine lacks; return its folder.
+    """Download the newest libllvm with its missing dependencies; return its folder.
 
-    Package lists and downloads are kept apart from the system's, which stay as they are.
-    Raises InputError where there is no apt or no new enough package.
+    Package lists and downloads are kept apart from the system's. Raises InputError without apt, or
+    without a recent enough package.
     """
     for program in ("apt-get", "apt-cache", "dpkg"):
         if not shutil.which(program):
@@ -40,7 +40,7 @@ def install_llvm() -> Path:
 
 
 def _apt_options(folder: Path) -> list[str]:
-    """Lists and downloads in `folder`; what is installed is read from the system."""
+    """Return options for lists and downloads in `folder`; installed packages are the system's."""
     settings = {
         "Dir::State": folder / "state",
         "Dir::State::status": "/var/lib/dpkg/status",
@@ -65,7 +65,7 @@ def _newest(listing: str) -> str:
 
 
 def _collect(unpacked: Path, folder: Path) -> None:
-    """Copy the shared libraries of all packages, links included, into one folder."""
+    """Copy the shared libraries of all packages, including links, into one folder."""
     draft = folder.with_name(f".{folder.name}.draft")
     shutil.rmtree(draft, ignore_errors=True)
     draft.mkdir(parents=True)
@@ -80,7 +80,7 @@ def _collect(unpacked: Path, folder: Path) -> None:
 
 
 def _run(*command: str) -> str:
-    """Output of a program; InputError with its last words if it fails."""
+    """Return the output of a program. Raises InputError with its last words if it fails."""
     run = subprocess.run(command, capture_output=True, text=True, check=False)
     if run.returncode != 0:
         words = run.stderr.strip().splitlines() or ["no message"]

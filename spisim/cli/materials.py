@@ -1,4 +1,4 @@
-"""`spisim materials`: what surfaces can be made of."""
+"""`spisim materials`: materials of surfaces."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ def command(
         str | None,
         typer.Argument(
             metavar="MATERIAL",
-            help="Tell of this one alone, with its source.",
+            help="Describe only this one, with its source.",
             autocompletion=complete.materials,
         ),
     ] = None,
     wavelength: Annotated[
-        float, real_option("Of the instrument.", minimum=800, maximum=1600, metavar="NM")
+        float, real_option("Wavelength of the instrument.", minimum=800, maximum=1600, metavar="NM")
     ] = 1550.0,
     json: Json = False,
 ) -> None:
-    """List the shipped materials: what each reflects at a wavelength, and how."""
+    """List the shipped materials: their reflectance at a wavelength, and their model."""
     from spisim.scene.materials import find_material, material_table
 
     if name is not None:
         _tell(find_material(name, wavelength_nm=wavelength), wavelength, json)
         return
-    table = material_table(wavelength)
+    materials = material_table(wavelength)
     if json:
-        rows = [_summary(material) for material in table.values()]
+        rows = [_summary(material) for material in materials.values()]
         print_json({"wavelength_nm": wavelength, "materials": rows})
         return
-    displayed = word_table("material", f"reflectance at {wavelength:g} nm", "how")
-    for material in table.values():
-        displayed.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
-    print_table(displayed)
+    table = word_table("material", f"reflectance at {wavelength:g} nm", "how")
+    for material in materials.values():
+        table.add_row(material.name, f"{material.reflectance:.3g}", _how(material))
+    print_table(table)
     results.print(
-        "\nReflectance of the diffuse body, or straight back where there is none. Where one comes "
-        "from: spisim materials NAME",
+        "\nReflectance of the diffuse body, or of direct backscatter without one. Sources: "
+        "spisim materials NAME",
         style="dim",
         soft_wrap=True,
     )
@@ -66,14 +66,14 @@ def _tell(material: Material, wavelength_nm: float, json: bool) -> None:
 
 
 def _how(material: Material) -> str:
-    """The name of its model in scene files."""
+    """Return the name of its model in scene files."""
     from spisim.scene.bsdf import BSDFS
 
     return next(name for name, model in BSDFS.items() if type(material.bsdf) is model)
 
 
 def _summary(material: Material) -> dict[str, Any]:
-    """JSON-ready."""
+    """Return a JSON-ready summary."""
     return {
         "name": material.name,
         "reflectance": material.reflectance,

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options shared by several commands."""
 
 from contextlib import suppress
 from math import inf, isfinite
@@ -13,9 +13,9 @@ from . import complete
 
 
 def number_option(minimum: int, maximum: int, text: str, usual: int | None = None) -> Any:
-    """An option that takes a whole number; what it refuses, it names.
+    """Define an option for a whole number, with an error message that names the limits.
 
-    `usual` is told in place of a default that is None.
+    `usual` is displayed as the default instead of None.
     """
 
     def parse(value: str) -> int:
@@ -30,7 +30,7 @@ def number_option(minimum: int, maximum: int, text: str, usual: int | None = Non
 def real_option(
     text: str, *names: str, minimum: float = -inf, maximum: float = inf, metavar: str = "X"
 ) -> Any:
-    """An option that takes a number; what it refuses, it names."""
+    """Define an option for a number, with an error message that names the limits."""
     limits = f" from {minimum:g} to {maximum:g}" if isfinite(maximum) else ""
 
     def parse(value: str) -> float:
@@ -43,7 +43,7 @@ def real_option(
 
 
 def light_budget(spp: int | None, transport_noise_share: float | None) -> dict[str, Any]:
-    """Arguments of a light transport; InputError where both are given."""
+    """Return arguments for the light transport. Raises InputError if both are given."""
     if transport_noise_share is None:
         return {"spp": SPP if spp is None else spp}
     if spp is not None:
@@ -67,7 +67,7 @@ StatedWeather = Annotated[
     typer.Option(
         "--weather",
         metavar="WEATHER",
-        help="What ranges take for granted: clear, fog, unknown, or a visibility in metres.",
+        help="Weather assumed for ranges: clear, fog, unknown, or a visibility in metres.",
     ),
 ]
 FrameOption = Annotated[int, number_option(0, 2**31, "Frame of the capture.")]
@@ -93,7 +93,7 @@ Spp = Annotated[
     int, number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.")
 ]
 SPP = 256
-#: Of commands that take the light's error in its place; see `light_budget`.
+#: For commands that accept the error of the light instead; see `light_budget`.
 SppOrShare = Annotated[
     int | None,
     number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.", SPP),
@@ -102,7 +102,7 @@ NoiseShare = Annotated[
     float | None,
     real_option(
         "Instead of --spp: trace until the light's standard error in coefficients and spots is at "
-        "most this share of the detectors' noise.",
+        "most this fraction of the detectors' noise.",
         "--transport-noise-share",
         minimum=1e-3,
         maximum=10,

@@ -1,4 +1,4 @@
-"""`spisim paper`: the paper's results, computed and compared."""
+"""`spisim paper`: compute the paper's results and compare them."""
 
 from enum import Enum
 from pathlib import Path
@@ -36,7 +36,7 @@ def command(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Compute the paper's results and put them beside its numbers; exit 1 if a check fails.
+    """Compute the paper's results and compare them with its numbers; exit 1 if a check fails.
 
     Draws each figure as PNG.
     """

@@ -15,12 +15,12 @@ from .weather_options import OWN_WEATHER, Weather, with_weather
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
 
-#: Of each file, at most.
+#: Limit per file.
 BYTES_PER_PIXEL = 4
 
 
-class Place(Enum):
-    """Where the camera is."""
+class Camera(Enum):
+    """Position of the camera."""
 
     PROJECTOR = "projector"
     DETECTOR = "detector"
@@ -33,19 +33,22 @@ def command(
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
     weather: Weather = OWN_WEATHER,
-    position: Annotated[
-        Place, typer.Option("--from", help="Where the camera is.")
-    ] = Place.PROJECTOR,
+    camera: Annotated[
+        Camera, typer.Option("--from", help="Position of the camera.")
+    ] = Camera.PROJECTOR,
     width: Annotated[int, opt.number_option(1, 8192, "Pixels across.")] = 512,
     height: Annotated[int, opt.number_option(1, 8192, "Pixels down.")] = 512,
     fov: Annotated[
         float | None,
         opt.real_option(
-            "Full angle across; the projector's.", minimum=0.1, maximum=170, metavar="DEG"
+            "Full angle across; by default the projector's.",
+            minimum=0.1,
+            maximum=170,
+            metavar="DEG",
         ),
     ] = None,
     pattern: Annotated[
-        int | None, opt.number_option(0, 2**31, "Exposure whose pattern is lit; all on without.")
+        int | None, opt.number_option(0, 2**31, "Exposure whose pattern is lit; by default all on.")
     ] = None,
     spp: Annotated[int, opt.number_option(1, 2**20, "Light paths per pixel.")] = 64,
     seed: opt.Seed = 0,
@@ -80,9 +83,7 @@ def command(
         height=height,
         fov_deg=fov,
         pattern=None if pattern is None else illumination(plan, pattern),
-        position_m=above
-        if position is Place.PROJECTOR
-        else carried.imaging.detector.positions_m[0],
+        position_m=above if camera is Camera.PROJECTOR else carried.imaging.detector.positions_m[0],
         spp=spp,
         seed=seed,
     )

@@ -1,4 +1,4 @@
-"""`spisim reconstruct`: `python -m reconstruction`, and a page about what came out."""
+"""`spisim reconstruct`: `python -m reconstruction`, and a page about the result."""
 
 from argparse import Namespace
 from pathlib import Path
@@ -25,8 +25,8 @@ def command(
     capture: CaptureArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="DIR", help="A folder.")],
     frame: FrameOption = 0,
-    patterns: Annotated[int | None, number_option(1, 2**31, "Use so many patterns only.")] = None,
-    order: Annotated[str | None, typer.Option(help="... of this order.")] = None,
+    patterns: Annotated[int | None, number_option(1, 2**31, "Use only this many patterns,")] = None,
+    order: Annotated[str | None, typer.Option(help="... in this order.")] = None,
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
@@ -35,10 +35,10 @@ def command(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Reconstruct image, ranges, depth map and point cloud of a capture, simulated or recorded.
+    """Reconstruct image, ranges, depth map and point cloud of a simulated or recorded capture.
 
-    Writes report.html beside them. Methods of image, ranging and depth are chosen by name, several
-    with commas between, the default one first, or all.
+    Writes report.html beside them. Select methods of image, ranging and depth by name, separated by
+    commas with the default one first, or all.
     """
     from reconstruction import evaluate, first_patterns, read_capture, read_result
     from reconstruction.base.folders import output_folder

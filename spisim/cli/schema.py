@@ -20,14 +20,14 @@ class Kind(StrEnum):
 
 
 def command(kind: Annotated[Kind, typer.Argument(help="Which file.", show_default=False)]) -> None:
-    """Print the JSON Schema of a kind of YAML file, for editors that check as one types."""
+    """Print the JSON Schema of a kind of YAML file, for editors that validate while typing."""
     from pydantic import TypeAdapter
 
     print_json(TypeAdapter(_model(kind)).json_schema())
 
 
 def _model(kind: Kind) -> Any:
-    """What pydantic reads such a file into."""
+    """Return the pydantic type of a kind of file."""
     match kind:
         case Kind.scene:
             from spisim.scene.description import DrawnDescription, SceneDescription

@@ -1,4 +1,4 @@
-"""`spisim simulate`: a scene and an instrument become a capture."""
+"""`spisim simulate`: a capture from a scene and an instrument."""
 
 import shlex
 from pathlib import Path
@@ -18,7 +18,7 @@ from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
-#: About: readings of a frame and what is true of it.
+#: Approximate size of a frame's readings and truth.
 BYTES_PER_FRAME = 100_000
 
 
@@ -33,28 +33,27 @@ def command(
     order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
     polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
     interleave: Annotated[
-        int | None, opt.number_option(1, 256, "Frames that patterns are dealt out to.")
+        int | None, opt.number_option(1, 256, "Frames over which patterns are distributed.")
     ] = None,
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: a fast stand-in, to learn from."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast, for training data.")
     ] = "traced",
     spp: opt.SppOrShare = None,
     transport_noise_share: opt.NoiseShare = None,
-    frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1,
+    frames: Annotated[int, opt.number_option(1, 10_000, "Consecutive frames.")] = 1,
     noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
     report: Annotated[
-        bool, typer.Option("--report", help="Reconstruct too, into a page beside the capture.")
+        bool, typer.Option("--report", help="Also reconstruct, into a page beside the capture.")
     ] = False,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
-    """Simulate a capture of a scene, with the truth that evaluation needs.
+    """Simulate a capture of a scene, with the truth for evaluation.
 
-    The image of a scene is traced once for all patterns; noise and converter follow.
+    The image of a scene is traced once for all patterns; noise and conversion follow.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
     from reconstruction.base.files import require_outputs
@@ -67,11 +66,11 @@ def command(
     files += [beside(output, "capture report")] if report else []
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave, stated)
-    position, oddities = scene_with(scene, carried.wavelength_nm, weather)
+    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     seconds: dict[str, float] = {}
     with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
         simulation = simulate(
-            position,
+            loaded,
             carried,
             light=light,
             **budget,
@@ -95,9 +94,9 @@ def command(
             result,
             metrics=evaluate(result, simulation.capture),
             transport=simulation.transport,
-            view=fine_view(position, carried) if carried.images else None,
+            view=fine_view(loaded, carried) if carried.images else None,
             timings=seconds,
-            title=position.name,
+            title=loaded.name,
         )
     written = [file.path for file in files]
     if json:
@@ -108,7 +107,7 @@ def command(
                 "warnings": oddities + warnings,
                 "seconds": seconds,
                 "paths": paths,
-                "media": position.media_summary(),
+                "media": loaded.media_summary(),
             }
         )
     else:

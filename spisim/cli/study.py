@@ -9,9 +9,8 @@ import typer
 
 from . import complete
 from .console import print_json, progress_bar, say
-from .dataset.arguments import Dask, RetryFailed, SpaceTimeout, Timeout, Workers
-from .dataset.progress import displayed
-from .dataset.running import executors, explained
+from .dataset.progress import progress_display
+from .dataset.running import Dask, RetryFailed, SpaceTimeout, Timeout, Workers, executors, explained
 from .options import Bar, Json, Overwrite
 from .outputs import files_read
 
@@ -36,7 +35,7 @@ def command(
     workers: Workers = None,
     dask: Dask = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="The small setting that the plan has, in a few minutes.")
+        bool, typer.Option("--quick", help="The plan's small version, which takes a few minutes.")
     ] = False,
     retry_failed: RetryFailed = False,
     timeout: Timeout = 1800,
@@ -45,10 +44,10 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Simulate and reconstruct all that a plan compares; write tables, plots and a report.
+    """Simulate and reconstruct all combinations of a plan; write tables, plots and a report.
 
-    Run again, it makes what is missing. Exit status: 0 all done, 1 some samples failed, 2 input
-    that cannot be used, 3 no space left, 130 interrupted.
+    Running it again makes missing samples. Exit status: 0 all done, 1 some samples failed, 2
+    unusable input, 3 disk full, 130 interrupted.
     """
     from reconstruction.base.folders import output_folder
     from spisim.dataset.study import load_study, run_study, study_files
@@ -61,7 +60,7 @@ def command(
     files = [*study_files(folder, planned), *study_outputs(folder, planned)]
     executor = executors(workers, dask, timeout)
     with output_folder(folder, files, files_read(plan), overwrite=overwrite), explained():
-        with displayed(progress) as made, progress_bar("Evaluating", progress) as evaluated:
+        with progress_display(progress) as made, progress_bar("Evaluating", progress) as evaluated:
             finished = run_study(
                 planned,
                 folder,

@@ -1,4 +1,4 @@
-"""Tables of results for people."""
+"""Tables of results as text."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from spisim.atmosphere.report import ReportTable
     from spisim.report.comparison import Comparison
 
-#: Characters that a column of words may be squeezed to.
+#: Minimum width of a text column.
 MIN_WORDS = 8
-#: What no table needs.
+#: More than any table needs.
 WIDEST = 10_000
 
 
@@ -34,28 +34,28 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
 
 
 def print_spots(metrics: Mapping[str, Any], of: str) -> None:
-    """Print range errors alone, of an instrument that is named."""
+    """Print only range errors, of a named instrument."""
     from spisim.report.comparison import compared_spots
 
     _print_all(compared_spots(metrics, of))
 
 
-def print_recording(reported: Mapping[str, Any]) -> None:
-    """Print what a recording tells of itself, as `evaluate_recording` returns it."""
+def print_recording(recording: Mapping[str, Any]) -> None:
+    """Print the repeatability of a recording, as returned by `evaluate_recording`."""
     from spisim.report.comparison import written
 
     table = plain_table("", "saturated", "noise", "expected", "noise ratio")
     for name in ("readings", "taps"):
-        if (part := reported[name]) is not None:
+        if (part := recording[name]) is not None:
             numbers = (part[key] for key in ("noise", "expected"))
             cells = [written(each, 1, f"{{:.4g}} {part['unit']}s") for each in numbers]
             saturated = written(part["saturated"], 100, "{:.3g} %")
             table.add_row(name, saturated, *cells, written(part["noise_ratio"], 1, "{:.2f}"))
     print_table(table)
-    if (image := reported["image"]) is not None:
+    if (image := recording["image"]) is not None:
         ratio = written(image["signal_over_noise"], 1, "{:.3g}")
         results.print(f"\nzero-filled image, signal over noise: {ratio}")
-    for name, spots in reported["spots"].items():
+    for name, spots in recording["spots"].items():
         table = plain_table(name, "range", "spread", "sigma", "spread ratio", "ranged")
         for spot, each in enumerate(spots):
             lengths = (
@@ -64,12 +64,12 @@ def print_recording(reported: Mapping[str, Any]) -> None:
             ratio = written(each["spread_ratio"], 1, "{:.2f}")
             table.add_row(f"spot {spot}", *lengths, ratio, written(each["ranged"], 100, "{:.0f} %"))
         print_table(table)
-    if reported["frames"] < 2:
-        results.print("one frame: noise and spread take two or more of a still scene", style="dim")
-    else:
+    if recording["frames"] < 2:
         results.print(
-            f"of {reported['frames']} frames, as of a scene that stands still", style="dim"
+            "one frame: noise and spread need at least two of a static scene", style="dim"
         )
+    else:
+        results.print(f"of {recording['frames']} frames, assuming a static scene", style="dim")
 
 
 def _print_all(comparisons: Iterable[Comparison]) -> None:
@@ -81,7 +81,7 @@ def _print_all(comparisons: Iterable[Comparison]) -> None:
 
 
 def plain_table(first: str, *columns: str, minimum: int = 11) -> Table:
-    """A table without lines: a column of words, and others for numbers of `minimum` characters."""
+    """Return a table without lines: a text column, and others for `minimum` characters."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0))
     table.add_column(first, min_width=21, overflow="fold")
     for column in columns:
@@ -91,7 +91,7 @@ def plain_table(first: str, *columns: str, minimum: int = 11) -> Table:
 
 
 def word_table(*columns: str) -> Table:
-    """A table without lines whose columns are words, or without `columns` has no head."""
+    """Return a table of text without lines; without `columns` it has no header."""
     table = Table(box=None, header_style="dim", padding=(0, 2, 0, 0), show_header=bool(columns))
     for column in columns:
         table.add_column(column, min_width=min(MIN_WORDS, len(column)), overflow="fold")
@@ -99,7 +99,7 @@ def word_table(*columns: str) -> Table:
 
 
 def print_table(table: Table) -> None:
-    """Print a table; on a terminal too narrow for its columns row by row, each value in a line."""
+    """Print a table; on a narrow terminal row by row, with each value in its own line."""
     minimum = Measurement.get(results, results.options.update_width(WIDEST), table).minimum
     if minimum <= results.width:
         results.print(table)

@@ -1,4 +1,4 @@
-"""`spisim transport`: how much light comes back, before any detector."""
+"""`spisim transport`: the returning light, before any detector."""
 
 from pathlib import Path
 from typing import Annotated
@@ -35,7 +35,7 @@ def command(
         bool,
         typer.Option(
             "--orders",
-            help="Add unscattered, single and multiple light apart, of everything written.",
+            help="Also write unscattered, singly and multiply scattered light separately.",
         ),
     ] = False,
     cube: Annotated[
@@ -54,8 +54,8 @@ def command(
     """Trace the light only: transport image and truth as channels of an OpenEXR file.
 
     The spots' light over path length goes into a NumPy file (.npz) beside it, as does the cube
-    (rows, columns, bins), whose last bin has all that is longer than 80 m; `units.*` in either file
-    tells the units.
+    (rows, columns, bins), whose last bin collects paths longer than 80 m. `units.*` in either file
+    are the units.
     """
     from reconstruction.base.files import require_outputs
     from spisim.simulation.light import solve
@@ -72,17 +72,10 @@ def command(
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
     )
     carried = instrument_with(instrument, wavelength)
-    position, oddities = scene_with(scene, carried.wavelength_nm, weather)
+    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
-        light = solve(
-            position,
-            carried,
-            **budget,
-            seed=seed,
-            outputs=outputs,
-            progress=advance,
-        )
-    write_truth(output, ground_truth(position, carried), light_channels(light, frequency or ()))
+        light = solve(loaded, carried, **budget, seed=seed, outputs=outputs, progress=advance)
+    write_truth(output, ground_truth(loaded, carried), light_channels(light, frequency or ()))
     write_histograms(histograms, light)
     if json:
         print_json(

@@ -37,16 +37,16 @@ def command(
         Path | None,
         typer.Option(metavar="RRD", help="Write a recording instead, for `rerun FILE.rrd`."),
     ] = None,
-    frames: Annotated[int | None, number_option(1, 10**9, "End after so many frames.")] = None,
+    frames: Annotated[int | None, number_option(1, 10**9, "End after this many frames.")] = None,
     image: Methods = None,
     ranging: Methods = None,
     depth: Methods = None,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Show scene, drone, spots, clouds, images and readings over time, in the viewer Rerun.
+    """Display scene, drone, spots, clouds, images and readings over time in the viewer Rerun.
 
-    Of a stream the frames come as they are reconstructed, until it ends or Ctrl-C.
+    Frames of a stream appear as they are reconstructed, until it ends or Ctrl-C.
     """
     from reconstruction.cli.reconstruct import names
     from reconstruction.live.links import is_link
@@ -80,7 +80,7 @@ def _check(source: str, save: Path | None, overwrite: bool) -> None:
 
 
 def _report_of(source: Path) -> str:
-    """Where there is a page to look at without the viewer, or how to make one."""
+    """Tell where there is a page to open without the viewer, or how to make one."""
     pages = (source.with_suffix(".html"), source / "report.html", source / "flight.html")
     for page in pages:
         if page.is_file():
@@ -92,7 +92,7 @@ def _report_of(source: Path) -> str:
 
 @contextmanager
 def _recording(save: Path | None) -> Iterator[Recording]:
-    """One that is shown, or that takes its name when it is whole."""
+    """Return a recording that is displayed, or a file that appears when complete."""
     from spisim.report.viewer import Recording
 
     if save is None:

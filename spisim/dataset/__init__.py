@@ -1,4 +1,4 @@
-"""Data sets: many captures of a plan, made on one machine or a cluster, and read again.
+"""Data sets: plan many captures, make them on one machine or a cluster, and read them back.
 
 data = spisim.dataset.open("out/fog")
 near = data.where(lambda p: p["scene.fog.visibility_m"] < 50)

@@ -1,4 +1,4 @@
-"""What samples cost: seconds by scene and weather, and the slowest ones."""
+"""What samples cost: seconds by scene and weather, and the slowest samples."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from spisim.base.config import load_yaml
 from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import Record
 
-#: Samples of a plan that are drawn, not made, to learn how frequent its groups are.
+#: Samples of a plan drawn, but not made, to estimate the frequency of its groups.
 MAX_DRAWN = 200
 
 
 @dataclass(frozen=True)
 class Group:
-    """Samples that cost about the same: those of one scene or family in one kind of weather."""
+    """Samples of similar cost: those of one scene or family in one kind of weather."""
 
     scene: str
     weather: str
 
     @classmethod
     def of(cls, sample: Sample) -> Self:
-        """The group of a sample; its weather is all that its scene file has in the air."""
+        """Return the group of a sample by its scene and all weather in its scene file."""
         fields = load_yaml(sample.scene_text, sample.scene_name)
         weather = [name for name in WEATHER if fields.get(name) is not None]
         return cls(str(sample.parameters["scene"]), ", ".join(weather) or "clear")
@@ -35,7 +35,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Cost:
-    """Seconds of samples without compiling: quantiles, the mean, and of how many samples."""
+    """Seconds per sample without compiling: quantiles and mean."""
 
     samples: int
     median_s: float
@@ -45,7 +45,7 @@ class Cost:
 
     @classmethod
     def of(cls, seconds: Sequence[float] | Floats, weights: Floats | None = None) -> Self:
-        """Of at least one sample; `weights` where they stand for unequal parts of a plan."""
+        """Summarize at least one sample; `weights` if samples represent unequal parts of a plan."""
         each = np.ones(len(seconds)) if weights is None else weights
         quantiles = np.quantile(seconds, (0.5, 0.9), weights=each, method="inverted_cdf")
         mean = np.average(seconds, weights=each)
@@ -54,28 +54,28 @@ class Cost:
 
 @dataclass(frozen=True)
 class GroupCost:
-    """A group, the fraction of the plan that it makes up, and its cost in the pilot."""
+    """A group, its fraction of the plan, and its cost in the pilot run."""
 
     group: Group
     fraction: float
-    cost: Cost | None  # None where the pilot has no sample of it
+    cost: Cost | None  # None without samples in the pilot
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """Return a JSON-ready summary."""
         cost = None if self.cost is None else vars(self.cost)
         return {**vars(self.group), "fraction": self.fraction, "cost": cost}
 
 
 @dataclass(frozen=True)
 class Pilot:
-    """Samples to make for an estimate of the cost, and the groups that they stand for."""
+    """The samples of a pilot run, and the groups that they represent."""
 
     indices: Sequence[int]
-    groups: dict[int, Group]  # by index, of all samples that were drawn
+    groups: dict[int, Group]  # by index, of all drawn samples
 
     @classmethod
     def of(cls, planned: PlannedSet, samples: int) -> Self:
-        """So many samples at random, of every group if there are enough; else the frequent ones."""
+        """Choose this many random samples: one per group if they suffice, frequent groups first."""
         size, rng = planned.plan.size, np.random.default_rng((planned.plan.seed, 1))
         drawn = range(size) if size <= MAX_DRAWN else np.unique(rng.integers(size, size=MAX_DRAWN))
         groups = {int(index): Group.of(planned.sample(int(index))) for index in drawn}
@@ -88,10 +88,10 @@ class Pilot:
         return cls(list(chosen)[:samples], groups)
 
     def costs(self, records: Iterable[Record]) -> tuple[list[GroupCost], Cost]:
-        """By group, the most frequent first, and of all samples of the plan.
+        """Return the cost by group, most frequent first, and of all samples of the plan.
 
-        A sample of the pilot counts as much as those of its group that it stands for. Raises
-        ValueError where no record is of a sample that was made.
+        Samples of the pilot are weighted by the samples that they represent. Raises ValueError if
+        no record is of a finished sample.
         """
         made: dict[Group, list[float]] = {}
         for record in records:
@@ -99,7 +99,7 @@ class Pilot:
                 seconds = record.seconds - record.compiling_s
                 made.setdefault(self.groups[record.index], []).append(seconds)
         if not made:
-            raise ValueError("no sample was made")
+            raise ValueError("no finished samples")
         drawn = list(self.groups.values())
         fractions = {group: drawn.count(group) / len(drawn) for group in dict.fromkeys(drawn)}
         weights = [np.full(len(made[group]), fractions[group] / len(made[group])) for group in made]
@@ -111,12 +111,12 @@ class Pilot:
 
 
 def cost_of(records: Iterable[Record]) -> Cost | None:
-    """Of the samples that were made; None where their seconds are not recorded."""
+    """Return the cost of finished samples; None if no times are recorded."""
     seconds = [each.seconds - each.compiling_s for each in records if each.done and each.seconds]
     return Cost.of(seconds) if seconds else None
 
 
 def slowest(records: Iterable[Record], count: int = 5) -> list[Record]:
-    """Of the samples that were made, the slowest without compiling, slowest first."""
+    """Return the slowest finished samples without compile time, slowest first."""
     timed = [record for record in records if record.done and record.seconds]
     return sorted(timed, key=lambda each: each.compiling_s - (each.seconds or 0.0))[:count]

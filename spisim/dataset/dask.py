@@ -1,4 +1,4 @@
-"""Samples made by the workers of a Dask cluster, which share the data set's folder."""
+"""Make samples on a Dask cluster whose workers share the data set's folder."""
 
 import asyncio
 import logging
@@ -14,25 +14,25 @@ from reconstruction.base.errors import InputError
 from spisim.dataset.records import DIED, Outcome, failure
 from spisim.dataset.workers import Make
 
-#: How long a scheduler may take to answer.
+#: Time limit for a scheduler to answer.
 ANSWER_S = 8
-#: How long to wait for one that is gone.
+#: Time to wait for a scheduler that is gone.
 PATIENCE_S = 600.0
-#: Samples handed out per worker: one being made, one waiting.
-AHEAD = 2
+#: Samples submitted per worker: one running, one waiting.
+SUBMITTED = 2
 
 
 class SchedulerGone(Exception):
-    """The scheduler does not answer any more; what it was told is lost."""
+    """The scheduler no longer answers; what was submitted to it is lost."""
 
 
 class DaskExecutor:
-    """A cluster's workers. Samples of one that is lost go to others.
+    """The workers of a cluster. Samples of a lost worker go to others.
 
-    A scheduler that is gone is waited for. What was under way is then handed out again: workers
-    that still make it write the same bytes.
+    If the scheduler is gone, the executor waits for it and submits unfinished samples again.
+    Workers that are still making them write the same bytes.
 
-    Raises InputError where `distributed` is not installed, the scheduler does not answer or stays
+    Raises InputError if `distributed` is not installed, the scheduler does not answer, or it stays
     away for longer than PATIENCE_S.
     """
 
@@ -40,7 +40,7 @@ class DaskExecutor:
         self._make = make
         self._address = address
         self._say = say
-        self._run = uuid4().hex  # the scheduler takes equal keys for one task, whoever's they are
+        self._run = uuid4().hex  # makes task keys unique among all clients
         self._calls = count()
         try:
             self._client = _connected(address)
@@ -55,7 +55,7 @@ class DaskExecutor:
         self._client.close()
 
     def run(self, indices: Iterable[int]) -> Iterator[Outcome]:
-        """Outcomes as they come."""
+        """Yield outcomes as they arrive."""
         left = dict.fromkeys(indices)
         while left:
             try:
@@ -66,7 +66,7 @@ class DaskExecutor:
                 self._wait_for_scheduler()
 
     def _by_this_scheduler(self, indices: Iterable[int]) -> Iterator[Outcome]:
-        """Outcomes as they come; no more samples are handed out than workers can soon make."""
+        """Yield outcomes as they arrive; submit only as many samples as workers can soon make."""
         from distributed import as_completed
 
         waiting = iter(indices)
@@ -81,37 +81,37 @@ class DaskExecutor:
 
     def _submit(self, index: int) -> Any:
         key = f"sample-{index}-{next(self._calls)}-{self._run}"
-        with self._noticed():
+        with self._detecting_loss():
             return self._client.submit(self._make, index, key=key, pure=False)
 
     def _room(self) -> int:
-        return max(1, AHEAD * self._workers())
+        return max(1, SUBMITTED * self._workers())
 
     def _workers(self) -> int:
-        with self._noticed():
+        with self._detecting_loss():
             return len(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _outcome(self, future: Any, index: int) -> Outcome:
         from distributed.scheduler import KilledWorker
 
         try:
-            with self._noticed():
+            with self._detecting_loss():
                 outcome = future.result()
         except KilledWorker:
             return failure(index, f"{DIED}lost more than once")
         except SchedulerGone:
             raise
-        except Exception as error:  # of Dask: a sample's own is an outcome
+        except Exception as error:  # of Dask; errors of a sample become outcomes
             raise InputError(
-                f"--dask {self._address}: its workers cannot make samples; they need the same "
+                f"--dask {self._address}: the workers cannot make samples; they need the same "
                 f"spisim as this machine ({type(error).__name__}: {error})"
             ) from error
         assert isinstance(outcome, Outcome)
         return outcome
 
     @contextmanager
-    def _noticed(self) -> Iterator[None]:
-        """SchedulerGone for whatever goes wrong because of that."""
+    def _detecting_loss(self) -> Iterator[None]:
+        """Raise SchedulerGone for whatever follows from its loss."""
         from distributed.client import ClosedClientError
         from distributed.comm import CommClosedError
 
@@ -137,20 +137,20 @@ class DaskExecutor:
             except (OSError, SchedulerGone):
                 if time.monotonic() > end:
                     raise InputError(
-                        f"{where} is gone and was not back within {PATIENCE_S:g} s; run the same "
-                        "command again to go on where it was"
+                        f"{where} is gone and did not return within {PATIENCE_S:g} s; run the same "
+                        "command again to continue"
                     ) from None
             else:
-                self._say(f"{where} is back, and has {workers} workers; going on")
+                self._say(f"{where} is back with {workers} workers; continuing")
                 return
 
 
 def _connected(address: str) -> Any:
-    """Client of a scheduler. Raises OSError or ValueError where none answers."""
+    """Connect to a scheduler. Raises OSError or ValueError if none answers."""
     try:
         from distributed import Client
     except ImportError:
         raise InputError("--dask needs distributed: pip install 'spisim[dask]'") from None
-    for logger in ("distributed", "distributed.client"):  # which has a level of its own
+    for logger in ("distributed", "distributed.client"):  # which have levels of their own
         logging.getLogger(logger).setLevel(logging.CRITICAL)
     return Client(address, timeout=ANSWER_S)

@@ -1,49 +1,48 @@
-"""SQLite files of anyone, of which nothing is carried out and nothing leads elsewhere."""
+"""Safe access to untrusted SQLite files."""
 
 import sqlite3
 from contextlib import closing
 from functools import cache
 from pathlib import Path
 
-#: Files that SQLite keeps beside a database.
+#: Suffixes of files that SQLite keeps beside a database.
 COMPANIONS = ("-journal", "-wal", "-shm")
-#: Bytes that a value may have.
 MAX_VALUE_BYTES = 2**23
 
 _HEADER_BYTES = 100
 _SIGNATURE = b"SQLite format 3\0"
-_ROLLBACK = b"\1\1"  # versions of the file format that keep a journal, and no log beside it
+_ROLLBACK = b"\1\1"  # file format versions with a rollback journal, not a write-ahead log
 _END_OF_A_SUPER_JOURNAL = bytes.fromhex("d9d505f920a163d7")
 
 
 def check_file(path: Path) -> None:
-    """ValueError for a file that is no database, or none that keeps to itself.
+    """Raise ValueError unless a file is a database that does not affect other files.
 
-    SQLite removes the file that a journal names as its super-journal, wherever that lies, and takes
-    up a log that it finds beside a database. A manifest has neither.
+    SQLite deletes the file that a journal names as its super-journal, wherever it is, and applies
+    any log beside the database. A manifest has neither.
     """
     with path.open("rb") as file:
         header = file.read(_HEADER_BYTES)
     if len(header) < _HEADER_BYTES or not header.startswith(_SIGNATURE):
-        raise ValueError("not an SQLite file")
+        raise ValueError("not an SQLite database")
     if header[18:20] != _ROLLBACK:
-        raise ValueError("its write-ahead log is on")
+        raise ValueError("it uses a write-ahead log")
     journal, *logs = (path.with_name(path.name + ending) for ending in COMPANIONS)
     if any(log.exists() for log in logs):
-        raise ValueError("there is a write-ahead log beside it")
+        raise ValueError("a write-ahead log lies beside it")
     if journal.exists() and _names_another_file(journal):
         raise ValueError("its journal names another file")
 
 
 def check_tables(connection: sqlite3.Connection, schema: str) -> None:
-    """ValueError where a database has other tables, indices, views or triggers than a schema makes.
+    """Raise ValueError unless the tables, indices, views and triggers are those of a schema.
 
-    Nothing is read from any of them before. sqlite3.Error where the file is damaged.
+    It reads none of them first. Raises sqlite3.Error if the file is damaged.
     """
     connection.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MAX_VALUE_BYTES)
     connection.execute("PRAGMA trusted_schema = OFF")
     if _tables(connection) != _tables_of(schema):
-        raise ValueError("other tables than a manifest has")
+        raise ValueError("its tables are not those of a manifest")
     (state,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     if state != "ok":
         raise ValueError(state)

@@ -1,4 +1,4 @@
-"""Arrays that a capture holds, or that are made of it, under the names of a data set."""
+"""Named arrays of a capture, recorded in it or derived from it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,10 +22,9 @@ Read = Callable[[Capture], Array | None]
 
 @dataclass(frozen=True)
 class Field:
-    """An array of every capture; `read` gives None where a capture lacks it.
+    """A named array of captures; `read` returns None if a capture lacks it.
 
-    `recorded`: it follows from the capture at once; otherwise it is reconstructed, or its scene
-    drawn again.
+    `recorded` is false if the array has to be reconstructed, or needs the scene to be loaded.
     """
 
     dims: tuple[str, ...]
@@ -37,9 +36,9 @@ class Field:
 
 
 def find_field(name: str) -> Field | None:
-    """The field of this name, as in FIELDS or with a method as in "depth_m.anchored"; None if none.
+    """Return the field of a name, as in FIELDS or with a method as in "depth_m.anchored".
 
-    Raises InputError, telling the nearest, for methods that there are not.
+    Returns None if there is none. Raises InputError for an unknown method.
     """
     if name in FIELDS:
         return FIELDS[name]
@@ -75,12 +74,12 @@ def _ranges(name: str) -> Read:
     return read
 
 
-def _is_available(read: Read) -> Read:
-    def known(capture: Capture) -> Array | None:
+def _finite(read: Read) -> Read:
+    def is_finite(capture: Capture) -> Array | None:
         values = read(capture)
         return None if values is None else np.isfinite(values)
 
-    return known
+    return is_finite
 
 
 def _poses(capture: Capture) -> Array | None:
@@ -98,16 +97,15 @@ def _intrinsics(capture: Capture) -> Array | None:
 
 @lru_cache(maxsize=4)
 def _compiled(setup: SetupKey, image: str | None, depth: str | None) -> Reconstructor:
-    """Of a method of images, or one of depth maps; None is the default of the recording."""
+    """Return a reconstructor of an image method, or of a depth method; None is the default."""
     if depth == "":
         return Reconstructor(setup.setup, image=image, ranging=(), depth=())
     return Reconstructor(setup.setup, depth=depth)
 
 
 def _frames(capture: Capture, image: str | None, depth: str | None, name: str) -> Array | None:
-    compiled = (
-        _compiled.__wrapped__ if warm_up_frames(1, image) else _compiled
-    )  # which must not remember
+    # A method that carries state between frames needs a new reconstructor for each capture.
+    compiled = _compiled.__wrapped__ if warm_up_frames(1, image) else _compiled
     reconstruct = compiled(SetupKey(capture.setup), image, depth)
     maps = [getattr(reconstruct(capture.frame(frame)), name) for frame in range(capture.frames)]
     return None if maps[0] is None else np.stack(maps)
@@ -121,7 +119,7 @@ _IMAGE = Field(
     _PIXELS,
     "float32",
     "electron",
-    "image as reconstructed by default; `image.METHOD` by another method",
+    "image by the default method; `image.METHOD` by another method",
     lambda capture: _frames(capture, None, "", "image"),
     recorded=False,
 )
@@ -129,7 +127,7 @@ _DEPTH = Field(
     _PIXELS,
     "float32",
     "m",
-    "depth along the optical axis as reconstructed by default; `depth_m.METHOD` by another method",
+    "depth along the optical axis by the default method; `depth_m.METHOD` by another method",
     lambda capture: _frames(capture, None, None, "depth_m"),
     recorded=False,
 )
@@ -139,7 +137,7 @@ def _image_by(method: str) -> Field:
     image_method(method)
     return replace(
         _IMAGE,
-        meaning=f"image as reconstructed by {method}",
+        meaning=f"image by {method}",
         read=lambda capture: _frames(capture, method, "", "image"),
     )
 
@@ -148,7 +146,7 @@ def _depth_by(method: str) -> Field:
     DEPTH_METHODS[method]
     return replace(
         _DEPTH,
-        meaning=f"depth along the optical axis as reconstructed by {method}",
+        meaning=f"depth along the optical axis by {method}",
         read=lambda capture: _frames(capture, None, method, "depth_m"),
     )
 
@@ -160,14 +158,14 @@ FIELDS = {
         _EXPOSURES,
         "float64",
         "electron",
-        "light of each exposure; counts where their scale is unknown",
+        "signal of each exposure; counts if the conversion gain is unknown",
         lambda capture: capture.buckets.signal,
     ),
     "saturated": Field(
         _EXPOSURES,
         "bool",
         "1",
-        "mask of the exposures that must not be used",
+        "mask of unusable exposures",
         lambda capture: ~capture.buckets.usable,
     ),
     "spot_readings": Field(
@@ -188,12 +186,14 @@ FIELDS = {
         _SPOTS,
         "float64",
         "m",
-        "measured ranges of the spots; nan where there is none",
+        "measured ranges of the spots; nan for no return",
         _ranges("range_m"),
     ),
-    "spot_sigma_m": Field(_SPOTS, "float64", "m", "their standard deviation", _ranges("sigma_m")),
+    "spot_sigma_m": Field(
+        _SPOTS, "float64", "m", "standard error of the measured ranges", _ranges("sigma_m")
+    ),
     "spot_known": Field(
-        _SPOTS, "bool", "1", "mask of the spots with a range", _is_available(_ranges("range_m"))
+        _SPOTS, "bool", "1", "mask of spots with a range", _finite(_ranges("range_m"))
     ),
     "image": _IMAGE,
     "depth_m": _DEPTH,
@@ -201,7 +201,7 @@ FIELDS = {
         ("pixel", "ray"),
         "float64",
         "pixel",
-        "3 × 3 matrix of the camera, from rays to columns and rows of pixels",
+        "3 × 3 camera matrix, from rays to pixel columns and rows",
         _intrinsics,
     ),
     "pose": Field(
@@ -213,34 +213,30 @@ FIELDS = {
         recorded=False,
     ),
     "true_image": Field(
-        _PIXELS, "float32", "electron", "electrons of each pixel alone", _truth("image")
+        _PIXELS, "float32", "electron", "signal of each pixel alone", _truth("image")
     ),
     "true_range_m": Field(
         _PIXELS,
         "float32",
         "m",
-        "along the ray of each pixel; nan where nothing is hit",
+        "true range along the ray of each pixel; nan where no surface is hit",
         _truth("range_m"),
     ),
     "true_depth_m": Field(
         _PIXELS,
         "float32",
         "m",
-        "along the optical axis; nan where nothing is hit",
+        "true depth along the optical axis; nan where no surface is hit",
         _truth("depth_m"),
     ),
     "true_depth_known": Field(
-        _PIXELS,
-        "bool",
-        "1",
-        "mask of the pixels that hit something",
-        _is_available(_truth("depth_m")),
+        _PIXELS, "bool", "1", "mask of pixels that hit a surface", _finite(_truth("depth_m"))
     ),
     "true_reflectance": Field(
-        _PIXELS, "float32", "1", "at the laser's wavelength", _truth("reflectance")
+        _PIXELS, "float32", "1", "reflectance at the laser wavelength", _truth("reflectance")
     ),
     "true_spot_range_m": Field(
         _SPOTS, "float64", "m", "true ranges of the spots", _truth("spot_range_m")
     ),
 }
-"""All of them; `image` and `depth_m` by other methods are found by `find_field`."""
+"""All fields; `find_field` adds `image` and `depth_m` by other methods."""

@@ -1,4 +1,4 @@
-"""Captures along a flight: one for each instant, kept where they are there already."""
+"""Captures along a flight, reused if they exist."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,13 +12,12 @@ from spisim.base.config import LightSource, load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_drone_state
 
-#: Of a flight; each takes seconds at least.
 MAX_CAPTURES = 100_000
 
 
 @dataclass(frozen=True, eq=False)
 class Instant:
-    """One capture of a flight: its number, the scene as it is then, and the seed."""
+    """One capture of a flight: its number, time, scene and seed."""
 
     number: int
     time_s: float
@@ -27,29 +26,28 @@ class Instant:
 
     @property
     def file(self) -> str:
-        """Name of the capture."""
+        """File name of the capture."""
         return f"capture-{self.number:04d}.h5"
 
 
 def instants(
     scene: Scene, trajectory: Trajectory, instrument: Instrument, rate_hz: float, seed: int
 ) -> list[Instant]:
-    """The captures of a flight, `rate_hz` of them a second, the first at its start.
+    """Return the captures of a flight at `rate_hz`, starting with the flight.
 
-    Raises InputError for a rate at which the frames would overlap, and for more than
-    `MAX_CAPTURES`.
+    Raises InputError for a rate at which frames overlap, and for more than `MAX_CAPTURES`.
     """
     frame_s = instrument.frame_time_s
     if rate_hz * frame_s > 1:
         raise InputError(
-            f"{rate_hz:g} captures a second do not fit: a frame of this instrument takes "
+            f"{rate_hz:g} captures per second overlap, because a frame of this instrument takes "
             f"{frame_s:.4g} s; at most {1 / frame_s:.4g}"
         )
     count = int(np.floor(trajectory.duration_s * rate_hz * (1 + 1e-12))) + 1
     if count > MAX_CAPTURES:
         raise InputError(
-            f"a flight of {trajectory.duration_s:.4g} s has {count:.4g} captures at {rate_hz:g} a "
-            f"second; at most {MAX_CAPTURES:,}: fly a shorter path, or record fewer a second"
+            f"a flight of {trajectory.duration_s:.4g} s has {count:.4g} captures at {rate_hz:g} "
+            f"per second; at most {MAX_CAPTURES:,}: shorten the flight or lower the rate"
         )
     times = np.minimum(np.arange(count) / rate_hz, trajectory.duration_s).tolist()
     return [
@@ -60,41 +58,37 @@ def instants(
     ]
 
 
-def retained_captures(
-    folder: Path,
-    flight: list[Instant],
-    instrument: Instrument,
-    light: LightSource,
-    spp: int,
+def existing_captures(
+    folder: Path, flight: list[Instant], instrument: Instrument, light: LightSource, spp: int
 ) -> set[int]:
-    """Numbers of the captures of this very flight that are in a folder already.
+    """Return the numbers of captures of this very flight that a folder already holds.
 
-    Raises InputError for captures of another flight, scene, instrument, seed, source of light or,
-    where it is traced, number of paths.
+    Raises InputError for captures of another flight, scene, instrument, seed, source of light, or
+    number of paths if light is traced.
     """
     files = {folder / instant.file: instant for instant in flight}
     strangers = sorted(set(folder.glob("capture-*.h5")) - set(files))
     if strangers:
-        raise InputError(f"{strangers[0]} is not of this flight; give another folder")
+        raise InputError(f"{strangers[0]} is not of this flight; use another folder")
     settings: dict[str, Any] = {"noise": True, "frames": 1}
     if light == "traced":
         settings["spp"] = spp
-    retained = set()
+    existing = set()
     for file, instant in files.items():
         if not file.exists():
             continue
         if different := _difference(read_capture(file), instant, instrument, settings):
             raise InputError(
-                f"{file} was made with another {different}; give another folder, or remove it"
+                f"{file} was made with another {different}; use another folder, or remove it"
             )
-        retained.add(instant.number)
-    return retained
+        existing.add(instant.number)
+    return existing
 
 
 def _difference(
     capture: Capture, instant: Instant, instrument: Instrument, settings: Mapping[str, Any]
 ) -> str | None:
-    """What a capture was made with that an instant would not be, or None."""
+    """Return what an existing capture was made with that this instant differs in, or None."""
     made = capture.provenance
     if made.source != "simulation" or made.scene != instant.scene.text:
         return "scene or flight"
@@ -105,8 +99,8 @@ def _difference(
     if made.is_surrogate == ("spp" in settings):
         return "light"
     stored = load_yaml(made.settings, "settings")
-    reported = stored if isinstance(stored, dict) else {}
+    stored = stored if isinstance(stored, dict) else {}
     for field, value in settings.items():
-        if reported.get(field) != value:
+        if stored.get(field) != value:
             return field
     return None

@@ -1,4 +1,4 @@
-"""Where things lie in the folder of a data set."""
+"""Paths in the folder of a data set, and the identity of its files."""
 
 from __future__ import annotations
 
@@ -23,24 +23,24 @@ from spisim.dataset.records import Outcome
 if TYPE_CHECKING:
     from spisim.dataset.planned import Sample
 
-#: Samples that share a folder.
+#: Samples per subfolder.
 PER_FOLDER = 1000
-#: Files beside a capture: the light's image, and its spots' histograms.
+#: Suffixes of files beside a capture: the transport image, and the spots' histograms.
 SIDECARS = (".exr", ".npz")
 
-#: Files that runs write under temporary names first, and what tries how much space there is.
+#: Files that runs write under temporary names first, and the probe for free space.
 _WRITTEN = re.compile(
     r"plan\.yaml|space"
     r"|samples/\d{3,}/\d{6,}\.(h5|exr|npz)"
     r"|errors/\d{6,}\.txt"
     r"|metrics/\d{3,}/\d{6,}\.json"
 )
-_NO_LINKS = "{} is a link; a data set holds none, so that its folder is all that it touches"
+_NO_LINKS = "{} is a link; for safety, a data set must not contain any"
 _FOLDERS = ("samples", "errors", "metrics")
 _DAMAGED = re.compile(r"manifest\.damaged-\d+\.sqlite(-journal|-wal|-shm)?")
 
 
-#: Whether a file is as the manifest tells, by its path and what that tells of it.
+#: Whether a file matches its entry in the manifest.
 Sound = Callable[[Path, Mapping[str, Any]], bool]
 
 
@@ -52,49 +52,49 @@ class Layout:
 
     @property
     def plan(self) -> Path:
-        """The plan as it was run."""
+        """The plan that was run."""
         return self.folder / "plan.yaml"
 
     @property
     def manifest(self) -> Path:
-        """SQLite file with a row for every sample that was tried."""
+        """SQLite file with a row for every attempted sample."""
         return self.folder / "manifest.sqlite"
 
     @property
     def lock(self) -> Path:
-        """Held by the process that runs the data set."""
+        """Lock file of the process that runs the data set."""
         return self.folder / LOCK
 
     @property
     def samples(self) -> Path:
-        """Folder of the captures and what lies beside them."""
+        """Folder of the captures and their sidecars."""
         return self.folder / "samples"
 
     def capture(self, index: int) -> Path:
-        """Capture of a sample."""
+        """Return the path of a sample's capture."""
         return self.samples / f"{index // PER_FOLDER:03}" / f"{index:06}.h5"
 
     def error(self, index: int) -> Path:
-        """Traceback of a sample that failed."""
+        """Return the path of the traceback of a failed sample."""
         return self.folder / "errors" / f"{index:06}.txt"
 
     def metrics(self, index: int) -> Path:
-        """Metrics of a capture, where a study is made of the data set."""
+        """Return the path of a capture's metrics in a study."""
         return self.folder / "metrics" / f"{index // PER_FOLDER:03}" / f"{index:06}.json"
 
     def relative(self, path: Path) -> str:
-        """Path as the manifest tells it."""
+        """Return a path as the manifest stores it."""
         return path.relative_to(self.folder).as_posix()
 
     def captures(self) -> Iterator[Path]:
-        """All captures that are there, in order."""
+        """Yield all existing captures in order."""
         yield from sorted(self.samples.glob("*/*.h5"))
 
     def own(self, path: Path) -> Path:
-        """The path of a file of the data set, which may be missing.
+        """Return the path of a file of the data set, which may be missing.
 
-        Raises InputError where a link leads there, and for what is no regular file: others' data
-        sets could have anything read or written by such.
+        Raises InputError if a link leads there or it is no regular file, because an untrusted data
+        set could use these to have other files read or overwritten.
         """
         if link := self.first_link(path):
             raise InputError(_NO_LINKS.format(link))
@@ -103,19 +103,19 @@ class Layout:
         return path
 
     def first_link(self, path: Path) -> Path | None:
-        """The first link on the way from the folder to a path in it, which may be that itself."""
+        """Return the first symbolic link on the way from the folder to a path, or None."""
         inside = path.relative_to(self.folder).parts
-        positions = (self.folder.joinpath(*inside[:depth]) for depth in range(1, len(inside) + 1))
-        return next((position for position in positions if position.is_symlink()), None)
+        steps = (self.folder.joinpath(*inside[:depth]) for depth in range(1, len(inside) + 1))
+        return next((step for step in steps if step.is_symlink()), None)
 
     def refuse_links(self) -> None:
-        """InputError where anything that a run reads or writes is a link."""
+        """Raise InputError if anything that a run reads or writes is a link."""
         for path in everything(self.folder):
             if self._is_own(path.relative_to(self.folder).parts[0]) and path.is_symlink():
                 raise InputError(_NO_LINKS.format(path))
 
     def strangers(self) -> list[str]:
-        """Names in the folder that no run leaves there."""
+        """Return names in the folder that no run writes."""
         if not self.folder.is_dir():
             return []
         return sorted(path.name for path in self.folder.iterdir() if not self._is_own(path.name))
@@ -128,23 +128,23 @@ class Layout:
         )
 
     def is_unfinished(self, path: Path) -> bool:
-        """Whether a file has the temporary name of one that a process of a run was writing."""
+        """Return whether a path is the temporary name of a file that a run writes."""
         whole = whole_name(path)
         return whole is not None and bool(_WRITTEN.fullmatch(self.relative(whole)))
 
     def remove_leftovers(self) -> None:
-        """Remove what processes of runs that were killed had not finished writing.
+        """Remove unfinished files of killed runs.
 
-        The folder has to be a data set's: see `opened`.
+        The folder must be known to be a data set's; see `opened`.
         """
-        positions = (everything(self.folder / name) for name in _FOLDERS)
-        for path in (*self.folder.iterdir(), *chain.from_iterable(positions)):
+        contents = (everything(self.folder / name) for name in _FOLDERS)
+        for path in (*self.folder.iterdir(), *chain.from_iterable(contents)):
             if self.is_unfinished(path) and path.is_file():
                 path.unlink(missing_ok=True)
 
 
 def everything(folder: Path) -> Iterator[Path]:
-    """All files, folders and links in a folder and its folders; nothing behind a link."""
+    """Yield all files, folders and links below a folder, without following links."""
     with suppress(FileNotFoundError), os.scandir(folder) as entries:
         for entry in entries:
             yield Path(entry.path)
@@ -153,7 +153,7 @@ def everything(folder: Path) -> Iterator[Path]:
 
 
 def fingerprint(path: Path) -> dict[str, Any]:
-    """Size and SHA-256 of a file, `bytes` and `sha256`."""
+    """Return the size and the SHA-256 of a file, as `bytes` and `sha256`."""
     with path.open("rb") as file:
         return {
             "bytes": path.stat().st_size,
@@ -161,20 +161,20 @@ def fingerprint(path: Path) -> dict[str, Any]:
         }
 
 
-def has_its_size(path: Path, reported: Mapping[str, Any]) -> bool:
-    """Whether a file is there and has as many bytes as the manifest tells."""
+def has_its_size(path: Path, recorded: Mapping[str, Any]) -> bool:
+    """Return whether a file exists and has its recorded size."""
     with suppress(OSError):
-        return bool(path.stat().st_size == reported["bytes"])
+        return bool(path.stat().st_size == recorded["bytes"])
     return False
 
 
-def has_its_content(path: Path, reported: Mapping[str, Any]) -> bool:
-    """Whether a file is there and its SHA-256 is the one that the manifest tells."""
-    return has_its_size(path, reported) and fingerprint(path)["sha256"] == reported["sha256"]
+def has_its_content(path: Path, recorded: Mapping[str, Any]) -> bool:
+    """Return whether a file exists and has its recorded SHA-256."""
+    return has_its_size(path, recorded) and fingerprint(path)["sha256"] == recorded["sha256"]
 
 
 def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
-    """Outcome of a sample whose capture, and what lies `beside` it, are written."""
+    """Return the outcome of a sample whose capture and sidecars (`beside`) are written."""
     path = layout.capture(sample.index)
     return Outcome(
         sample.index,
@@ -189,7 +189,7 @@ def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
 
 @dataclass(frozen=True)
 class Origin:
-    """What a capture tells of the data set that it was made for."""
+    """Where a capture says that it belongs."""
 
     plan: str  # its digest
     index: int
@@ -197,14 +197,14 @@ class Origin:
 
     @property
     def settings(self) -> dict[str, Any]:
-        """As it stands in the settings of the capture."""
+        """Its form in the settings of the capture."""
         return {"plan": self.plan, "index": self.index, "sidecars": dict(self.sidecars)}
 
 
 def origin_of(capture: Capture) -> Origin | None:
-    """Where a capture belongs; None for one of no data set."""
+    """Return the origin of a capture; None if it belongs to no data set."""
     with suppress(InputError, TypeError, KeyError, ValueError, AttributeError):
-        reported = load_yaml(capture.provenance.settings, "settings")["data_set"]
-        sidecars = {str(k): str(v) for k, v in reported.get("sidecars", {}).items()}
-        return Origin(str(reported["plan"]), int(reported["index"]), sidecars)
+        origin = load_yaml(capture.provenance.settings, "settings")["data_set"]
+        sidecars = {str(k): str(v) for k, v in origin.get("sidecars", {}).items()}
+        return Origin(str(origin["plan"]), int(origin["index"]), sidecars)
     return None

@@ -1,4 +1,4 @@
-"""Data sets from Python: a plan, a folder, and the samples that are missing in it."""
+"""Make data sets from Python."""
 
 from __future__ import annotations
 
@@ -28,33 +28,39 @@ def make_dataset(
     retry_failed: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> DataSet:
-    """Make the samples of a plan that a folder lacks, all or those that an earlier run left.
+    """Make the samples of a plan that a folder lacks, including those left by an earlier run.
 
     Parameters
     ----------
-    plan: a plan file, or the fields of one; files that these name lie in the working folder.
-    folder: of the data set; it is new, empty, or begun with this plan.
-    workers: processes that make samples; by default one per core, as far as the memory goes.
-    retry_failed: whether samples that failed before are tried again.
-    progress: called with the fraction of the samples that are tried, from 0 to 1.
+    plan
+        A plan file, or its fields; file names in them are relative to the working folder.
+    folder
+        Of the data set: new, empty, or begun with this plan.
+    workers
+        Processes that make samples; by default one per core, as far as memory allows.
+    retry_failed
+        Whether to retry samples that failed before.
+    progress
+        Called with the attempted fraction of the samples, from 0 to 1.
 
     Returns
     -------
-    The data set, opened. Samples that failed are warned of; `failed` of the data set has them.
+    DataSet
+        A warning counts failed samples; `failed` of the data set lists them.
 
     Raises
     ------
     InputError
-        For a plan or a folder that cannot be used.
+        If the plan or the folder cannot be used.
     OutOfSpace
-        If the disk stayed full for an hour; the next call goes on.
+        If the disk stayed full for an hour; call again to continue.
     """
     if workers is not None and workers < 1:
         raise InputError(f"workers should be at least 1; found {workers}")
     planned = stated_plan(plan) if isinstance(plan, Mapping) else load_plan(Path(plan))
     folder = Path(folder).absolute()
     check(planned)
-    activate()  # before every process finds out by itself that light cannot be traced
+    activate()  # fails once here rather than in every process
     state = run_dataset(
         planned,
         folder,

@@ -1,6 +1,6 @@
-"""The manifest of a data set: one row for every sample that was tried, in an SQLite file.
+"""The manifest of a data set: an SQLite file with one row per attempted sample.
 
-Only the process that runs the data set writes it; anyone may read it meanwhile.
+Only the process that runs the data set writes it; it can be read at any time.
 """
 
 import errno
@@ -28,22 +28,19 @@ from spisim.dataset.records import (
     values_of,
 )
 
-#: Seconds to wait for a reader that holds the file.
+#: Time to wait for a reader that locks the file.
 PATIENCE_S = 60.0
 DAMAGED = "not a manifest of this version, or damaged"
-#: Samples that took their worker with them are tried this often of their own accord.
+#: Attempts at a sample that kills its worker, unless more are asked for.
 MAX_DEATHS = 2
 
 
 class DamagedManifest(InputError):
-    """A file is no manifest, or none that this software knows; it can be made anew."""
+    """The file is not a usable manifest; it can be rebuilt."""
 
 
 class Manifest:
-    """An open manifest. Use it as a context manager.
-
-    Whatever keeps it from being written is an OSError.
-    """
+    """An open manifest, used as a context manager. Failure to write it raises OSError."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -51,7 +48,7 @@ class Manifest:
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, str]) -> Self:
-        """New manifest; `meta` as the columns of its table, besides the schema's version."""
+        """Create a manifest with this content of the table `meta`, besides the schema version."""
         manifest = cls(path)
         with manifest._writing() as connection:
             connection.executescript(f"BEGIN; {SCHEMA}")
@@ -60,7 +57,7 @@ class Manifest:
 
     @classmethod
     def open(cls, path: Path) -> Self:
-        """Manifest that is there. Raises DamagedManifest where it is none that can be used."""
+        """Open an existing manifest. Raises DamagedManifest if it is not usable."""
         try:
             check_file(path)
             manifest = cls(path)
@@ -71,13 +68,13 @@ class Manifest:
         except (sqlite3.Error, ValueError) as error:
             manifest._connection.close()
             if getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_BUSY:
-                raise InputError(f"{path}: another program holds it for writing") from None
+                raise InputError(f"{path}: locked by another program") from None
             raise DamagedManifest(f"{path}: {DAMAGED} ({error})") from None
         return manifest
 
     @contextmanager
     def _writing(self) -> Iterator[sqlite3.Connection]:
-        """A transaction: all of it or nothing."""
+        """A transaction."""
         try:
             with self._connection:
                 yield self._connection
@@ -94,39 +91,39 @@ class Manifest:
 
     @property
     def meta(self) -> dict[str, str]:
-        """What is known of the data set as a whole."""
+        """Content of the table `meta`."""
         return meta_of(self._connection)
 
     def note(self, meta: Mapping[str, str]) -> None:
-        """Replace some of what is known of the data set as a whole."""
+        """Replace some entries of the table `meta`."""
         with self._writing() as connection:
             _put_meta(connection, meta)
 
     def record(self, *outcomes: Outcome) -> None:
-        """Put outcomes in place of the samples' last, all or none, and count the attempts."""
+        """Replace the outcomes of samples, all or none, and count the attempts."""
         rows = [row_of(outcome, self.attempts(outcome.index) + 1) for outcome in outcomes]
         with self._writing() as connection:
             connection.executemany(INSERT, rows)
 
     def keep(self, *records: Record) -> None:
-        """Put rows as another manifest has them."""
+        """Add records of another manifest."""
         rows = [values_of(asdict(record)) for record in records]
         with self._writing() as connection:
             connection.executemany(INSERT, rows)
 
     def forget(self, index: int) -> None:
-        """Remove a sample's row."""
+        """Remove the row of a sample."""
         with self._writing() as connection:
             connection.execute('DELETE FROM samples WHERE "index" = ?', (index,))
 
     def attempts(self, index: int) -> int:
-        """How often a sample was tried."""
+        """Return the number of attempts at a sample."""
         query = 'SELECT attempts FROM samples WHERE "index" = ?'
         (count,) = self._connection.execute(query, (index,)).fetchone() or (0,)
         return int(count)
 
     def files(self) -> dict[int, dict[str, Mapping[str, Any]]]:
-        """`bytes` and `sha256` of every file of every sample that is done, by index and path."""
+        """Return `bytes` and `sha256` of all files of finished samples, by index and path."""
         records = filter(lambda record: record.done, _records(self._connection))
         return {
             record.index: {
@@ -137,16 +134,16 @@ class Manifest:
         }
 
     def indices(self) -> set[int]:
-        """Samples that were tried."""
+        """Return the indices of attempted samples."""
         return {index for (index,) in self._connection.execute('SELECT "index" FROM samples')}
 
     def counts(self) -> dict[str, int]:
-        """Number of samples done and failed."""
+        """Return the numbers of samples done and failed."""
         query = "SELECT status, COUNT(*) FROM samples GROUP BY status"
         return {"done": 0, "failed": 0, **dict(self._connection.execute(query))}
 
     def to_do(self, samples: int, *, failed_too: bool = False) -> list[int]:
-        """Indices below `samples` not tried yet, or that took their worker with them, but once."""
+        """Return indices below `samples` not attempted yet, or that may be attempted again."""
         query = (
             "SELECT \"index\" FROM samples WHERE status = 'done' OR NOT ?"
             " AND NOT (substr(error, 1, ?) = ? AND attempts < ?)"
@@ -156,23 +153,23 @@ class Manifest:
         return [index for index in range(samples) if index not in settled]
 
     def failures(self) -> dict[int, str]:
-        """Reasons of the samples that failed, by index."""
+        """Return the reasons of failed samples by index."""
         query = 'SELECT "index", error FROM samples WHERE status = \'failed\' ORDER BY "index"'
         return dict(self._connection.execute(query))
 
 
 def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
-    """What the manifest says of the data set, and of its samples in order of their index.
+    """Read a manifest: the table `meta`, and the records of samples in order of their index.
 
-    It is left as it is: a run may be under way. Raises InputError where there is none, where it is
-    damaged or of another version.
+    The file is not changed, because a run may be using it. Raises InputError if there is none, or
+    it is damaged or of another version.
     """
     layout = Layout(folder)
     path = layout.own(layout.manifest)
     if not path.is_file():
         raise InputError(
-            f"{folder}: no data set there ({path.name} is missing); "
-            "spisim dataset PLAN -o DIR makes one"
+            f"{folder}: not a data set ({path.name} is missing); "
+            "`spisim dataset PLAN -o DIR` makes one"
         )
     try:
         check_file(path)
@@ -181,19 +178,18 @@ def read_manifest(folder: Path) -> tuple[dict[str, str], tuple[Record, ...]]:
             return _content(database)
     except (sqlite3.Error, ValueError) as error:
         raise InputError(
-            f"{path}: {DAMAGED} ({error}); run the plan again: it is then written anew from the "
-            "samples"
+            f"{path}: {DAMAGED} ({error}); run the plan again to rebuild it from the samples"
         ) from None
 
 
 def _content(connection: sqlite3.Connection) -> tuple[dict[str, str], tuple[Record, ...]]:
-    """All of a manifest. Raises sqlite3.Error or ValueError where it is not one of a run's."""
+    """Read a whole manifest. Raises sqlite3.Error or ValueError if it is invalid."""
     check_tables(connection, SCHEMA)
     meta = meta_of(connection)
     records = tuple(_records(connection))
     for record in records:
         if record.index >= int(meta["samples"]) or not _names_its_files(record):
-            raise ValueError(f"the files of sample {record.index} cannot be")
+            raise ValueError(f"the files of sample {record.index} are invalid")
     return meta, records
 
 
@@ -202,7 +198,7 @@ def _records(connection: sqlite3.Connection) -> Iterator[Record]:
 
 
 def _names_its_files(record: Record) -> bool:
-    """Whether these are files that a run writes for the sample, and no others."""
+    """Return whether a record names only files that a run writes for its sample."""
     capture = Layout(Path()).capture(record.index)
     beside = {capture.with_suffix(suffix).as_posix() for suffix in SIDECARS}
     expected = capture.as_posix() if record.done else None

@@ -1,4 +1,4 @@
-"""The folder of a data set made ready for a run: new, or as an earlier run left it."""
+"""Prepare the folder of a data set for a run, whether it is new or left by an earlier run."""
 
 import difflib
 import hashlib
@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +31,6 @@ from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.pack import INDEX
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, order_of
-from spisim.dataset.records import Outcome
 from spisim.version import __version__
 
 Say = Callable[[str], None]
@@ -42,27 +42,27 @@ SOFTWARE = f"spisim {__version__}"
 def opened(
     planned: PlannedSet, folder: Path, say: Say, is_sound: Sound = has_its_size
 ) -> Iterator[Manifest]:
-    """Manifest of a folder that fits the plan; the caller holds the folder.
+    """Open the manifest of a folder that fits the plan; the caller must hold the folder's lock.
 
-    What a run needs to start again is put in order: leftovers of killed processes go, samples
-    whose files are gone or not sound are to be made again, captures that the manifest does not know
-    are added to it, and a manifest that is damaged or lost is rebuilt from the captures.
+    It repairs what killed runs left behind. It removes unfinished files. It forgets samples whose
+    files are missing or unsound, so that they are made again. It adds captures that the manifest
+    lacks, and rebuilds a damaged or lost manifest from the captures.
 
-    Raises InputError where the folder holds links or is somebody's for other things, it holds
-    samples of another plan or more of them than planned, or captures that are not of this data set.
+    Raises InputError if the folder contains links or other files, samples of another plan, more
+    samples than planned, or captures of another data set.
     """
     layout = Layout(folder)
     _check_is_free(planned, layout)  # before anything is written
     with _manifest(planned, layout, say) as manifest:
         _check_same_files(planned, manifest, layout)
-        layout.remove_leftovers()  # now that the folder is known to be this data set's
+        layout.remove_leftovers()  # safe, now that the folder is known to be this data set's
         _check_size(manifest.indices(), planned, layout)
         lost = _forget_lost(manifest, layout, say, is_sound)
         _adopt(planned, manifest, layout, say, lost)
         text = planned.text.encode()
         if not layout.plan.exists() or layout.plan.read_bytes() != text:
             write_atomically(layout.plan, text)
-        _tell_of_other_software(manifest, say)
+        _warn_of_other_software(manifest, say)
         manifest.note({"samples": str(planned.plan.size)})
         try:
             yield manifest
@@ -71,7 +71,7 @@ def opened(
 
 
 def _check_is_free(planned: PlannedSet, layout: Layout) -> None:
-    """InputError unless a folder is new, holds nothing but what a run leaves, or is this set's."""
+    """Raise InputError unless a folder is new, holds only a run's files, or is this data set's."""
     layout.refuse_links()
     if (layout.folder / INDEX).exists():
         raise InputError(f"{layout.folder} is a pack, not a data set; choose another folder")
@@ -81,8 +81,8 @@ def _check_is_free(planned: PlannedSet, layout: Layout) -> None:
     strangers = layout.strangers()
     if strangers and not _has_manifest(layout):
         raise InputError(
-            f"{layout.folder} is not empty and no data set: it holds {_some(strangers)}; choose a "
-            "new or empty folder"
+            f"{layout.folder} is neither empty nor a data set: it holds {_some(strangers)}; use "
+            "another folder"
         )
 
 
@@ -99,7 +99,7 @@ def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
             return Manifest.open(layout.manifest)
         except DamagedManifest as error:
             aside = _set_aside(layout.manifest)
-            say(f"{error}; kept as {aside.name} and rebuilt from the samples")
+            say(f"{error}; moved to {aside.name} and rebuilt from the samples")
     return Manifest.create(
         layout.manifest,
         {
@@ -114,12 +114,8 @@ def _manifest(planned: PlannedSet, layout: Layout, say: Say) -> Manifest:
 
 
 def _set_aside(path: Path) -> Path:
-    numbers = iter(range(1, 10**6))
-    aside = next(
-        position
-        for number in numbers
-        if not (position := path.with_name(f"{path.stem}.damaged-{number}{path.suffix}")).exists()
-    )
+    candidates = (path.with_name(f"{path.stem}.damaged-{n}{path.suffix}") for n in count(1))
+    aside = next(candidate for candidate in candidates if not candidate.exists())
     path.rename(aside)
     for ending in COMPANIONS:
         beside = path.with_name(path.name + ending)
@@ -137,8 +133,8 @@ def _check_same_fields(planned: PlannedSet, layout: Layout) -> None:
         raise InputError(f"{layout.plan}: not the plan of a data set; use another folder") from None
     if before != planned.fields or order != order_of(planned.fields):
         raise InputError(
-            f"{layout.folder} holds samples of another plan; use another folder, or this plan as "
-            f"it was. What changed:\n{_difference(before, planned.fields)}"
+            f"{layout.folder} holds samples of another plan; use another folder, or restore the "
+            f"plan. Changes:\n{_difference(before, planned.fields)}"
         )
 
 
@@ -148,14 +144,14 @@ def _check_same_files(planned: PlannedSet, manifest: Manifest, layout: Layout) -
         return
     before, now = json.loads(meta["files"]), _digests(planned.files)
     changed = [name for name in now if before.get(name) != now[name]]
-    if not changed:  # and the plan that would tell what did is lost
+    if not changed:  # the plan changed, and its earlier text is lost
         raise InputError(
-            f"{layout.folder} holds samples of another plan; use another folder, or the plan of "
-            "these samples"
+            f"{layout.folder} holds samples of another plan; use another folder, or restore the "
+            "plan"
         )
     raise InputError(
         f"{layout.folder} holds samples of this plan with other files: {', '.join(changed)}; "
-        "use another folder, or the files as they were"
+        "use another folder, or restore the files"
     )
 
 
@@ -167,7 +163,7 @@ def _digests(files: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _difference(before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    # What stands deeper keeps its order, which may be the difference.
+    # Nested fields are not sorted, because their order may be the difference.
     old, new = (
         yaml.safe_dump(dict(sorted(fields.items())), sort_keys=False).splitlines()
         for fields in (before, now)
@@ -179,42 +175,42 @@ def _check_size(indices: Iterable[int], planned: PlannedSet, layout: Layout) -> 
     there = max(indices, default=-1) + 1
     if there > planned.plan.size:
         raise InputError(
-            f"{layout.folder} holds samples up to number {there - 1}, and the plan has only "
+            f"{layout.folder} holds samples up to number {there - 1}, but the plan has only "
             f"{planned.plan.size}; ask for at least {there}, or use another folder"
         )
 
 
-def _tell_of_other_software(manifest: Manifest, say: Say) -> None:
+def _warn_of_other_software(manifest: Manifest, say: Say) -> None:
     before = manifest.meta.get("software")
     if before != SOFTWARE:
-        say(f"begun by {before}, and goes on with {SOFTWARE}: samples may differ between the two")
+        say(f"begun by {before}, continued by {SOFTWARE}; samples may differ between the two")
 
 
 def _forget_lost(manifest: Manifest, layout: Layout, say: Say, is_sound: Sound) -> list[int]:
     lost = [
         index
         for index, files in manifest.files().items()
-        if not all(is_sound(layout.folder / name, reported) for name, reported in files.items())
+        if not all(is_sound(layout.folder / name, recorded) for name, recorded in files.items())
     ]
     for index in lost:
         manifest.forget(index)
     if lost:
-        say(f"{len(lost)} samples have lost or damaged files and are made again: {_some(lost)}")
+        say(f"remaking {len(lost)} samples with missing or damaged files: {_some(lost)}")
     return lost
 
 
 def _adopt(
     planned: PlannedSet, manifest: Manifest, layout: Layout, say: Say, lost: Iterable[int]
 ) -> None:
-    """Captures without a row: of a run that was killed, or of a lost manifest.
+    """Add captures without a row, which a killed run or a lost manifest left.
 
-    Those of samples that are `lost` are none: they are made again.
+    Captures of `lost` samples are ignored, because those are made again.
     """
     available = {name for files in manifest.files().values() for name in files}
     available |= {layout.relative(layout.capture(index)) for index in lost}
     damaged: list[Path] = []
     foreign: list[Path] = []
-    result: dict[int, Origin] = {}
+    origins: dict[int, Origin] = {}
     for path in layout.captures():
         if layout.relative(path) in available:
             continue
@@ -225,53 +221,52 @@ def _adopt(
             (damaged if ours else foreign).append(path)
             continue
         if origin and origin.plan == planned.digest and layout.capture(origin.index) == path:
-            result[origin.index] = origin
+            origins[origin.index] = origin
         else:
             foreign.append(path)
     if foreign:
         raise InputError(
-            f"{_some(foreign)}: not of this data set, though in its folder; move it elsewhere"
+            f"{_some(foreign)}: in this data set's folder, but not part of it; move it elsewhere"
         )
-    _check_size(result, planned, layout)
+    _check_size(origins, planned, layout)
     for path in damaged:
         path.unlink()
     if damaged:
-        say(f"damaged captures removed, to be made again: {_some(damaged)}")
-    whole = [
-        index for index in sorted(result) if _is_whole(planned.plan.keep, layout, result[index])
-    ]
-    if whole:
-        manifest.record(*(_result(planned, layout, index) for index in whole))
-        say(f"{len(whole)} samples found that the manifest did not know")
-    if again := sorted(result.keys() - set(whole)):  # as any sample without a row
-        say(f"samples without the files beside their captures, to be made again: {_some(again)}")
+        say(f"removed damaged captures, which are made again: {_some(damaged)}")
+    keep = planned.plan.keep
+    complete = [index for index in sorted(origins) if _is_complete(keep, layout, origins[index])]
+    if complete:
+        manifest.record(
+            *(
+                done(layout, planned.sample(index), _sidecars(keep, layout.capture(index)))
+                for index in complete
+            )
+        )
+        say(f"found {len(complete)} samples that the manifest lacked")
+    if again := sorted(origins.keys() - set(complete)):  # they have no row
+        say(f"remaking samples whose sidecar files are missing: {_some(again)}")
 
 
 def _is_of_a_sample(path: Path, samples: int, layout: Layout) -> bool:
-    """Whether a file lies where one of so many samples has its capture."""
+    """Return whether a path is that of the capture of one of so many samples."""
     with suppress(ValueError):
         index = int(path.stem)
         return 0 <= index < samples and layout.capture(index) == path
     return False
 
 
-def _retained(keep: Keep, capture: Path) -> list[Path]:
-    """What a plan keeps beside a capture."""
+def _sidecars(keep: Keep, capture: Path) -> list[Path]:
+    """Return the files that a plan keeps beside a capture."""
     wanted = zip(SIDECARS, (keep.transport, keep.histograms), strict=True)
-    return [capture.with_suffix(suffix) for suffix, is_retained in wanted if is_retained]
+    return [capture.with_suffix(suffix) for suffix, is_kept in wanted if is_kept]
 
 
-def _is_whole(keep: Keep, layout: Layout, origin: Origin) -> bool:
-    """Whether what lies beside a capture, which vouches for itself, is what that tells of."""
+def _is_complete(keep: Keep, layout: Layout, origin: Origin) -> bool:
+    """Return whether the sidecars of a capture are those that it lists."""
     return all(
         path.is_file() and fingerprint(path)["sha256"] == origin.sidecars.get(path.suffix)
-        for path in _retained(keep, layout.capture(origin.index))
+        for path in _sidecars(keep, layout.capture(origin.index))
     )
-
-
-def _result(planned: PlannedSet, layout: Layout, index: int) -> Outcome:
-    beside = _retained(planned.plan.keep, layout.capture(index))
-    return done(layout, planned.sample(index), beside)
 
 
 def _some(things: list[Any], maximum: int = 5) -> str:

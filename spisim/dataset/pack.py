@@ -1,4 +1,4 @@
-"""A packed data set: its manifest, its plan, and arrays that are mapped into memory."""
+"""A packed data set: manifest, plan, and memory-mapped arrays."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _Count = Annotated[int, Field(ge=0)]
 
 
 class PackedArray(BaseModel):
-    """What a pack tells of one of its arrays, (samples, …)."""
+    """Entry of one array (samples, …) in the index of a pack."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
@@ -37,7 +37,7 @@ class PackedArray(BaseModel):
 
 
 class Index(BaseModel):
-    """What stands in `pack.json`; `source` is the data set's folder, seen from the pack's."""
+    """Contents of `pack.json`; `source` is the data set's folder relative to the pack."""
 
     model_config = ConfigDict(strict=True, extra="forbid")
 
@@ -50,17 +50,17 @@ class Index(BaseModel):
 
 @dataclass(frozen=True, eq=False)
 class Pack:
-    """Arrays of the samples in the rows of `indices`; copies in other processes map them anew."""
+    """Arrays of the samples whose indices are given; a pickled copy maps them again."""
 
     folder: Path
     index: Index
-    indices: NDArray[np.int64]  # of the samples, ascending
+    indices: NDArray[np.int64]  # ascending
 
     @classmethod
     def of(cls, folder: Path, records: Sequence[Record]) -> Pack | None:
-        """The pack that a folder holds, whose finished samples are given; None if it holds none.
+        """Return the pack in a folder with these finished samples, or None if there is none.
 
-        Raises InputError for one that is damaged, or whose data set has other samples by now.
+        Raises InputError if it is damaged or no longer matches its data set.
         """
         layout = Layout(folder)
         path = layout.own(folder / INDEX)
@@ -70,10 +70,12 @@ class Pack:
             index = Index.model_validate_json(path.read_bytes())
         except ValidationError as error:
             where = ".".join(map(str, error.errors()[0]["loc"]))
-            raise InputError(f"{path}: no index of a pack of format {FORMAT}: {where}") from None
+            raise InputError(
+                f"{path}: {where}: invalid in a pack index of format {FORMAT}"
+            ) from None
         pack = cls(folder, index, np.array([record.index for record in records], np.int64))
         pack.check_source(records)
-        _ = pack.columns  # whose sizes are checked once, here
+        _ = pack.columns  # checks their sizes
         return pack
 
     def __getstate__(self) -> dict[str, Any]:
@@ -84,50 +86,50 @@ class Pack:
 
     @cached_property
     def columns(self) -> dict[str, NDArray[Any]]:
-        """The arrays, mapped; InputError for one that is not as the index tells."""
-        return {name: self._mapped(name, reported) for name, reported in self.index.arrays.items()}
+        """The mapped arrays by name. Raises InputError if one differs from its index entry."""
+        return {name: self._mapped(name, entry) for name, entry in self.index.arrays.items()}
 
-    def _mapped(self, name: str, reported: PackedArray) -> NDArray[Any]:
-        path = Layout(self.folder).own(self.folder / reported.file)
+    def _mapped(self, name: str, entry: PackedArray) -> NDArray[Any]:
+        path = Layout(self.folder).own(self.folder / entry.file)
         try:
             column = np.load(path, mmap_mode="r", allow_pickle=False)
         except (OSError, ValueError, EOFError) as error:
             raise InputError(f"{path}: {name} cannot be read ({error}); pack again") from None
-        if not has_its_size(path, vars(reported)) or column.shape[:1] != self.indices.shape:
-            raise InputError(f"{path}: {name} is not as it was written; pack again")
-        return np.asarray(column)  # slices of a memmap cost more than what they copy
+        if not has_its_size(path, vars(entry)) or column.shape[:1] != self.indices.shape:
+            raise InputError(f"{path}: {name} differs from when it was packed; pack again")
+        return np.asarray(column)  # slicing a memmap is slower than copying the slice
 
     def column(self, name: str) -> NDArray[Any]:
-        """An array of all samples; InputError, naming the nearest, where the pack has none."""
+        """Return an array of all samples. Raises InputError if the pack has no such array."""
         if name not in self.columns:
             raise InputError(
-                f"{self.folder}: the pack holds no {name!r}: {nearest(name, self.columns)}; "
-                "pack again with it, or open the data set"
+                f"{self.folder}: the pack has no array {name!r}: {nearest(name, self.columns)}; "
+                "pack it too, or open the data set"
             )
         return self.columns[name]
 
     def rows(self, indices: Sequence[int]) -> NDArray[np.intp]:
-        """Rows of samples."""
+        """Return the rows of samples with these indices."""
         return np.searchsorted(self.indices, indices)
 
     def check_source(self, records: Sequence[Record]) -> None:
-        """InputError if the data set, where it is still there, has other samples than then."""
+        """Raise InputError if the data set is still there, but its samples have changed."""
         source = (self.folder / self.index.source).resolve()
         try:
             _, there = read_manifest(source)
-        except InputError:  # the pack was moved, or the data set is gone
+        except InputError:  # the pack or the data set was moved
             return
         now = {record.index: record.sha256 for record in there if record.done}
         same = all(now.get(record.index) == record.sha256 for record in records)
         if not same or len(now) != self.index.source_samples:
             raise InputError(
                 f"{self.folder} was packed when {source} had {self.index.source_samples} samples; "
-                f"it has {len(now)} now{'' if same else ', and others'}: pack it again, or move "
-                "the pack elsewhere to go on with what it holds"
+                f"it now has {len(now)}{'' if same else ', some of them changed'}; pack it again, "
+                "or move the pack elsewhere to use it as it is"
             )
 
     def damaged(self) -> Iterator[tuple[str, str]]:
-        """Files whose SHA-256 is another than when they were written, and what is wrong."""
-        for reported in self.index.arrays.values():
-            if not has_its_content(self.folder / reported.file, vars(reported)):
-                yield reported.file, "another SHA-256 than when it was written"
+        """Yield files whose SHA-256 has changed, and what is wrong."""
+        for entry in self.index.arrays.values():
+            if not has_its_content(self.folder / entry.file, vars(entry)):
+                yield entry.file, "SHA-256 differs from when it was written"

@@ -1,4 +1,4 @@
-"""A data set becomes a pack: every capture is verified and read once."""
+"""Write a data set as a pack, verifying and reading every capture once."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from spisim.dataset.manifest import Manifest, read_manifest
 from spisim.dataset.pack import FORMAT, INDEX, Index, PackedArray
 from spisim.dataset.reader import DataSet, StoredSample, open_dataset
 
-#: Of the index, as its mark tells it.
+#: The kind of file in the index's mark.
 KIND = "pack"
 
 
@@ -29,25 +29,30 @@ def pack_dataset(
     names: Iterable[str] = (),
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> DataSet:
-    """Write arrays of samples as files that are mapped into memory, with manifest and plan.
+    """Write arrays of samples as memory-mapped files, with manifest and plan.
 
     Parameters
     ----------
-    samples: of a data set; all or some.
-    folder: a new one, an empty one, or that of an earlier pack, whose place the new one takes.
-    names: of arrays; by default all that the first capture holds. Numbers among the parameters
-        stand in the manifest.
-    progress: called with the fraction that is done, from 0 to 1.
+    samples
+        A data set, or some of its samples.
+    folder
+        A new or empty folder, or that of an earlier pack, which is replaced.
+    names
+        Arrays to pack; by default all that the first capture holds. Numeric parameters are in
+        the manifest anyway.
+    progress
+        Called with the completed fraction, from 0 to 1.
 
     Returns
     -------
-    The pack, opened: a data set that reads these arrays, and no captures.
+    DataSet
+        The opened pack: a data set with these arrays and without captures.
 
     Raises
     ------
     InputError
-        For a folder that cannot be used, a set without samples or that is a pack, names that
-        there are not, captures that are not as they were written, and shapes that differ.
+        If the folder cannot be used, there are no samples, they are a pack themselves, a name is
+        unknown, captures have changed since they were written, or shapes differ.
     """
     folder = Path(folder).absolute()
     check_packable(samples, folder)
@@ -60,40 +65,36 @@ def pack_dataset(
     for name in chosen:
         if find_field(name) is None:
             samples.check_names([name])
-            raise InputError(f"{name} is a parameter, which a pack has anyway; name arrays")
+            raise InputError(f"{name} is a parameter, which every pack includes; name arrays only")
     with_stage(folder, lambda stage: _fill(stage, folder, samples, chosen, progress), folder=True)
     return open_dataset(folder)
 
 
 def check_packable(samples: DataSet, folder: Path) -> None:
-    """InputError unless there are captures to pack, and a folder can be written."""
+    """Raise InputError unless there are captures to pack and the folder can be written."""
     if not samples:
-        raise InputError(f"{samples.folder}: there is no finished sample to pack")
+        raise InputError(f"{samples.folder}: no finished samples to pack")
     if samples.pack is not None:
-        raise InputError(
-            f"{samples.folder} is a pack itself; pack the data set that it was made of"
-        )
+        raise InputError(f"{samples.folder} is itself a pack; pack the data set it was made from")
     ours, theirs = folder.resolve(), samples.folder.resolve()
     if ours.is_relative_to(theirs) or theirs.is_relative_to(ours):
         raise InputError(f"{folder} overlaps the data set {samples.folder}; choose another folder")
     require_folder(folder)
     earlier = (folder / INDEX).is_file() and is_marked(folder / INDEX, KIND)
     if folder.is_symlink() or (folder.exists() and any(folder.iterdir()) and not earlier):
-        raise InputError(f"{folder} holds other things than a pack; choose an empty folder")
+        raise InputError(f"{folder} is neither empty nor a pack; choose an empty folder")
 
 
 def _fill(
-    stage: Path,
-    folder: Path,
-    samples: DataSet,
-    names: list[str],
-    progress: Callable[[float], None],
+    stage: Path, folder: Path, samples: DataSet, names: list[str], progress: Callable[[float], None]
 ) -> None:
     files = {name: stage / f"{number:03d}.npy" for number, name in enumerate(names)}
     columns: dict[str, np.memmap] = {}
     for row, (record, sample) in enumerate(zip(samples.records, samples, strict=True)):
         if not has_its_content(sample.path, vars(record)):
-            raise InputError(f"{sample.path}: not as it was written; `spisim dataset verify` tells")
+            raise InputError(
+                f"{sample.path}: changed since it was written; run `spisim dataset verify`"
+            )
         for name, path in files.items():
             values = sample.array(name)
             if row == 0:
@@ -104,14 +105,13 @@ def _fill(
         progress((row + 1) / len(samples))
     for column in columns.values():
         column.flush()
-    reported = {name: _reported(name, path) for name, path in files.items()}
     meta, everything = read_manifest(samples.folder)
     index = Index(
         made=mark(KIND),
         format=FORMAT,
         source=os.path.relpath(samples.folder.resolve(), folder.resolve()),
         source_samples=sum(record.done for record in everything),
-        arrays=reported,
+        arrays={name: _entry(name, path) for name, path in files.items()},
     )
     with Manifest.create(stage / Layout(stage).manifest.name, meta) as manifest:
         manifest.keep(*samples.records)
@@ -125,14 +125,14 @@ def _check_shape(
 ) -> None:
     if shape != first:
         raise InputError(
-            f"{sample.path}: {name} has shape {shape}, that of the first sample {first}; select "
+            f"{sample.path}: {name} has shape {shape}, but {first} in the first sample; select "
             "samples of equal shape"
         )
 
 
-def _reported(name: str, path: Path) -> PackedArray:
+def _entry(name: str, path: Path) -> PackedArray:
     field = find_field(name)
-    assert field is not None  # names have been checked
+    assert field is not None  # names are checked before
     return PackedArray(
         file=path.name,
         **fingerprint(path),

@@ -1,4 +1,4 @@
-"""What a data set is to hold: scenes, what varies between samples, how they are recorded."""
+"""Plan of a data set: scenes, what varies between samples, and how they are recorded."""
 
 from __future__ import annotations
 
@@ -24,17 +24,12 @@ from spisim.base.config import (
 from spisim.base.config.distributions import is_distribution
 from spisim.base.config.messages import show
 from spisim.dataset.poses import AnyPoses, Poses
-from spisim.dataset.values import (
-    Grid,
-    open_value,
-    openable,
-    possible,
-)
+from spisim.dataset.values import Grid, open_value, openable, possible
 from spisim.scene.families import FAMILIES
 
-#: A run holds the indices of all samples that it is to make.
+#: A run holds the indices of all its samples in memory.
 MAX_SAMPLES = 10**7
-#: Seeds of scenes are below this.
+#: Upper bound of scene seeds.
 SCENE_SEEDS = 2**31
 
 Seed = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0, lt=2**63)]
@@ -43,7 +38,7 @@ Openable = Annotated[Any, BeforeValidator(openable)]
 
 
 def _instruments(value: Any) -> Any:
-    """A name, or a grid of names."""
+    """Validate a name or a grid of names."""
     names = openable(value)
     for name in names.grid if isinstance(names, Grid) else (names,):
         if not isinstance(name, str) or not name:
@@ -52,39 +47,39 @@ def _instruments(value: Any) -> Any:
 
 
 def _wavelengths(value: Any) -> Any:
-    """A wavelength, a distribution of them, or a grid; or None."""
+    """Validate a wavelength, a distribution, a grid, or None."""
     open_ = openable(value)
     for each in [] if value is None else possible(open_):
         if not is_distribution(each) and (isinstance(each, bool) or not isinstance(each, Real)):
-            result = "" if each is value else f", not {show(each)}"
-            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": result})
+            found = "" if each is value else f", not {show(each)}"
+            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": found})
     return open_
 
 
 class SceneSource(Section):
-    """A scene file (or the name of a shipped one), or a family to draw from.
+    """A scene file, the name of a shipped scene, or a family to draw scenes from.
 
-    `parameters` of a family are values, or what to draw them from. There are `distinct` scenes of a
-    family; without it every sample has one of its own.
+    `parameters` of a family are values or distributions. A family has `distinct` different scenes;
+    without it, every sample has its own.
     """
 
     scene: Name | None = None
-    """A shipped scene by its name, or a file beside the plan. This or `family`."""
+    """A shipped scene by name, or a file beside the plan. Either this or `family`."""
     family: Name | None = None
-    """A family to draw from. This or `scene`."""
+    """A family to draw scenes from. Either this or `scene`."""
     parameters: dict[Name, Drawn] = Field(default_factory=dict)
-    """The family's own: values, or what they are drawn from."""
+    """Parameters of the family: values or distributions."""
     distinct: Annotated[Count, Field(le=SCENE_SEEDS)] | None = None
-    """How many scenes of the family there are, which come again; one for each sample without."""
+    """Number of different scenes of the family, which recur; without it, one for each sample."""
     weight: NonNegative = 1.0
-    """How often, next to the weights of the others."""
+    """Relative frequency among the scenes."""
 
     @model_validator(mode="after")
     def _one_kind(self) -> SceneSource:
         if (self.scene is None) == (self.family is None):
-            raise PydanticCustomError("source", "needs either scene or family")
+            raise PydanticCustomError("source", "should have either scene or family")
         if self.scene is not None and self.model_fields_set & {"parameters", "distinct"}:
-            raise PydanticCustomError("source", "parameters and distinct go with a family")
+            raise PydanticCustomError("source", "parameters and distinct are only for a family")
         if self.family is not None:
             self._check_parameters(self.family)
         return self
@@ -98,7 +93,7 @@ class SceneSource(Section):
                 )
 
 
-#: Error of the light next to the detectors' noise where a plan does not tell: 4 % more noise.
+#: Default standard error of the light relative to the detectors' noise, which adds 4 % of noise.
 NOISE_SHARE = 0.3
 
 
@@ -106,57 +101,57 @@ class Keep(Section):
     """What is stored with the readings."""
 
     truth: bool = True
-    """What is true of each frame, which evaluation needs."""
+    """Ground truth of each frame, which evaluation needs."""
     transport: bool = False
     """The transport image and its errors, as OpenEXR beside the capture."""
     histograms: bool = False
-    """The four spots' light over path length, as NPZ beside the capture."""
+    """The light of the four spots over path length, as NPZ beside the capture."""
 
 
 class Plan(Section):
     """A data set or study.
 
-    `vary` gives fields of the scene file ("scene.fog.visibility_m") and of the instrument's file
-    ("instrument.lasers.power_w") values, distributions, or grids; under any other name, mappings of
-    such fields, which change together. `materials` does so for materials in place of others, and
-    `wavelength_nm` for the wavelength that the instrument is built for; the scene follows. With
-    grids, the samples run through all combinations, again and again with other random values;
-    within one such round, these are the same. With `every_scene`, the scenes are a grid too.
-    `light` is "traced", or a fast "surrogate" for sets to learn from.
-    `poses`, a number or a section, sees each scene from several poses, in as many rounds, one after
-    the other; scenes, wavelength and materials stay the same in them, the rest is drawn anew.
+    `vary` maps fields of the scene file ("scene.fog.visibility_m") and of the instrument file
+    ("instrument.lasers.power_w") to values, distributions or grids. Under any other name it holds
+    bundles: mappings of such fields that change together. `materials` likewise replaces materials,
+    and `wavelength_nm` sets the instrument's wavelength, which the scene follows. With grids, the
+    samples run through all combinations again and again, each round with new random values. With
+    `every_scene`, the scenes are a grid too. `light` is "traced", or a fast "surrogate" for
+    training sets. `poses`, a number or a section, shows each scene from several poses in as many
+    consecutive rounds. Scene, wavelength and materials stay the same within them; everything else
+    is drawn anew.
     """
 
     name: Name
-    """Of the data set."""
+    """Name of the data set."""
     description: str = ""
-    """What it is for, in words."""
+    """Its purpose."""
     samples: Annotated[Count, Field(le=MAX_SAMPLES)] | None = None
-    """How many; each combination of the grids once without."""
+    """Number of samples; without it, each combination of the grids once."""
     seed: Seed = 0
-    """Of all that is random."""
+    """Seed of all random values."""
     scenes: Annotated[tuple[SceneSource, ...], Field(min_length=1)]
-    """Scene files and families; which one a sample has is drawn by their weights."""
+    """Scene files and families, drawn by their weights."""
     every_scene: bool = False
-    """Whether the scenes are a grid, each made with every combination of the others."""
+    """Whether the scenes are a grid, combined with all values of other grids."""
     poses: AnyPoses = Poses()
-    """How many poses each scene is seen from, or a section that also says how far apart."""
+    """Number of poses per scene, or a section that also gives their distances."""
     vary: dict[Name, Openable] = Field(default_factory=dict)
     """Fields of scene and instrument, `scene.…` and `instrument.…`, or bundles of them."""
     materials: dict[Name, Openable] = Field(default_factory=dict)
-    """Materials in place of those of these names, in all scenes that have them."""
+    """Replacements of materials, by the names of those replaced in all scenes."""
     instrument: Annotated[Any, BeforeValidator(_instruments)] = "paper"
-    """A preset or a file beside the plan, or a grid of them."""
+    """A preset, a file beside the plan, or a grid of them."""
     wavelength_nm: Annotated[Any, BeforeValidator(_wavelengths)] = None
-    """What the instrument is built for: a number, a distribution or a grid. Scenes follow."""
+    """Wavelength of the instrument: a number, a distribution or a grid. Scenes follow."""
     light: LightSource = "traced"
-    """Traced, or a fast stand-in."""
+    """Traced, or a fast surrogate."""
     spp: Annotated[Count, Field(le=2**20)] | None = None
-    """Light paths per virtual pixel and strategy. This or `transport_noise_share`."""
+    """Light paths per virtual pixel and strategy. Either this or `transport_noise_share`."""
     transport_noise_share: Annotated[Number, Field(ge=1e-3, le=10)] | None = None
-    """Error of the light, as a share of the detectors' noise; 0.3 without `spp`."""
+    """Standard error of the light as a fraction of the detectors' noise; 0.3 without `spp`."""
     frames: Count = 1
-    """Frames of every capture."""
+    """Frames per capture."""
     keep: Keep = Keep()
     """What is stored with the readings."""
 
@@ -166,8 +161,8 @@ class Plan(Section):
         if isinstance(data, Mapping) and "transport_error" in data:
             raise PydanticCustomError(
                 "plan",
-                "transport_error is told as transport_noise_share, the light's standard error as a "
-                "share of the detectors' noise (usual, {usual}), or as spp",
+                "transport_error was replaced by transport_noise_share, the light's standard error "
+                "as a fraction of the detectors' noise (default {usual}), or by spp",
                 {"usual": NOISE_SHARE},
             )
         return data
@@ -175,24 +170,24 @@ class Plan(Section):
     @model_validator(mode="after")
     def _makes_sense(self) -> Plan:
         if self.spp is not None and self.transport_noise_share is not None:
-            raise PydanticCustomError("plan", "needs spp or transport_noise_share, not both")
+            raise PydanticCustomError("plan", "should have spp or transport_noise_share, not both")
         if self.light == "surrogate" and (self.spp or self.transport_noise_share):
             raise PydanticCustomError(
-                "plan", "light: surrogate is not traced; take out spp and transport_noise_share"
+                "plan", "light: surrogate is not traced; remove spp and transport_noise_share"
             )
         if not 0 < sum(source.weight for source in self.scenes) < math.inf:
             raise PydanticCustomError(
-                "plan", "scenes should not all have weight 0, and their weights a finite sum"
+                "plan", "the weights of scenes should have a finite sum above 0"
             )
         if self.every_scene and not all(source.weight for source in self.scenes):
             raise PydanticCustomError(
-                "plan", "every_scene makes scenes of weight 0 too; take them out"
+                "plan", "every_scene includes scenes of weight 0; remove them"
             )
         if self.size > MAX_SAMPLES:
             raise PydanticCustomError(
                 "plan",
-                "the grids have {size} combinations; at most {most} can be made",
-                {"size": self.size, "most": MAX_SAMPLES},
+                "the plan has {size} samples; at most {maximum} are allowed",
+                {"size": self.size, "maximum": MAX_SAMPLES},
             )
         paths = list(self.vary)
         for number, path in enumerate(paths):
@@ -201,14 +196,14 @@ class Plan(Section):
 
     @property
     def open(self) -> dict[str, Any]:
-        """What every sample draws, by field: `vary`, and `materials` as "materials.old"."""
+        """Fields that samples draw: `vary`, and `materials` as "materials.NAME"."""
         moved = {} if self.wavelength_nm is None else {"wavelength_nm": self.wavelength_nm}
         swaps = {f"materials.{old}": new for old, new in self.materials.items()}
         return {**moved, **self.vary, **swaps}
 
     @cached_property
     def axes(self) -> dict[str, tuple[Any, ...]]:
-        """Values of every grid, by field."""
+        """Values of every grid by field."""
         values = {"instrument": self.instrument, **self.open}
         grids = {path: value.grid for path, value in values.items() if isinstance(value, Grid)}
         return ({"scene": tuple(range(len(self.scenes)))} if self.every_scene else {}) | grids
@@ -220,17 +215,17 @@ class Plan(Section):
 
     @property
     def combinations(self) -> int:
-        """Of the grids; 1 without any."""
+        """Number of combinations of the grids; 1 without grids."""
         return math.prod(len(values) for values in self.axes.values())
 
     @property
     def size(self) -> int:
-        """Number of samples; without one, each combination of the grids once."""
+        """Number of samples; by default each combination of the grids once."""
         return self.combinations if self.samples is None else self.samples
 
     @property
     def sampling_budget(self) -> dict[str, Any]:
-        """Arguments of `simulate` that say how long to trace light, or not to."""
+        """Arguments of `simulate` that set the source and the accuracy of light."""
         if self.light == "surrogate":
             return {"light": "surrogate"}
         if self.spp is not None:
@@ -240,26 +235,26 @@ class Plan(Section):
 
 
 def _check_path(path: str, value: Any, before: list[str]) -> None:
-    """Fields are set in the order given: a section after one of its fields would erase it."""
+    """Check a field of `vary`; fields are set in order, so a section must precede its fields."""
     if not is_field(path) and not all(
         isinstance(fields, Mapping) and all(map(is_field, fields)) for fields in possible(value)
     ):
         raise PydanticCustomError(
             "plan",
-            "vary: {path} should begin with scene. or instrument., or each of its values be a "
-            "mapping of such fields",
+            "vary: {path} should begin with scene. or instrument., or have mappings of such fields "
+            "as values",
             {"path": path},
         )
     for other in before:
         if other.startswith(f"{path}."):
             raise PydanticCustomError(
                 "plan",
-                "vary: {path} should stand before {other}, which it would replace",
+                "vary: {path} should precede {other}, which it would overwrite",
                 {"path": path, "other": other},
             )
 
 
 def is_field(path: Any) -> bool:
-    """Whether this names a field of the scene's or the instrument's file."""
+    """Return whether a path names a field of the scene file or the instrument file."""
     file, _, field = str(path).partition(".")
     return file in ("scene", "instrument") and bool(field)

@@ -1,4 +1,4 @@
-"""A plan together with its file, and the samples that it asks for."""
+"""A plan with its file, and the samples that it describes."""
 
 from __future__ import annotations
 
@@ -24,41 +24,34 @@ from spisim.base.config import (
     read_text,
 )
 from spisim.base.config.distributions import stream
-from spisim.dataset.plan import Plan, SceneSource, is_field
+from spisim.dataset.plan import SCENE_SEEDS, Plan, SceneSource, is_field
 from spisim.dataset.poses import View
-from spisim.dataset.values import (
-    drawn_value,
-    section_of,
-    set_field,
-)
+from spisim.dataset.values import drawn_value, section_of, set_field
 from spisim.instrument import Instrument
 from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
 from spisim.scene.description import SceneDescription
 
-#: Seeds of scenes are below this.
-SCENE_SEEDS = 2**31
-
 
 @dataclass(frozen=True)
 class Sample:
-    """One sample of a plan, ready to be simulated, and what was drawn for it."""
+    """One sample of a plan, ready to be simulated, and its parameters."""
 
     index: int
     seed: int
-    scene_name: str  # equal for samples of one and the same scene
+    scene_name: str  # equal for samples of the same scene
     scene_text: str
     scene_folder: Path
     instrument_text: str
     instrument_folder: Path
-    wavelength_nm: float | None  # that the instrument is moved to
+    wavelength_nm: float | None  # of the instrument, if the plan sets it
     view: View
     parameters: Mapping[str, Any]  # by field of the plan
 
 
 @dataclass(frozen=True)
 class PlannedSet:
-    """A plan, its text, and the file it stands in."""
+    """A plan, its text, and its file."""
 
     plan: Plan
     text: str
@@ -66,15 +59,15 @@ class PlannedSet:
 
     @cached_property
     def fields(self) -> dict[str, Any]:
-        """The plan as it was written, but for the number of samples."""
+        """The fields of the plan file except the number of samples."""
         fields: dict[str, Any] = load_yaml(self.text, self.path)
         return {name: value for name, value in fields.items() if name != "samples"}
 
     @cached_property
     def files(self) -> dict[str, dict[str, Any]]:
-        """What stands in the files that the plan names, by those names, as read the first time.
+        """Fields of the files that the plan names, as read the first time.
 
-        Raises InputError where one is missing or no YAML.
+        Raises InputError if one is missing or not valid YAML.
         """
         with naming(self.path):
             files = {}
@@ -88,22 +81,22 @@ class PlannedSet:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of what the samples depend on: the plan but for their number, and its files."""
+        """SHA-256 of all that samples depend on: the plan except their number, and its files."""
         content = [self.fields, order_of(self.fields), self.files]
         return hashlib.sha256(yaml.safe_dump(content).encode()).hexdigest()
 
     def with_samples(self, samples: int) -> PlannedSet:
-        """The same plan with another number of samples; its text loses its comments."""
+        """Return the plan with another number of samples; its text loses its comments."""
         text = dump_yaml({**self.fields, "samples": samples})
         return replace(self, plan=self.plan.model_copy(update={"samples": samples}), text=text)
 
     def sample(self, index: int) -> Sample:
-        """Sample of this index; depends on plan, its files and index alone.
+        """Return the sample of this index, which depends only on the plan, its files and the index.
 
-        Raises InputError, naming the plan, for fields that are none.
+        Raises InputError, naming the plan, for unknown fields.
         """
         plan, seed = self.plan, self.plan.seed
-        round_, chosen = self._place(index)
+        round_, chosen = self._combination(index)
         scene_round, number = divmod(round_, plan.poses.count)
         source = plan.scenes[self.source_of(index)]
         drawn: dict[str, Any] = {}
@@ -123,13 +116,15 @@ class PlannedSet:
             for path, value in drawn.items():
                 file, _, field = path.partition(".")
                 if file in files:
-                    set_field(files[file], field, copy.deepcopy(value))  # fields of it may follow
+                    set_field(
+                        files[file], field, copy.deepcopy(value)
+                    )  # its fields may be set next
                 elif file == "materials":
                     section_of(scene, "material_swaps", path)[field] = value
         name = scene.get("name") or _name_drawn(scene) or str(source.scene)
-        reported: dict[str, Any] = {"instrument": instrument} if "instrument" in chosen else {}
+        gridded: dict[str, Any] = {"instrument": instrument} if "instrument" in chosen else {}
         if plan.poses.count > 1:
-            reported["pose"] = number
+            gridded["pose"] = number
         return Sample(
             index,
             int(stream(seed, "capture", index).integers(2**62)),
@@ -140,19 +135,19 @@ class PlannedSet:
             self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
             View(number, plan.poses, self._pose_seed(round_)),
-            {"scene": source.family or name, **reported, **parameters, **drawn},
+            {"scene": source.family or name, **gridded, **parameters, **drawn},
         )
 
     def _pose_seed(self, round_: int) -> int:
-        """Of a pose of its own, or of the flight of a scene."""
+        """Return the seed of a single pose, or of the flight of a scene."""
         poses, seed = self.plan.poses, self.plan.seed
         if poses.flight_s is None:
             return int(stream(seed, "pose", round_).integers(2**62))
         return int(stream(seed, "flight", round_ // poses.count).integers(2**62))
 
     def source_of(self, index: int) -> int:
-        """Which of the plan's scenes this sample is of."""
-        round_, chosen = self._place(index)
+        """Return the index of a sample's scene in the plan."""
+        round_, chosen = self._combination(index)
         if "scene" in chosen:
             return int(chosen["scene"])
         weights = np.array([source.weight for source in self.plan.scenes])
@@ -160,37 +155,37 @@ class PlannedSet:
         return int(rng.choice(len(weights), p=weights / weights.sum()))
 
     def world_of(self, index: int) -> int:
-        """Number shared by samples whose surfaces are worth keeping from one to the next."""
+        """Return a number shared by samples whose surfaces are worth reusing."""
         return index // (self.plan.combinations * self.plan.poses.count)
 
-    def _place(self, index: int) -> tuple[int, dict[str, Any]]:
-        """Round of the grids, and the combination of their values within it."""
-        round_, position = divmod(index, self.plan.combinations)
+    def _combination(self, index: int) -> tuple[int, dict[str, Any]]:
+        """Return the round of the grids, and the combination of their values within it."""
+        round_, rest = divmod(index, self.plan.combinations)
         chosen = {}
         for name, values in reversed(self.plan.axes.items()):  # the last runs fastest
-            position, at = divmod(position, len(values))
-            chosen[name] = values[at]
+            rest, position = divmod(rest, len(values))
+            chosen[name] = values[position]
         return round_, chosen
 
     def _scene(
         self, source: SceneSource, round_: int
     ) -> tuple[dict[str, Any], Path, dict[str, Any]]:
-        """Fields of the scene file, folder of its meshes, and the parameters of a family."""
+        """Return fields of the scene file, folder of its meshes, and parameters of a family."""
         if source.scene is not None:
             fields = copy.deepcopy(self.files[f"scene {source.scene}"])
             return fields, self._scene_file(source.scene).parent, {}
-        assert source.family is not None  # the source demands one of the two
+        assert source.family is not None
         rng = stream(self.plan.seed, "family", source.family, round_)
         seed = int(rng.integers(source.distinct or SCENE_SEEDS))
-        # Distinct scenes come again with their parameters: those follow from the scene's seed.
+        # Distinct scenes recur with their parameters, which follow from the scene's seed.
         key = ("round", round_) if source.distinct is None else ("distinct", seed)
         parameters = {
             name: drawn_value(value, self.plan.seed, f"parameters.{name}", *key)
             for name, value in source.parameters.items()
         }
-        reported = {f"parameters.{name}": value for name, value in parameters.items()}
+        dotted = {f"parameters.{name}": value for name, value in parameters.items()}
         fields = {"family": source.family, "seed": seed, "parameters": parameters}
-        return fields, self.path.parent, {"family_seed": seed, **reported}
+        return fields, self.path.parent, {"family_seed": seed, **dotted}
 
     def _scene_file(self, name: str) -> Path:
         return find_named(self._beside(name), scenes_folder(), "scene")
@@ -199,36 +194,35 @@ class PlannedSet:
         return find_named(self._beside(name), PRESETS, "instrument")
 
     def _beside(self, name: str) -> str:
-        """A file by its path from the plan, if there is one; else the name as it stands."""
+        """Return a file by its path relative to the plan if it exists, else the name itself."""
         beside = self.path.parent / name
         return str(beside) if is_file(beside) else name
 
 
 def order_of(fields: Mapping[str, Any]) -> list[str]:
-    """Names in those sections of a plan that are gone through in the order given."""
+    """Return the names in those sections of a plan whose order matters."""
     return [name for section in ("vary", "materials") for name in fields.get(section) or {}]
 
 
 def load_plan(path: Path, kind: type[Plan] = Plan) -> PlannedSet:
-    """Plan from a YAML file; InputError, naming file and field, for whatever is wrong with it."""
+    """Read a plan from a YAML file. Raises InputError, naming file and field."""
     text = read_text(path)
     return PlannedSet(parse_model(text, kind, path), text, path.absolute())
 
 
 def stated_plan(fields: Mapping[str, Any], kind: type[Plan] = Plan) -> PlannedSet:
-    """Plan from the fields of a file; files that it names lie in the working folder.
+    """Return a plan given by its fields; file names are relative to the working folder.
 
-    Raises InputError, naming the field, for whatever is wrong with it.
+    Raises InputError, naming the field.
     """
     text = dump_yaml(fields)
     return PlannedSet(parse_model(text, kind, "plan"), text, Path("plan").absolute())
 
 
 def _name_drawn(scene: Mapping[str, Any]) -> str | None:
-    """Name that a scene of a family gets; None for others."""
+    """Return the name of a scene drawn from a family; None for others."""
     return f"{scene['family']}-{scene.get('seed') or 0}" if scene.get("family") else None
 
 
 def _dump(fields: Mapping[str, Any]) -> str:
-    retained = {name: value for name, value in fields.items() if value is not None}
-    return dump_yaml(retained)
+    return dump_yaml({name: value for name, value in fields.items() if value is not None})

@@ -1,4 +1,4 @@
-"""What a plan would make: its samples, checked, and what they would cost."""
+"""Preview a plan: check its samples and estimate their cost."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -19,42 +19,42 @@ from spisim.dataset.sample import Maker, WarmMaker, load
 from spisim.dataset.workers import Executor
 from spisim.scene.materials import shipped_materials
 
-#: Samples at random that a preview loads beside those that `check` does.
-AT_RANDOM = 3
-#: How far to look for the first sample of a scene.
-FARTHEST = 1000
-#: Samples that are made to estimate time and size, unless another number is asked for.
-PILOT = 12
+#: Random samples that a preview loads in addition to those of `check`.
+RANDOM_SAMPLES = 3
+#: Samples among which the first one of each scene is searched.
+MAX_SEARCHED = 1000
+#: Default number of samples to make for an estimate of time and size.
+PILOT_SAMPLES = 12
 
 
 @dataclass(frozen=True)
 class Preview:
-    """Samples that were looked at, and the cost of all by those of a pilot that were made."""
+    """The first samples of a plan, and the cost of all of them as estimated from a pilot run."""
 
     samples: int
-    displayed: Sequence[Sample]
+    first: Sequence[Sample]
     costs: Sequence[GroupCost]
     cost: Cost
-    compiling_s: float  # of the pilot, besides
+    compiling_s: float  # of the pilot, not in `cost`
     bytes_per_sample: float
-    failures: Mapping[int, str]  # reasons by index, of the pilot's samples
+    failures: Mapping[int, str]  # reason by index, in the pilot
     workers: int
 
     @property
     def seconds(self) -> float:
-        """Time of the whole on this machine."""
+        """Estimated time of the whole set on this machine."""
         return self.samples * self.cost.mean_s / self.workers
 
     @property
     def bytes(self) -> int:
-        """Size of the whole."""
+        """Estimated size of the whole set."""
         return round(self.samples * self.bytes_per_sample)
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """Return a JSON-ready summary."""
         return {
             "samples": self.samples,
-            "first": [_row(sample) for sample in self.displayed],
+            "first": [_row(sample) for sample in self.first],
             "cost": vars(self.cost),
             "compiling_s": self.compiling_s,
             "costs": [cost.summary() for cost in self.costs],
@@ -67,14 +67,14 @@ class Preview:
 
 
 def check(planned: PlannedSet, at_random: int = 0) -> None:
-    """Load the first sample of every scene and grid value, and some at random.
+    """Load the first sample of every scene and grid value, and some random ones.
 
-    Raises InputError, naming plan and sample, where one cannot be loaded, and for materials to be
-    replaced that are none.
+    Raises InputError, naming plan and sample, if one cannot be loaded, and if a material to be
+    replaced is in none of the scenes.
     """
     used: set[str] = set(shipped_materials().names)
     others = np.random.default_rng(planned.plan.seed).integers(planned.plan.size, size=at_random)
-    for index in sorted({*_telling(planned), *map(int, others)}):
+    for index in sorted({*_first_of_each(planned), *map(int, others)}):
         sample = planned.sample(index)
         with naming(f"{planned.path}: sample {index}"), catch_warnings():
             simplefilter("ignore")
@@ -88,7 +88,7 @@ def check(planned: PlannedSet, at_random: int = 0) -> None:
 
 
 def _own_materials(sample: Sample) -> set[str]:
-    """Materials that its scene uses, had none been put in place of others."""
+    """Return the materials of the scene before any are replaced."""
     fields = load_yaml(sample.scene_text, sample.scene_name)
     del fields["material_swaps"]
     scene, _ = load(replace(sample, scene_text=dump_yaml(fields)))
@@ -101,15 +101,15 @@ def preview(
     executor: Callable[[Maker], Executor],
     workers: int,
     *,
-    pilot: int = PILOT,
+    pilot: int = PILOT_SAMPLES,
     rows: int = 10,
     progress: Callable[[State], None] = lambda state: None,
 ) -> Preview:
-    """Check a plan, and make some of its samples in a folder: those that it lacks.
+    """Check a plan and make a pilot run of samples in a folder.
 
-    Raises InputError as `check` and `run_dataset` do, and where all of these samples fail.
+    Raises InputError as `check` and `run_dataset` do, and if all samples of the pilot fail.
     """
-    check(planned, AT_RANDOM)
+    check(planned, RANDOM_SAMPLES)
     size = planned.plan.size
     chosen = Pilot.of(planned, pilot)
     run_dataset(
@@ -127,12 +127,11 @@ def preview(
     except ValueError:
         index, reason = next(iter(failures.items()))
         raise InputError(
-            f"{planned.path}: all {len(failures)} samples that were tried failed; sample {index}: "
-            f"{reason}"
+            f"{planned.path}: all {len(failures)} pilot samples failed; sample {index}: {reason}"
         ) from None
     return Preview(
         samples=size,
-        displayed=[planned.sample(index) for index in range(min(rows, size))],
+        first=[planned.sample(index) for index in range(min(rows, size))],
         costs=costs,
         cost=cost,
         compiling_s=sum(record.compiling_s for record in records),
@@ -147,19 +146,19 @@ def _bytes(record: Record) -> int:
     return (record.bytes or 0) + beside
 
 
-def _telling(planned: PlannedSet) -> set[int]:
-    """Indices at which a scene or a value of a grid comes for the first time."""
+def _first_of_each(planned: PlannedSet) -> set[int]:
+    """Return the indices of the first sample of each scene and of each grid value."""
     plan = planned.plan
     chosen: dict[Any, int] = {}
-    for index in range(min(plan.size, FARTHEST)):
+    for index in range(min(plan.size, MAX_SEARCHED)):
         chosen.setdefault(("scene", planned.source_of(index)), index)
         if len(chosen) == len(plan.scenes):
             break
     step = plan.combinations
     for name, values in plan.axes.items():
         step //= len(values)
-        for at in range(len(values)):
-            chosen.setdefault((name, at), at * step)
+        for position in range(len(values)):
+            chosen.setdefault((name, position), position * step)
     return {index for index in chosen.values() if index < plan.size}
 
 

@@ -1,10 +1,11 @@
-"""A data set on disk: its samples, what was drawn for them, and their arrays."""
+"""Read a data set: samples, their parameters, and their arrays."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
@@ -14,16 +15,14 @@ from numpy.typing import NDArray
 from reconstruction import Capture, read_capture
 from reconstruction.base.errors import InputError, naming, nearest
 from reconstruction.base.notebook import displayed, picture, reported
-from spisim.dataset.extras import needed
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.pack import Pack
-from spisim.dataset.parameters import Parameters
+from spisim.dataset.parameters import Parameters, Split, part_of
 from spisim.dataset.planned import load_plan
 from spisim.dataset.records import Record
 from spisim.dataset.rows import CaptureRows, PackedRows
-from spisim.dataset.split import Split, part_of
 
 if TYPE_CHECKING:
     import pandas
@@ -31,37 +30,46 @@ if TYPE_CHECKING:
     import xarray
 
 
-#: Samples whose pictures a notebook shows.
+#: Samples whose images a notebook displays.
 DISPLAYED = 3
 
 
 @dataclass(frozen=True)
 class StoredSample:
-    """One sample: what was drawn for it, and its capture, which is read on first use."""
+    """One sample: its parameters, and its capture, which is read on first use."""
 
     index: int
     scene_name: str
     parameters: Mapping[str, Any]
     path: Path
-    sidecars: tuple[Path, ...]  # files of the light itself, where the plan keeps them
-    drawn: Parameters = field(repr=False)  # for all samples of the data set
-    pack: Pack | None = field(repr=False, default=None)  # which has arrays in place of the capture
+    sidecars: tuple[Path, ...]  # OpenEXR and NPZ files, if the plan keeps them
+    drawn: Parameters = field(repr=False)  # of all samples of the data set
+    pack: Pack | None = field(repr=False, default=None)  # replaces the capture
 
     @cached_property
     def capture(self) -> Capture:
-        """The capture; InputError, naming the file, if it is missing or damaged, and of a pack."""
+        """The capture. Raises InputError if it is missing or damaged, and for a pack."""
         if self.pack is not None:
-            raise InputError(
-                f"{self.pack.folder}: a pack holds arrays and no captures; open the data set"
-            )
+            raise InputError(f"{self.pack.folder}: a pack has no captures; open the data set")
         return read_capture(self.path)
 
     def array(self, name: str) -> NDArray[Any]:
-        """Array of a field, as "depth_m" or "depth_m.anchored", or the number of a parameter.
+        """Return an array of the sample.
 
-        That is nan where only other samples have the parameter.
-        Raises InputError for an array that the capture lacks, and if no sample of the data set has
-        a number of this name.
+        Parameters
+        ----------
+        name
+            A field as "depth_m" or "depth_m.anchored", or a numeric parameter.
+
+        Returns
+        -------
+        ndarray
+            A parameter is nan if only other samples have it.
+
+        Raises
+        ------
+        InputError
+            If the capture lacks the array, or no sample has a numeric parameter of this name.
         """
         field = find_field(name)
         if field is None:
@@ -73,7 +81,7 @@ class StoredSample:
         with naming(self.path):
             values = field.read(self.capture)
             if values is None:
-                raise InputError(f"the capture holds no {name}: {field.meaning}")
+                raise InputError(f"the capture has no {name}: {field.meaning}")
         return values.astype(field.dtype, copy=False)
 
 
@@ -81,16 +89,15 @@ class StoredSample:
 class DataSet(Sequence[StoredSample]):
     """The finished samples of a data set, or some of them, in order of their index.
 
-    A sample is refused with an InputError where one of its files is, or lies behind, a link.
-
-    `failed` has the records of samples that could not be made, whichever are selected.
+    `failed` has the records of all samples that could not be made. Accessing a sample raises
+    InputError if the path of one of its files contains a symbolic link.
     """
 
     folder: Path
-    meta: Mapping[str, str]  # name, plan's digest, when made, by which software
+    meta: Mapping[str, str]  # name, digest of the plan, creation time, software
     records: tuple[Record, ...]
     failed: tuple[Record, ...]
-    drawn: Parameters = field(repr=False, compare=False)  # for all finished samples
+    drawn: Parameters = field(repr=False, compare=False)  # of all finished samples
     pack: Pack | None = field(repr=False, compare=False, default=None)
 
     def __len__(self) -> int:
@@ -143,39 +150,47 @@ class DataSet(Sequence[StoredSample]):
         return (self[position] for position in range(len(self)))
 
     def select(self, indices: Iterable[int]) -> DataSet:
-        """Samples of these indices; InputError for one that this set lacks."""
+        """Return the samples with these indices. Raises InputError if one is not in this set."""
         records = {record.index: record for record in self.records}
         wanted = sorted(set(map(int, indices)))
-        lacking = [index for index in wanted if index not in records]
-        if lacking:
-            raise InputError(f"{self.folder}: no finished sample {lacking[0]} in this set")
+        missing = [index for index in wanted if index not in records]
+        if missing:
+            raise InputError(f"{self.folder}: no finished sample {missing[0]} in this set")
         return replace(self, records=tuple(records[index] for index in wanted))
 
     def where(self, condition: Callable[[Mapping[str, Any]], Any]) -> DataSet:
-        """Samples whose parameters fulfil a condition, as in `lambda p: p["scene"] == "forest"`.
+        """Return the samples whose parameters fulfil a condition.
 
-        A sample without a parameter that the condition asks for is left out. InputError if no
-        sample of the data set has it.
+        Parameters
+        ----------
+        condition
+            Called with a sample's parameters, as in `lambda p: p["scene"] == "forest"`. A
+            sample that lacks a requested parameter is left out.
+
+        Raises
+        ------
+        InputError
+            If no sample of the data set has a requested parameter.
         """
-        retained: list[Record] = []
+        selected: list[Record] = []
         missing: set[str] = set()
         for record in self.records:
             try:
                 if condition(record.parameters):
-                    retained.append(record)
+                    selected.append(record)
             except KeyError as error:
                 missing.add(str(error.args[0]))
         for name in missing:
             if name not in self.drawn.names:
                 raise InputError(
-                    f"{self.folder}: no sample has a parameter {name!r}: "
+                    f"{self.folder}: no sample has a parameter {name!r}:"
                     f"{nearest(name, self.parameter_names)}"
                 )
-        return replace(self, records=tuple(retained))
+        return replace(self, records=tuple(selected))
 
     @property
     def parameter_names(self) -> list[str]:
-        """Names of all parameters, of whichever sample of the data set."""
+        """Names of all parameters in the data set."""
         return self.drawn.names
 
     def split(
@@ -187,11 +202,25 @@ class DataSet(Sequence[StoredSample]):
         seed: int = 0,
         by: str = "scene_name",
     ) -> Split[DataSet]:
-        """Parts of about these shares; what is equal in `by` is never in two parts.
+        """Split the data set into training, validation and test parts.
 
-        `by` is "scene_name" (one and the same scene) or the name of a parameter, such as "scene"
-        (the family). The part follows from seed and name alone: more samples move none. Raises
-        InputError for shares that do not sum to one, and where a part would be empty.
+        The part of a sample depends only on the seed and its value of `by`, so that adding samples
+        moves none.
+
+        Parameters
+        ----------
+        train, validation, test
+            Approximate fractions, which sum to 1.
+        seed
+            Seed of the assignment.
+        by
+            "scene_name", or a parameter such as "scene" (the family). Samples with equal values are
+            never in different parts.
+
+        Raises
+        ------
+        InputError
+            If the fractions do not sum to 1, or a part would be empty.
         """
         fractions = Split(train, validation, test)
         keys = [self._key(record, by) for record in self.records]
@@ -212,20 +241,19 @@ class DataSet(Sequence[StoredSample]):
         for part, fraction, chosen in zip(Split._fields, fractions, parts, strict=True):
             if fraction > 0 and not chosen:
                 raise InputError(
-                    f"{self.folder}: nothing falls to {part} when {len(names)} different values "
-                    f"of {by} are split; take more of them, another seed or {part}=0"
+                    f"{self.folder}: {part} is empty when {len(names)} different values of {by} "
+                    f"are split; use more values, another seed or {part}=0"
                 )
         return parts
 
     def sequences(self) -> list[DataSet]:
-        """The samples of each flight, in order: those of one scene from its poses, one a part.
+        """Return the samples of each flight in order: those of one scene from all its poses.
 
-        What failed, or is not selected, is missing in its part. InputError for a plan without
-        `poses`.
+        Failed and unselected samples are missing. Raises InputError if the plan has no `poses`.
         """
         plan = load_plan(Layout(self.folder).plan).plan
         if plan.poses.count == 1:
-            raise InputError(f"{self.folder}: its plan has no `poses`, so no sequences")
+            raise InputError(f"{self.folder}: no sequences, because the plan has no `poses`")
         flights: dict[tuple[int, int], list[Record]] = {}
         for record in self.records:
             round_, combination = divmod(record.index, plan.combinations)
@@ -243,10 +271,21 @@ class DataSet(Sequence[StoredSample]):
         return repr(record.parameters[by])
 
     def arrays(self, *names: str) -> dict[str, NDArray[Any]]:
-        """Stacked arrays (samples, …) of fields or parameters, read from all captures.
+        """Stack arrays of all samples.
 
-        A parameter is nan in samples that lack it. Raises InputError for names that there are not,
-        before anything is read, and where shapes differ.
+        Parameters
+        ----------
+        *names
+            Fields or numeric parameters. A parameter is nan in samples that lack it.
+
+        Returns
+        -------
+        dict of str to ndarray, (samples, …)
+
+        Raises
+        ------
+        InputError
+            If a name is unknown, before anything is read, or if shapes differ.
         """
         self.check_names(names)
         if self.pack is not None:
@@ -257,43 +296,45 @@ class DataSet(Sequence[StoredSample]):
                 values.append(sample.array(name))
                 if values[-1].shape != values[0].shape:
                     raise InputError(
-                        f"{sample.path}: {name} has shape {values[-1].shape}, that of the first "
-                        f"sample {values[0].shape}; select samples of equal shape"
+                        f"{sample.path}: {name} has shape {values[-1].shape}, but "
+                        f"{values[0].shape} in the first sample; select samples of equal shape"
                     )
         return {name: np.array(values) for name, values in rows.items()}
 
     def table(self) -> pandas.DataFrame:
-        """The manifest as a table by sample index, one column for every parameter, and warnings.
+        """Return the manifest as a pandas table: a row per sample, a column per parameter.
 
-        InputError without pandas.
+        Raises InputError without pandas.
         """
-        pandas = needed("pandas", "data")
-        reported = ("file", "bytes", "seconds", "peak_memory_mb", "attempts", "finished")
+        pandas = import_optional("pandas", "data")
+        recorded = ("file", "bytes", "seconds", "peak_memory_mb", "attempts", "finished")
         rows = [
             {"scene_name": record.scene}
-            | {name: getattr(record, name) for name in reported}
+            | {name: getattr(record, name) for name in recorded}
             | dict(record.parameters)
             | {"warnings": " | ".join(record.warnings)}
             for record in self.records
         ]
         index = pandas.Index([record.index for record in self.records], name="index", dtype=int)
-        columns = ["scene_name", *reported, *self.parameter_names, "warnings"]
+        columns = ["scene_name", *recorded, *self.parameter_names, "warnings"]
         return pandas.DataFrame(rows, index=index, columns=columns)
 
     def xarray(self, *names: str) -> xarray.Dataset:
-        """Stacked arrays with named axes and units; unless named, all that the first capture holds.
+        """Return stacked arrays with named axes and units; by default all of the first capture.
 
-        Numbers and words among the parameters are coordinates of the samples, nan in those that
-        lack them. InputError as `arrays`, and without xarray.
+        Numeric and text parameters are coordinates of the samples, nan in those that lack them.
+        Raises InputError as `arrays`, and without xarray.
         """
-        xarray = needed("xarray", "data")
-        names = names or self._held()
+        xarray = import_optional("xarray", "data")
+        names = names or self._available()
         variables = {}
         for name, values in self.arrays(*names).items():
             field = find_field(name)
-            own_dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
-            dims, reported = (own_dims, {}) if field is None else (field.dims, _reported(field))
-            variables[name] = (("sample", *dims), values, reported)
+            dims = tuple(f"{name}.{axis}" for axis in range(values.ndim - 1))
+            attributes = {}
+            if field is not None:
+                dims, attributes = field.dims, {"units": field.units, "long_name": field.meaning}
+            variables[name] = (("sample", *dims), values, attributes)
         coordinates: dict[str, Any] = {
             name: ("sample", self._column(name))
             for name in self.drawn.names
@@ -303,7 +344,7 @@ class DataSet(Sequence[StoredSample]):
         coordinates["sample"] = ("sample", [record.index for record in self.records])
         return xarray.Dataset(variables, coordinates, dict(self.meta))
 
-    def _held(self) -> tuple[str, ...]:
+    def _available(self) -> tuple[str, ...]:
         """Names of the arrays that the first sample holds."""
         if self.pack is not None:
             return tuple(self.pack.columns)
@@ -315,11 +356,11 @@ class DataSet(Sequence[StoredSample]):
 
     def _is_plain(self, name: str) -> bool:
         values = [record.parameters.get(name) for record in self.drawn.records]
-        there = [value for value in values if value is not None]
-        return bool(there) and all(isinstance(value, str | int | float) for value in there)
+        values = [value for value in values if value is not None]
+        return bool(values) and all(isinstance(value, str | int | float) for value in values)
 
     def _column(self, name: str) -> NDArray[Any]:
-        """A parameter of every sample, nan where one lacks it."""
+        """Return a parameter of every sample; nan in those that lack it."""
         if name in self.drawn.shapes:
             rows = [self.drawn.number(name, record.parameters) for record in self.records]
             return np.array(rows, dtype=None if rows else float)
@@ -327,10 +368,10 @@ class DataSet(Sequence[StoredSample]):
         return np.array([np.nan if word is None else word for word in words], dtype=object)
 
     def rows(self, *names: str) -> Sequence[dict[str, NDArray[Any]]]:
-        """Arrays by name of one sample after the other, and its `index`: read when asked for.
+        """Return a sequence of samples, each a dict of arrays and its `index`, read on access.
 
-        Names as for `arrays`. Those of a pack are views, which cannot be written into. It can be
-        sent to other processes. InputError for names that there are not.
+        Names as for `arrays`. Arrays of a pack are read-only views. The sequence can be pickled.
+        Raises InputError for unknown names.
         """
         self.check_names(names)
         if self.pack is None:
@@ -348,30 +389,54 @@ class DataSet(Sequence[StoredSample]):
         }
 
     def check_names(self, names: Iterable[str]) -> None:
-        """InputError, telling the nearest, for names of neither arrays nor numbers drawn."""
+        """Raise InputError for names of neither arrays nor numeric parameters."""
         _check_names(names, self.drawn, self.folder)
         for name in names:
             if self.pack is not None and find_field(name) is not None:
                 self.pack.column(name)
 
     def torch(self, *names: str) -> torch.utils.data.Dataset[dict[str, torch.Tensor]]:
-        """Map-style data set for a DataLoader: tensors by name, and the sample's `index`.
+        """Return a map-style data set for a DataLoader: tensors by name, and the sample's `index`.
 
-        Names as for `arrays`; numbers become float32. InputError for names that there are not,
-        and without torch.
+        Names as for `arrays`; numbers become float32. Raises InputError for unknown names, and
+        without PyTorch.
         """
         rows = self.rows(*names)
-        tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = needed(
-            "spisim.dataset.torch", "torch"
-        ).Tensors(rows)
+        module = import_optional("spisim.dataset.torch", "torch")
+        tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = module.Tensors(rows)
         return tensors
 
 
-def open_dataset(folder: str | Path) -> DataSet:
-    """Open a data set, finished or not, or a pack; a run that is under way is not disturbed.
+def import_optional(module: str, extra: str) -> Any:
+    """Import a module of an optional package. Raises InputError, naming the extra to install."""
+    try:
+        return import_module(module)
+    except ModuleNotFoundError as error:
+        package = str(error.name).partition(".")[0]
+        if package == "spisim":
+            raise
+        raise InputError(
+            f"this needs the package {package}: pip install 'spisim[{extra}]'"
+        ) from None
 
-    Raises InputError where there is none, where its manifest or what is packed is damaged, and for
-    a pack whose data set has other samples by now.
+
+def open_dataset(folder: str | Path) -> DataSet:
+    """Open a data set, finished or not, or a pack. It is safe during a run.
+
+    Parameters
+    ----------
+    folder
+        Folder of the data set or pack.
+
+    Returns
+    -------
+    DataSet
+        All finished samples.
+
+    Raises
+    ------
+    InputError
+        If there is no data set, its manifest or pack is damaged, or a pack is out of date.
     """
     folder = Path(folder)
     meta, records = read_manifest(folder)
@@ -381,14 +446,10 @@ def open_dataset(folder: str | Path) -> DataSet:
 
 
 def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
-    """InputError for a name that stands neither for an array nor for a number drawn."""
+    """Raise InputError for a name of neither an array nor a numeric parameter."""
     for name in names:
         if find_field(name) is None and name not in drawn.shapes:
             raise InputError(
-                f"{source}: no numbers under the name {name!r}: "
+                f"{source}: no array or numeric parameter {name!r}: "
                 f"{nearest(name, [*FIELDS, *drawn.shapes])}"
             )
-
-
-def _reported(field: Any) -> dict[str, str]:
-    return {"units": field.units, "long_name": field.meaning}

@@ -1,4 +1,4 @@
-"""What a manifest holds: its tables, their version, and what a row of them is."""
+"""The contents of a manifest: its tables, their version, and the records in their rows."""
 
 import json
 import sqlite3
@@ -13,17 +13,17 @@ from spisim.base.config.messages import show
 from spisim.base.config.yaml import MAX_DIGITS
 
 SCHEMA_VERSION = 1
-#: How the reason begins where a sample took its worker with it.
+#: Prefix of the reason when a sample killed its worker.
 DIED = "worker "
-#: Of the stages of a sample: how long it compiled kernels that were not on this machine's disk yet.
+#: Stage of a sample in which it compiled kernels that were not yet cached on disk.
 COMPILING = "compile"
-#: Status of an outcome that is no outcome yet: the sample waits for space. Never recorded.
+#: Status of a sample that waits for disk space. It is never recorded.
 NO_SPACE = "no space"
-#: Of a value that tells of the data set as a whole.
+#: Limit on the length of a value in the table `meta`.
 _MAX_CHARACTERS = 2000
 _NO_RUN_BEFORE = datetime(2000, 1, 1, tzinfo=UTC)
 
-#: What is told of the data set as a whole, besides the version.
+#: Keys of the table `meta`, besides the schema version.
 META = ("plan_digest", "name", "samples", "created", "software", "files")
 SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -49,11 +49,11 @@ CREATE TABLE samples (
 
 @dataclass(frozen=True)
 class Outcome:
-    """How it went with one sample; plain values only, as they stand in the manifest.
+    """What happened to one sample, in plain values as the manifest stores them.
 
-    Paths are relative to the data set's folder. `sidecars` tells the size and SHA-256 of each file
-    beside the capture. `peak_memory_mb` is the most that the process held meanwhile (on Linux;
-    elsewhere, so far).
+    Paths are relative to the data set's folder. `sidecars` maps each file beside the capture to its
+    size and SHA-256. `peak_memory_mb` is the peak memory of the process during this sample on
+    Linux, and since its start elsewhere.
     """
 
     index: int
@@ -72,20 +72,20 @@ class Outcome:
 
     @property
     def done(self) -> bool:
-        """Whether its files are there."""
+        """Whether the sample's files were written."""
         return self.status == "done"
 
     @property
     def compiling_s(self) -> float:
-        """Seconds of it that later samples of this kind do not take."""
+        """Seconds spent compiling kernels, which later samples of this kind reuse."""
         return self.stage_seconds.get(COMPILING, 0.0)
 
 
 @dataclass(frozen=True)
 class Record(Outcome):
-    """One row of the manifest: how it went with a sample, after how many attempts, and when.
+    """One row of the manifest: the outcome, the number of attempts, and when the last one finished.
 
-    `parameters` are flat: a drawn section's fields have the names that they have in a plan.
+    `parameters` are flat: fields of a drawn section have the dotted names used in a plan.
     """
 
     attempts: int = 0
@@ -93,7 +93,7 @@ class Record(Outcome):
 
 
 def failure(index: int, reason: str) -> Outcome:
-    """Outcome of a sample of which nothing but the reason is known."""
+    """Return the outcome of a sample that failed for this reason."""
     return Outcome(index, "failed", error=reason)
 
 
@@ -116,7 +116,7 @@ class _Sidecar(BaseModel):
 
 
 class _Row(BaseModel):
-    """What runs put into a row."""
+    """Validates a row."""
 
     model_config = ConfigDict(strict=True, allow_inf_nan=False)
 
@@ -138,16 +138,15 @@ class _Row(BaseModel):
 
     @model_validator(mode="after")
     def _names_its_file(self) -> Self:
-        reported = (self.file, self.bytes, self.sha256)
-        if self.status == "done" and None in reported:
+        if self.status == "done" and None in (self.file, self.bytes, self.sha256):
             raise ValueError
         return self
 
 
-#: Columns that hold JSON.
+#: JSON columns and their empty values.
 _JSON = {"parameters": "{}", "sidecars": "{}", "stage_seconds": "{}", "warnings": "[]"}
 _COLUMNS = tuple(column.name for column in fields(Record))
-# With their table, as SQLite takes an unknown quoted name alone for a string.
+# Qualified by the table: SQLite reads an unknown quoted name as a string.
 SELECT = "SELECT " + ", ".join(f'samples."{name}"' for name in _COLUMNS) + " FROM samples"
 INSERT = (
     "INSERT OR REPLACE INTO samples ("
@@ -157,32 +156,32 @@ INSERT = (
 
 
 def meta_of(connection: sqlite3.Connection) -> dict[str, str]:
-    """What a manifest says of the data set as a whole.
+    """Read the table `meta`.
 
-    Raises ValueError for another version, and where something is missing or cannot be.
+    Raises ValueError for another schema version and for missing or impossible values.
     """
     meta = {str(key): str(value) for key, value in connection.execute("SELECT * FROM meta")}
     if any(len(value) > _MAX_CHARACTERS for key, value in meta.items() if key != "files"):
-        raise ValueError("more words than any run writes")
+        raise ValueError(f"meta: values should have at most {_MAX_CHARACTERS} characters")
     version = meta.get("schema_version", "unknown")
     if version != str(SCHEMA_VERSION):
         raise ValueError(f"schema_version is {version}; this software reads {SCHEMA_VERSION}")
-    lacking = [key for key in META if key not in meta]
-    if lacking:
-        raise ValueError(f"{lacking[0]} is missing")
+    for key in META:
+        if key not in meta:
+            raise ValueError(f"{key} is missing")
     if not 0 < int(meta["samples"]) < 2**63 or not isinstance(_from_json(meta["files"]), dict):
-        raise ValueError("samples or files cannot be")
+        raise ValueError("meta: samples or files is invalid")
     return meta
 
 
 def row_of(outcome: Outcome, attempts: int) -> tuple[Any, ...]:
-    """Row of an outcome, as INSERT takes it."""
+    """Return the row of an outcome in the order of INSERT."""
     finished = datetime.now(UTC).isoformat(timespec="seconds")
     return values_of(asdict(outcome) | {"attempts": attempts, "finished": finished})
 
 
 def values_of(values: Mapping[str, Any]) -> tuple[Any, ...]:
-    """Row of a record's fields, as INSERT takes it."""
+    """Return a record's fields in the order of INSERT."""
     return tuple(
         json.dumps(values[name], ensure_ascii=False) if name in _JSON else values[name]
         for name in _COLUMNS
@@ -190,15 +189,15 @@ def values_of(values: Mapping[str, Any]) -> tuple[Any, ...]:
 
 
 def record_of(row: tuple[Any, ...]) -> Record:
-    """Record of a row, as SELECT gives it. Raises ValueError where it holds what no run writes."""
+    """Return the record of a row in the order of SELECT. Raises ValueError for an invalid row."""
     values = dict(zip(_COLUMNS, row, strict=True))
     try:
-        for name, no_return in _JSON.items():
-            values[name] = _from_json(no_return if values[name] is None else values[name])
+        for name, empty in _JSON.items():
+            values[name] = _from_json(empty if values[name] is None else values[name])
         values = _Row.model_validate(values).model_dump()
     except ValidationError as error:
         column = (*error.errors()[0]["loc"], "row")[0]
-        raise ValueError(f"{column} of sample {show(row[0])} cannot be") from None
+        raise ValueError(f"{column} of sample {show(row[0])} is invalid") from None
     values["parameters"] = dict(flat(values["parameters"]))
     return Record(**values | {"warnings": tuple(values["warnings"])})
 
@@ -207,7 +206,7 @@ def _from_json(text: str) -> Any:
     try:
         return json.loads(text, parse_int=_whole)
     except (TypeError, RecursionError):
-        raise ValueError(f"{show(text)} cannot be") from None
+        raise ValueError(f"{show(text)} is invalid") from None
 
 
 def _whole(digits: str) -> int:
@@ -217,7 +216,7 @@ def _whole(digits: str) -> int:
 
 
 def flat(values: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
-    """Values and the names that they have in a plan, through all sections."""
+    """Flatten nested mappings: yield values with the dotted names used in a plan."""
     for name, value in values.items():
         if isinstance(value, Mapping):
             yield from flat(value, f"{prefix}{name}.")

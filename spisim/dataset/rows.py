@@ -1,4 +1,4 @@
-"""Named arrays of one sample after the other, from its capture or from a pack."""
+"""Arrays of a data set, sample by sample, from captures or from a pack."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Row = dict[str, NDArray[Any]]
 
 @dataclass(frozen=True, eq=False)
 class CaptureRows(Sequence[Row]):
-    """Read from the captures when asked for."""
+    """Rows read from the captures on access."""
 
     samples: DataSet
     names: tuple[str, ...]
@@ -40,12 +40,12 @@ class CaptureRows(Sequence[Row]):
 
 @dataclass(frozen=True, eq=False)
 class PackedRows(Sequence[Row]):
-    """Views of a pack's arrays, and numbers among the parameters."""
+    """Rows of a pack's arrays (views) and of numeric parameters."""
 
     pack: Pack
     names: tuple[str, ...]
-    rows: NDArray[np.intp]  # of the samples in the pack
-    numbers: Mapping[str, NDArray[Any]]  # of the samples themselves, by name
+    rows: NDArray[np.intp]  # in the pack
+    numbers: Mapping[str, NDArray[Any]]  # numeric parameters by name
 
     def __len__(self) -> int:
         return len(self.rows)

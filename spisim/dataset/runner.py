@@ -1,4 +1,4 @@
-"""Run a data set: make what is missing, note how it went, wait where there is no space."""
+"""Run a data set: make missing samples, record outcomes, wait for disk space."""
 
 import logging
 import os
@@ -21,22 +21,22 @@ from spisim.dataset.workers import Executor
 
 logger = logging.getLogger(__name__)
 
-#: Space that has to be free before a run that ran out of it goes on, and how often to look.
+#: Free space needed to resume after the disk was full, and how often to check.
 SPACE_NEEDED_BYTES = 4 * 2**20
-LOOK_EVERY_S = 5.0
-#: Default of how long to wait for space.
+SPACE_CHECK_S = 5.0
+#: Default time to wait for space.
 SPACE_TIMEOUT_S = 3600.0
 
 
 class OutOfSpace(OSError):
-    """There was no space for too long; what is done is safe."""
+    """The disk stayed full for too long; finished samples are safe."""
 
 
 @dataclass(frozen=True)
 class State:
-    """How far a run is."""
+    """Progress of a run."""
 
-    samples: int  # that the folder is to have
+    samples: int  # total in the folder after the run
     done: int
     failed: int
     made: int  # in this run
@@ -44,12 +44,12 @@ class State:
 
     @property
     def missing(self) -> int:
-        """Samples not tried yet."""
+        """Number of samples not attempted yet."""
         return self.samples - self.done - self.failed
 
     @property
     def fraction(self) -> float:
-        """Of the samples, those that are tried."""
+        """Fraction of the samples that were attempted."""
         return 1 - self.missing / self.samples
 
 
@@ -65,20 +65,16 @@ def run_dataset(
     say: Say = print,
     progress: Callable[[State], None] = lambda state: None,
 ) -> State:
-    """Make all samples of a plan in a folder that are not there yet, or `only` some of them.
+    """Make all samples of a plan that a folder lacks, or `only` some of them.
 
-    `is_sound` tells of the files that are there whether they are as they were written; samples of
-    others are made again. Samples that failed stay so unless they are to be tried again; one that
-    took its worker with it is tried once more in any case.
+    `is_sound` decides whether an existing file is as it was written; samples with unsound files are
+    made again. Failed samples are retried only if asked for, except that one that killed its worker
+    gets a second attempt.
 
-    Raises InputError as `locked_folder` and `opened` do, and where workers write into another
-    folder of the same name; OutOfSpace after waiting for space for too long.
+    Raises InputError as `locked_folder` and `opened` do, and if workers do not share the folder;
+    OutOfSpace after waiting too long for space.
     """
-    with (
-        locked_folder(folder),
-        opened(planned, folder, say, is_sound) as manifest,
-        executor,
-    ):
+    with locked_folder(folder), opened(planned, folder, say, is_sound) as manifest, executor:
         wanted = range(planned.plan.size) if only is None else only
         samples = planned.plan.size if only is None else len(manifest.indices() | {*only})
         run = _Run(Layout(folder), manifest, wanted, samples, space_timeout_s, say)
@@ -95,7 +91,7 @@ def run_dataset(
                     run.record(outcome)
                     progress(run.state)
             if fruitless and len(postponed) == len(to_do):
-                raise OutOfSpace(f"{folder}: no space for a sample, even where there is some")
+                raise OutOfSpace(f"{folder}: samples need more space than is available")
             fruitless = len(postponed) == len(to_do)
             to_do = sorted({*run.to_do(), *postponed})
         return run.state
@@ -133,8 +129,8 @@ class _Run:
     def record(self, outcome: Outcome) -> None:
         if outcome.file is not None and not (self._layout.folder / outcome.file).is_file():
             raise InputError(
-                f"{self._layout.folder}: a worker wrote {outcome.file}, which is not there; the "
-                "folder has to be one that all workers share"
+                f"{self._layout.folder}: {outcome.file} was written by a worker, but is not there; "
+                "all workers must share this folder"
             )
         while True:
             try:
@@ -152,15 +148,15 @@ class _Run:
         began = time.monotonic()
         if has_space(self._layout.folder):
             return
-        self._say(f"{self._layout.folder}: no space left; waiting for some")
+        self._say(f"{self._layout.folder}: no space left; waiting")
         while not has_space(self._layout.folder):
             if time.monotonic() - began > self._patience_s:
                 raise OutOfSpace(
-                    f"{self._layout.folder}: no space left for {self._patience_s:g} s; make some "
-                    "and run the same command again to go on"
+                    f"{self._layout.folder}: no space left for {self._patience_s:g} s; free some "
+                    "and run the same command again to continue"
                 )
-            time.sleep(LOOK_EVERY_S)
-        self._say("There is space again; going on")
+            time.sleep(SPACE_CHECK_S)
+        self._say("Space is available again; continuing")
 
 
 def _log(outcome: Outcome) -> None:
@@ -171,10 +167,10 @@ def _log(outcome: Outcome) -> None:
 
 
 def has_space(folder: Path) -> bool:
-    """Whether a file can be written that is larger than a sample; quotas count too."""
+    """Return whether a file larger than a sample can be written, within quotas."""
     probe = folder / f".space.{secrets.token_hex(4)}.tmp"
     try:
-        with probe.open("xb") as file:  # never what is there already, or behind a link
+        with probe.open("xb") as file:  # overwrites no file and follows no link
             file.write(os.urandom(SPACE_NEEDED_BYTES))
     except OSError as error:
         if not is_out_of_space(error):

@@ -1,4 +1,4 @@
-"""One sample of a plan: simulated, written, and told how it went."""
+"""Simulate one sample of a plan, write it, and report the outcome."""
 
 import errno
 import resource
@@ -32,13 +32,13 @@ from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
 from spisim.transport.picture import write_exr
 
-_one_at_a_time = Lock()  # warnings are caught for the whole process
-_cache = SceneCache()  # of this process
+_one_at_a_time = Lock()  # catch_warnings acts on the whole process
+_cache = SceneCache()
 
 
 @dataclass(frozen=True)
 class Maker:
-    """Makes samples of a plan in a folder. It can be sent to other processes."""
+    """Makes samples of a plan in a folder. It can be pickled."""
 
     planned: PlannedSet
     folder: Path
@@ -46,8 +46,8 @@ class Maker:
     def __call__(self, index: int) -> Outcome:
         """Make one sample on one thread.
 
-        Whatever goes wrong with it becomes the reason of a failed outcome, with the traceback in
-        the folder's `errors`; where there is no space left, the outcome says so.
+        Any exception gives a failed outcome with the reason; its traceback goes to the folder
+        `errors`. A full disk gives the status NO_SPACE.
         """
         with _one_at_a_time:
             use_threads(1)
@@ -68,7 +68,7 @@ class Maker:
     def _made(self, index: int) -> Outcome:
         layout, sample = Layout(self.folder), self.planned.sample(index)
         seconds: dict[str, float] = {}
-        with catch_warnings(record=True) as odd:
+        with catch_warnings(record=True) as caught:
             simplefilter("always")
             with timed(seconds, "scene"):
                 scene, instrument = load(sample)
@@ -82,13 +82,13 @@ class Maker:
             beside = _write_sidecars(path, simulation, plan.keep)
             sidecars = {each.suffix: fingerprint(each)["sha256"] for each in beside}
             origin = Origin(self.planned.digest, index, sidecars)
-            capture = _of_a_set(simulation.capture, origin, plan.keep)
-            write_capture(capture, path)  # last: where it is, all of the sample is
-        reported = [str(warning.message) for warning in odd] + list(capture_warnings(capture))
+            capture = _with_origin(simulation.capture, origin, plan.keep)
+            write_capture(capture, path)  # last, so that its presence marks a complete sample
+        messages = [str(warning.message) for warning in caught] + list(capture_warnings(capture))
         return replace(
             done(layout, sample, beside),
             stage_seconds=seconds,
-            warnings=tuple(dict.fromkeys(reported)),
+            warnings=tuple(dict.fromkeys(messages)),
         )
 
     def _failed(self, index: int, error: Exception) -> Outcome:
@@ -109,10 +109,10 @@ class Maker:
 
 
 class WarmMaker(Maker):
-    """As a worker that has made samples before, and has loaded all that it uses."""
+    """Makes samples at the speed of a worker that has already loaded and compiled everything."""
 
     def __call__(self, index: int) -> Outcome:
-        """Make one sample, the first of a process twice; what that compiled counts all the same."""
+        """Make one sample; make the first of a process twice and add the compile time of both."""
         if _warm:
             return super().__call__(index)
         _warm.append(index)
@@ -125,17 +125,17 @@ class WarmMaker(Maker):
         )
 
 
-_warm: list[int] = []  # samples by which this process was warmed up, if it was
+_warm: list[int] = []  # the sample that warmed up this process
 
 
 @cache
 def _calculate_on_one_thread() -> None:
-    """For this process: the other threads of BLAS would wait busily, on cores of other workers."""
+    """Limit BLAS to one thread, because its idle threads spin on the cores of other workers."""
     threadpool_limits(1)
 
 
 def load(sample: Sample) -> tuple[Scene, Instrument]:
-    """Scene and instrument of a sample. Raises InputError."""
+    """Load scene and instrument of a sample. Raises InputError."""
     instrument = parse_model(
         sample.instrument_text, Instrument, "instrument", sample.instrument_folder
     )
@@ -152,13 +152,13 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
 
 
 def _measure_peak_anew() -> None:
-    """Forget the most memory that this process ever held, where the system allows (Linux)."""
+    """Reset the kernel's peak memory of this process (Linux only)."""
     with suppress(OSError):
         Path("/proc/self/clear_refs").write_text("5")
 
 
 def peak_memory_mb() -> float:
-    """Most memory that this process held, since that was last forgotten."""
+    """Return the peak memory of this process, in MiB, since the last reset."""
     with suppress(OSError):
         for line in Path("/proc/self/status").read_text().splitlines():
             if line.startswith("VmHWM:"):
@@ -168,12 +168,12 @@ def peak_memory_mb() -> float:
 
 
 def is_out_of_space(error: BaseException) -> bool:
-    """Whether a file system has no room, or none for this user."""
+    """Return whether an error means a full disk or an exhausted quota."""
     return isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT)
 
 
-def _of_a_set(capture: Capture, origin: Origin, keep: Keep) -> Capture:
-    """The capture that says where it belongs; when it was made would tell equal ones apart."""
+def _with_origin(capture: Capture, origin: Origin, keep: Keep) -> Capture:
+    """Add the origin of a capture, and remove its time so that equal samples give equal files."""
     settings = load_yaml(capture.provenance.settings, "settings")
     settings["data_set"] = origin.settings
     provenance = replace(capture.provenance, created="", settings=dump_yaml(settings))
@@ -197,7 +197,7 @@ def _write_sidecars(path: Path, simulation: Simulation, keep: Keep) -> list[Path
 
 
 def _reason(error: Exception) -> str:
-    """One line."""
+    """Describe an error in one line."""
     if isinstance(error, InputError):
         text = str(error)
     elif isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""Samples as shots for programs of others: images as they were measured, depth as it is."""
+"""Samples as shots for export: the reconstructed image and the true depth."""
 
 from __future__ import annotations
 
@@ -17,24 +17,24 @@ from spisim.scene import Drone
 from spisim.scene.load_context import SceneCache
 
 if TYPE_CHECKING:
+    from spisim.dataset.exports import Writer
     from spisim.dataset.reader import DataSet, StoredSample
 
-#: Of the names of folders.
-LONGEST = 100
+MAX_NAME_LENGTH = 100
 SECOND_NS = 10**9
 
-_cache = SceneCache()  # of this process
+_cache = SceneCache()
 
 
 def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
-    """When, in a flight, and where a simulated frame was taken: the middle of it.
+    """Return the time in a flight and the pose at the middle of a simulated frame.
 
-    None for a recording of a real rig, and a result. Raises InputError for a capture whose scene is
-    none.
+    Returns None for results and for recordings of a real camera. Raises InputError for a capture
+    whose scene is invalid.
     """
     if capture is None or not capture.provenance.scene:
         return None
-    drone = Drone.of(capture.provenance.scene, "its scene", _cache)
+    drone = Drone.of(capture.provenance.scene, "scene", _cache)
     buckets = capture.setup.buckets
     middle_s = (frame + 0.5) * buckets.pattern_period_s * capture.setup.plan.exposures
     time_s = None if drone.time_s is None else drone.time_s + middle_s
@@ -42,68 +42,71 @@ def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
 
 
 def true_shots(sample: StoredSample) -> Iterator[Shot]:
-    """Frames of a sample with the image that is made of it, ranges measured, and the true depth.
+    """Yield each frame of a sample with its reconstructed image, measured ranges and true depth.
 
-    Raises InputError for one that cannot be read or reconstructed, or knows no truth.
+    Raises InputError if the sample cannot be read or reconstructed, or holds no truth.
     """
     capture = sample.capture
     with naming(sample.path):
         if capture.truth is None:
-            raise InputError("holds no truth; a plan that says `keep: {truth: true}` keeps it")
+            raise InputError("holds no truth; set `keep: {truth: true}` in the plan")
         reconstruct = Reconstructor(capture.setup, image="edge-preserving", depth=())
         for number in range(capture.frames):
-            position = placed(capture, number)
+            placement = placed(capture, number)
             result = reconstruct(capture.frame(number))
             yield Shot(
-                0 if position is None or position.time_s is None else round(1e9 * position.time_s),
+                0
+                if placement is None or placement.time_s is None
+                else round(1e9 * placement.time_s),
                 result.image,
                 capture.truth.at(number).depth_m,
                 capture.optics,
-                None if position is None else position.pose,
+                None if placement is None else placement.pose,
                 result.ranges,
                 capture.spots,
             )
 
 
-def write_by_scene(
-    samples: DataSet, folder: Path, write: Callable[[Iterable[Shot], Path], None]
-) -> list[Path]:
-    """Let ``write`` fill a folder for each scene with the frames of its samples, in order.
+def write_by_scene(write: Callable[[Iterable[Shot], Path], None]) -> Writer:
+    """Return a writer that lets ``write`` fill one folder per scene with its frames in order.
 
-    Raises InputError as `write_whole`, for samples without truth, and as ``write`` does.
+    The writer raises InputError as `write_whole`, for samples without truth, and as ``write`` does.
+    It ignores the shard size.
     """
 
-    def fill(stage: Path) -> None:
-        for name, positions in _by_scene(samples).items():
-            inside = stage / name
-            inside.mkdir()
-            write(_in_time(samples[position] for position in positions), inside)
+    def write_all(samples: DataSet, folder: Path, shard_size: int = 0) -> list[Path]:
+        def fill(stage: Path) -> None:
+            for name, positions in _by_scene(samples).items():
+                (stage / name).mkdir()
+                write(_in_time(samples[position] for position in positions), stage / name)
 
-    return write_whole(samples, folder, fill)
+        return write_whole(samples, folder, fill)
+
+    return write_all
 
 
 def write_whole(samples: DataSet, folder: Path, fill: Callable[[Path], None]) -> list[Path]:
-    """Let ``fill`` fill a folder that takes its name when it is whole; the files in it.
+    """Let ``fill`` write a folder that appears only when it is complete; return its files.
 
-    Raises InputError for a set without samples, and a folder that holds other things than an
-    earlier export, or samples, or cannot be written into.
+    Raises InputError if there are no samples, if the folder holds anything but an earlier export,
+    or if it cannot be written.
     """
     folder = Path(folder)
     if not samples:
-        raise InputError(f"{samples.folder}: there is no finished sample to export")
+        raise InputError(f"{samples.folder}: no finished samples to export")
     check_folder(folder, [samples.folder])
     with_stage(folder, fill, folder=True)
     return sorted(path for path in folder.rglob("*") if path.is_file())
 
 
 def _by_scene(samples: DataSet) -> dict[str, list[int]]:
-    """Places of the samples by names of folders, one for each scene."""
+    """Return positions of the samples by folder name, one folder per scene."""
     names: dict[str, str] = {}
     result: dict[str, list[int]] = {}
     for position, record in enumerate(samples.records):
         scene = str(record.scene)
         if scene not in names:
-            plain = re.sub(r"[^A-Za-z0-9_-]+", "-", scene).strip("-")[:LONGEST] or "scene"
+            plain = re.sub(r"[^A-Za-z0-9_-]+", "-", scene).strip("-")[:MAX_NAME_LENGTH] or "scene"
             taken = plain in result
             names[scene] = f"{plain}-{len(names)}" if taken else plain
         result.setdefault(names[scene], []).append(position)
@@ -111,7 +114,7 @@ def _by_scene(samples: DataSet) -> dict[str, list[int]]:
 
 
 def _in_time(samples: Iterable[StoredSample]) -> Iterator[Shot]:
-    """Their frames, those that know no later time a second after the one before."""
+    """Yield frames with increasing time stamps, one second apart where a later time is missing."""
     last_ns = -SECOND_NS
     for sample in samples:
         for shot in true_shots(sample):

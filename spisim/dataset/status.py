@@ -1,4 +1,4 @@
-"""How far a data set is, while it is made or afterwards."""
+"""Progress of a data set, during a run or afterwards."""
 
 import re
 import stat
@@ -16,18 +16,18 @@ from spisim.dataset.manifest import read_manifest
 from spisim.dataset.parameters import common_parameters
 from spisim.dataset.records import Record
 
-#: The rate is that of the last samples, over this time.
+#: Period over which the rate is measured.
 RECENT = timedelta(minutes=10)
 
 
 @dataclass(frozen=True)
 class Status:
-    """Numbers of samples, and why some failed.
+    """Counts of samples, and why some failed.
 
-    `samples_per_minute` is the recent rate, None where too little is known of it; `failures` are
-    indices by reason, the most frequent first, with # in place of numbers; `runner` is the process
-    that is making samples, and its machine, None where none is. `cost` is of the samples that are
-    done, of which `slowest` are the slowest; `common` are the parameters that all have in common.
+    `samples_per_minute` is the recent rate, None if unknown. `failures` maps each reason, with # in
+    place of numbers, to indices, most frequent first. `runner` is the process that makes samples
+    and its machine, or None. `cost` and `slowest` are of finished samples, and `common` are the
+    parameters equal in all of them.
     """
 
     name: str
@@ -44,12 +44,12 @@ class Status:
 
     @property
     def missing(self) -> int:
-        """Samples that have not been tried."""
+        """Number of samples not attempted yet."""
         return self.planned - self.done - self.failed
 
 
 def status_of(folder: Path) -> Status:
-    """Status of a data set. Raises InputError as `read_manifest`."""
+    """Return the status of a data set. Raises InputError as `read_manifest`."""
     meta, records = read_manifest(folder)
     done = [record for record in records if record.done]
     failed = [record for record in records if not record.done]
@@ -69,12 +69,12 @@ def status_of(folder: Path) -> Status:
 
 
 def _size(folder: Path) -> int:
-    """Bytes of all files; some of them may go while they are counted."""
+    """Return the size of all files in bytes, ignoring files that vanish meanwhile."""
     total = 0
     for path in everything(folder):
         with suppress(FileNotFoundError):
-            reported = path.lstat()
-            total += reported.st_size if stat.S_ISREG(reported.st_mode) else 0
+            info = path.lstat()
+            total += info.st_size if stat.S_ISREG(info.st_mode) else 0
     return total
 
 
@@ -87,7 +87,7 @@ def _by_reason(failed: Iterable[Record]) -> dict[str, list[int]]:
 
 
 def _rate(finished: Sequence[str]) -> float | None:
-    """Samples per minute over the last ones."""
+    """Return the recent number of samples per minute."""
     times = sorted(datetime.fromisoformat(time) for time in finished)
     recent = [time for time in times if time >= times[-1] - RECENT]
     if len(recent) < 2 or recent[0] == recent[-1]:

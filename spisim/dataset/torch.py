@@ -1,4 +1,4 @@
-"""A data set as tensors; needs PyTorch."""
+"""A data set as PyTorch tensors."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from torch.utils.data import Dataset
 
 
 class Tensors(Dataset[dict[str, torch.Tensor]]):
-    """Named arrays of every sample, read when asked for; workers may have copies of it."""
+    """Named arrays of each sample, read on access; every worker may hold a copy."""
 
     def __init__(self, rows: Sequence[Mapping[str, NDArray[Any]]]) -> None:
         self.rows = rows
@@ -25,5 +25,5 @@ class Tensors(Dataset[dict[str, torch.Tensor]]):
 
 
 def _tensor(values: NDArray[Any]) -> torch.Tensor:
-    """A copy: masks stay masks, all else becomes float32."""
+    """Copy an array: masks stay boolean, everything else becomes float32."""
     return torch.from_numpy(np.array(values, bool if values.dtype == bool else np.float32))

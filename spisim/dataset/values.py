@@ -1,4 +1,4 @@
-"""Values that a plan leaves open, and what each sample makes of them."""
+"""Distributions and grids in a plan, and the value that each sample draws from them."""
 
 import copy
 from collections.abc import Mapping, Sequence
@@ -16,14 +16,14 @@ _DISTRIBUTION: TypeAdapter[Any] = TypeAdapter(Distribution)
 
 
 class Grid(Section):
-    """Every one of several values, together with all those of other grids."""
+    """Several values, each combined with all values of other grids."""
 
     grid: Annotated[tuple[Any, ...], Field(min_length=1)]
-    """All the values; the samples run through them."""
+    """The values; samples run through all of them."""
 
 
 def openable(value: Any) -> Any:
-    """What a field of a plan may be: a grid, or as in `open_value`, also within a grid."""
+    """Validate a field that may be a grid, or whatever `open_value` allows, also within a grid."""
     if not _is_grid(value):
         return open_value(value)
     grid = _checked(TypeAdapter(Grid), value)
@@ -33,9 +33,9 @@ def openable(value: Any) -> Any:
 
 
 def open_value(value: Any) -> Any:
-    """A value as it stands, once whatever is a distribution in it has proved to be a sound one.
+    """Validate all distributions within a value and return it unchanged.
 
-    Raises PydanticCustomError where it is none, or where there is a grid in it.
+    Raises PydanticCustomError for an invalid distribution or a nested grid.
     """
     if _is_grid(value):
         raise PydanticCustomError("grid", "a grid can only stand for a whole field of vary")
@@ -52,7 +52,7 @@ def open_value(value: Any) -> Any:
 
 
 def possible(value: Any) -> Sequence[Any]:
-    """Every value of a grid or choice; the value itself where it is neither."""
+    """Return all values of a grid or choice, or the value itself."""
     if isinstance(value, Grid):
         return [choice for one in value.grid for choice in possible(one)]
     if isinstance(value, Mapping) and "choice" in value:
@@ -61,13 +61,13 @@ def possible(value: Any) -> Sequence[Any]:
 
 
 def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
-    """What a sample gets: distributions drawn, also within lists and mappings, the rest as it is.
+    """Draw all distributions within a value; everything else stays as it is.
 
-    Each distribution has a random stream of its own, named by `keys` and its place in the value.
+    Each distribution has its own random stream, named by `keys` and its position in the value.
     """
     if is_distribution(value):
         drawn = _DISTRIBUTION.validate_python(value).draw(stream(seed, *keys))
-        # A choice stands in the plan, which no sample may change, and may be open itself.
+        # A chosen value belongs to the plan, so it is copied; it may contain distributions itself.
         return drawn_value(copy.deepcopy(drawn), seed, *keys, "choice")
     if isinstance(value, Mapping):
         return {name: drawn_value(part, seed, *keys, str(name)) for name, part in value.items()}
@@ -77,22 +77,21 @@ def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
 
 
 def set_field(fields: dict[str, Any], path: str, value: Any) -> None:
-    """Set a field of a configuration file, in place; `path` as in "fog.visibility_m".
+    """Set a field of a configuration in place; `path` is dotted as in "fog.visibility_m".
 
-    Sections on the way are made where they are missing or null. Raises InputError if the path goes
-    through something that has no fields.
+    Missing or null sections on the way are created. Raises InputError if the path runs through a
+    value without fields.
     """
     *sections, last = path.split(".")
-    position = fields
     for section in sections:
-        position = section_of(position, section, path)
-    position[last] = value
+        fields = section_of(fields, section, path)
+    fields[last] = value
 
 
 def section_of(fields: dict[str, Any], name: str, path: str) -> dict[str, Any]:
-    """A section of a configuration file, made where it is missing or null.
+    """Return a section of a configuration, created if it is missing or null.
 
-    Raises InputError, naming the `path` of what is to be set, where it is no section.
+    Raises InputError, naming the `path` to set, if it is not a section.
     """
     if fields.get(name) is None:
         fields[name] = {}
@@ -110,7 +109,7 @@ def _checked(kind: TypeAdapter[Any], value: Any) -> Any:
     try:
         return kind.validate_python(value)
     except ValidationError as error:
-        details = error.errors(include_url=False)[-1]  # of whole numbers or any: the latter
+        details = error.errors(include_url=False)[-1]  # of a union, the more general member
         raise PydanticCustomError(
             "open_value",
             "{reason}; found {value}",

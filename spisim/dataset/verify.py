@@ -1,4 +1,4 @@
-"""Whether the files of a data set are those that its manifest tells of."""
+"""Verify that the files of a data set match its manifest."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,11 +16,14 @@ Problem = Literal["missing", "damaged", "link", "foreign", "extra", "unfinished"
 
 @dataclass(frozen=True)
 class Finding:
-    """Something wrong with a file; `file` is its path within the data set.
+    """A problem with a file; `file` is its path within the data set.
 
-    missing: the manifest has it; damaged: its content is not what was written; link: what is behind
-    it is no part of the data set; foreign: a capture of another plan; extra: of this plan or none,
-    but not in the manifest; unfinished: left by an interrupted run.
+    - missing: listed in the manifest, but not there
+    - damaged: differs from what was written
+    - link: a symbolic link, whose target is not part of the data set
+    - foreign: a capture of another plan
+    - extra: not in the manifest
+    - unfinished: left by an interrupted run
     """
 
     file: str
@@ -29,9 +32,24 @@ class Finding:
 
 
 def verify(folder: Path, progress: Callable[[float], None] | None = None) -> list[Finding]:
-    """Read every file of a data set; what is wrong, sorted by file.
+    """Read every file of a data set and compare it with the manifest.
 
-    `progress` is called with the fraction that is done. Raises InputError as `read_manifest`.
+    Parameters
+    ----------
+    folder
+        A data set or a pack.
+    progress
+        Called with the completed fraction, from 0 to 1.
+
+    Returns
+    -------
+    list of Finding
+        The problems, sorted by file.
+
+    Raises
+    ------
+    InputError
+        If the folder holds no data set, or its manifest is damaged.
     """
     meta, records = read_manifest(folder)
     pack = Pack.of(folder, [record for record in records if record.done])
@@ -40,9 +58,7 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
     findings: list[Finding] = []
     layout = Layout(folder)
     if not layout.plan.is_file():
-        findings.append(
-            Finding(layout.plan.name, "missing", "the plan that the samples were made from")
-        )
+        findings.append(Finding(layout.plan.name, "missing", "the plan of the samples"))
     done = [record for record in records if record.done]
     given: set[str] = set()
     for number, record in enumerate(done, start=1):
@@ -61,27 +77,27 @@ def verify(folder: Path, progress: Callable[[float], None] | None = None) -> lis
 
 def _of_record(layout: Layout, record: Record) -> Iterator[Finding]:
     capture = {str(record.file): {"bytes": record.bytes, "sha256": record.sha256}}
-    for name, reported in (capture | dict(record.sidecars)).items():
+    for name, recorded in (capture | dict(record.sidecars)).items():
         path = layout.folder / name
         if layout.first_link(path):
-            continue  # told of by itself
+            continue  # reported separately
         if not path.is_file():
             yield Finding(name, "missing", f"of sample {record.index}")
-        elif (size := path.stat().st_size) != reported["bytes"]:
-            yield Finding(name, "damaged", f"{size} bytes instead of {reported['bytes']}")
-        elif fingerprint(path)["sha256"] != reported["sha256"]:
-            yield Finding(name, "damaged", "another SHA-256 than when it was written")
+        elif (size := path.stat().st_size) != recorded["bytes"]:
+            yield Finding(name, "damaged", f"{size} bytes instead of {recorded['bytes']}")
+        elif fingerprint(path)["sha256"] != recorded["sha256"]:
+            yield Finding(name, "damaged", "SHA-256 differs from when it was written")
 
 
 def _unknown(layout: Layout, path: Path, name: str, plan: str) -> Finding:
     if layout.is_unfinished(path):
-        return Finding(name, "unfinished", "left by an interrupted run; may be removed")
+        return Finding(name, "unfinished", "left by an interrupted run; can be removed")
     if path.suffix != ".h5":
         return Finding(name, "extra", "not in the manifest")
     try:
         origin = origin_of(read_capture(path))
     except InputError:
-        return Finding(name, "extra", "not a capture that can be read")
+        return Finding(name, "extra", "not a readable capture")
     if origin is not None and origin.plan == plan:
-        return Finding(name, "extra", "a capture of this plan that the manifest does not have")
-    return Finding(name, "foreign", "a capture of another plan, or of none")
+        return Finding(name, "extra", "a capture of this plan that is not in the manifest")
+    return Finding(name, "foreign", "a capture of another plan or of no data set")

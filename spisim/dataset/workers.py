@@ -1,6 +1,6 @@
-"""Processes on this machine that make samples, one each at a time, and are watched.
+"""Local processes that make samples, one at a time each, under supervision.
 
-A process that dies costs its sample only. The others go on, and a fresh one takes its place.
+A process that dies costs only its sample: the others continue, and a fresh one replaces it.
 """
 
 from __future__ import annotations
@@ -29,26 +29,26 @@ if TYPE_CHECKING:
     from spisim.dataset.sample import Maker
 
 Make = Callable[[int], Outcome]
-#: Number of the world of a sample: a process that has made one sample of it makes others faster.
+#: Number of a sample's world; a process makes further samples of the same world faster.
 WorldOf = Callable[[int], int]
 
-#: What a process needs, from which the default number of processes follows.
+#: Memory per process, which limits the default number of processes.
 WORKER_MEMORY_MB = 700
-#: A process makes room for a fresh one once it holds this much more than after its first sample,
-GROWTH_MB = 400
+#: A process is replaced once it has grown by this much since its first sample,
+MAX_GROWTH_MB = 400
 #: or has made this many samples.
 MAX_SAMPLES = 1000
-#: Samples among which one of the world that a process has made last is looked for.
+#: Waiting samples searched for one of the world that a process is in.
 LOOK_AHEAD = 256
-#: Default of the longest that a sample may take.
+#: Default time limit of a sample.
 TIMEOUT_S = 1800.0
 
 
 class Executor(Protocol):
-    """Makes samples somewhere. Used as a context manager, which ends what is under way."""
+    """Makes samples somewhere; leaving the context ends what is running."""
 
     def run(self, indices: Iterable[int]) -> Iterator[Outcome]:
-        """One outcome for each index, in any order."""
+        """Yield one outcome per index, in any order."""
 
     def __enter__(self) -> Self: ...
 
@@ -57,7 +57,7 @@ class Executor(Protocol):
 
 @dataclass(eq=False)
 class _Worker:
-    """A process, our end of its pipe, and what it is doing."""
+    """A process, our end of its pipe, and its current sample."""
 
     process: Any
     pipe: Connection
@@ -65,7 +65,7 @@ class _Worker:
     since: float = 0.0
     made: int = 0
     first_memory_mb: float = 0.0
-    world: int | None = None  # of what it made last, or is making
+    world: int | None = None  # of its current or last sample
 
     def assign(self, index: int, world: int) -> None:
         self.index, self.since, self.world = index, time.monotonic(), world
@@ -73,7 +73,7 @@ class _Worker:
 
 
 class LocalExecutor:
-    """Processes of this machine. Each goes on with the world it is in, as long as it lasts."""
+    """Processes of this machine, each of which stays in one world as long as it lasts."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class LocalExecutor:
 
     @classmethod
     def of(cls, make: Maker, workers: int | None, timeout_s: float = TIMEOUT_S) -> Self:
-        """For the samples of a plan; by default as many processes as this machine can take."""
+        """Create the executor of a plan's samples; by default with `default_workers` processes."""
         return cls(make, workers or default_workers(), timeout_s, make.planned.world_of)
 
     def __enter__(self) -> Self:
@@ -101,7 +101,7 @@ class LocalExecutor:
             self._end(worker)
 
     def run(self, indices: Iterable[int]) -> Iterator[Outcome]:
-        """Outcomes as they come."""
+        """Yield outcomes as they arrive."""
         waiting = deque(indices)
         while waiting or any(worker.index is not None for worker in self._workers):
             self._give_work(waiting)
@@ -125,13 +125,13 @@ class LocalExecutor:
             index = self._next(idle, waiting)
             try:
                 idle.assign(index, self._world_of(index))
-            except OSError:  # it died while it had nothing to do
+            except OSError:  # it died while idle
                 self._end(idle)
             else:
                 waiting.remove(index)
 
     def _next(self, idle: _Worker, waiting: deque[int]) -> int:
-        """Of the world that it is in, else of one in which no other is, else the first."""
+        """Choose a sample of its world, else of a world without a process, else the first."""
         taken = {worker.world for worker in self._workers if worker is not idle}
         fresh: int | None = None
         for index in islice(waiting, LOOK_AHEAD):
@@ -154,7 +154,7 @@ class LocalExecutor:
         worker.made += 1
         if worker.made == 1:
             worker.first_memory_mb = memory_mb
-        if worker.made == MAX_SAMPLES or memory_mb > worker.first_memory_mb + GROWTH_MB:
+        if worker.made == MAX_SAMPLES or memory_mb > worker.first_memory_mb + MAX_GROWTH_MB:
             self._end(worker)
         return outcome
 
@@ -175,7 +175,7 @@ class LocalExecutor:
 
 
 def default_workers() -> int:
-    """One process for each core that this process may use, as far as the memory goes."""
+    """Return one process per available core, as far as memory allows."""
     memory_mb = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") / 2**20
     return max(1, min(_cores(), int(memory_mb // WORKER_MEMORY_MB)))
 
@@ -184,7 +184,7 @@ _SPAWN = multiprocessing.get_context("spawn")
 
 
 def _cores() -> int:
-    """Physical cores; those that Linux does not tell from their second threads count each."""
+    """Count the available physical cores; logical ones where the system does not list siblings."""
     if not hasattr(os, "sched_getaffinity"):
         return os.cpu_count() or 1
     siblings = "/sys/devices/system/cpu/cpu{}/topology/thread_siblings_list"
@@ -194,9 +194,9 @@ def _cores() -> int:
 
 @contextmanager
 def _without_main() -> Iterator[None]:
-    """Keep processes that are started from running the user's script, as `spawn` would have them.
+    """Keep child processes from running the user's script, which `spawn` would import.
 
-    They need nothing of it, and one without `if __name__ == "__main__"` would start others.
+    They do not need it, and a script without `if __name__ == "__main__"` would start further ones.
     """
     main = sys.modules["__main__"]
     sys.modules["__main__"] = ModuleType("__main__")
@@ -207,8 +207,8 @@ def _without_main() -> Iterator[None]:
 
 
 def _serve(pipe: Connection, make: Make) -> None:
-    """Body of a process: makes what it is told, until the pipe is closed."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that started this one
+    """Body of a process: make the samples requested through the pipe until it is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is handled by the parent
     threading.Thread(target=_end_with_parent, daemon=True).start()
     for made in count(1):
         try:
@@ -217,7 +217,7 @@ def _serve(pipe: Connection, make: Make) -> None:
             return
         outcome = make(index)
         _give_back_memory()
-        if made == 1:  # what is left, a few hundred modules, need not be looked through again
+        if made == 1:  # keeps the garbage collector from scanning the loaded modules again
             gc.freeze()
         pipe.send((outcome, memory_mb()))
 
@@ -230,10 +230,10 @@ def _end_with_parent() -> None:
 
 
 def _give_back_memory() -> None:
-    """Return what is not needed to the system, sample by sample.
+    """Return unused memory to the system after each sample.
 
-    Scenes are held in cycles, which Python frees only now and then, and glibc keeps what was freed
-    in fragments that add up over time.
+    Scenes are held in reference cycles, which Python rarely collects, and glibc keeps freed memory
+    in fragments that add up.
     """
     gc.collect()
     with suppress(AttributeError):  # other C libraries
@@ -241,7 +241,7 @@ def _give_back_memory() -> None:
 
 
 def memory_mb() -> float:
-    """Memory that this process holds; 0 where the system does not tell."""
+    """Return the resident memory of this process, in MiB; 0 where the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:

@@ -1,1 +1,1 @@
-"""Pages and pictures about captures, data sets, flights, studies and scenes: one module each."""
+"""Pages and figures of captures, data sets, flights, studies and scenes: one module each."""

@@ -1,4 +1,4 @@
-"""How an image builds up, pattern by pattern."""
+"""How an image improves pattern by pattern."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,16 +17,16 @@ from .page import capital
 from .pictures import Scale
 
 STEPS = 12
-FEWEST = 4
-"""Patterns of the first step, where that many were shown."""
+MIN_PATTERNS = 4
+"""Patterns of the first step, if that many were exposed."""
 
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What is known after the first `patterns`: images (H, W) by method, and the last pattern.
+    """Reconstructions from the first `patterns`: images (H, W) by method, and the last pattern.
 
-    `last` (H, W) runs from 0 to 1. `likeness`: correlation with the true image, nan where either is
-    flat or nothing is known.
+    `last` (H, W) runs from 0 to 1. `likeness` is the correlation with the true image, nan if either
+    is flat or the truth is unknown.
     """
 
     patterns: int
@@ -38,19 +38,19 @@ class Step:
 
 @dataclass(frozen=True)
 class BuildUp:
-    """Steps, as pictures side by side (`strips`, by title) and the text of each (`reported`)."""
+    """The steps: images side by side (`strips`, by title) and the numbers of each (`figures`)."""
 
     steps: int
     strips: dict[str, str]
-    reported: list[dict[str, float | None]]
+    figures: list[dict[str, float | None]]
 
 
 def build_up(
     capture: Capture, result: Result, truth: NDArray[np.floating] | None, scale: Scale
 ) -> BuildUp | None:
-    """The default image and the plain one from more and more of the patterns, as they were shown.
+    """Reconstruct the default and the zero-filled image from more and more of the patterns.
 
-    None where there are too few patterns, or where fewer of them do not give an image.
+    Returns None with too few patterns, or if an image needs all of them.
     """
     try:
         steps = list(_steps(capture, result, truth))
@@ -66,7 +66,7 @@ def build_up(
         for name in steps[0].images
     }
     last = patterns.address(np.hstack([step.last for step in steps]))
-    reported = [
+    figures = [
         {
             "patterns": step.patterns,
             "share": step.patterns / capture.plan.pixels,
@@ -75,25 +75,25 @@ def build_up(
         }
         for step in steps
     ]
-    return BuildUp(len(steps), {**strips, "The last pattern": last}, reported)
+    return BuildUp(len(steps), {**strips, "The last pattern": last}, figures)
 
 
 def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None) -> Iterator[Step]:
-    """The first patterns that were shown, as if there had been no others."""
+    """Reconstruct from the first exposed patterns only."""
     name = next(iter(result.images))
     if isinstance(image_method(name), CarryingMethod):
         name = BASELINE
     plan = capture.setup.plan_of(result.frame)
-    counts = np.unique(np.geomspace(min(FEWEST, plan.sampled), plan.sampled, STEPS).round())
+    counts = np.unique(np.geomspace(min(MIN_PATTERNS, plan.sampled), plan.sampled, STEPS).round())
     for count in counts.astype(int):
-        retained = np.isin(plan.index, plan.distinct[:count])
-        images = _images(capture, result, retained, name)
+        exposed = np.isin(plan.index, plan.distinct[:count])
+        images = _images(capture, result, exposed, name)
         if not images:
             continue
         row = plan.patterns.row(int(plan.distinct[count - 1]))
         yield Step(
             int(count),
-            np.count_nonzero(retained) * capture.buckets.pattern_period_s,
+            np.count_nonzero(exposed) * capture.buckets.pattern_period_s,
             images,
             ((row - row.min()) / (np.ptp(row) or 1.0)).astype(np.float32),
             np.nan if truth is None else _likeness(images[name], truth),
@@ -101,20 +101,18 @@ def _steps(capture: Capture, result: Result, truth: NDArray[np.floating] | None)
 
 
 def _images(
-    capture: Capture, result: Result, retained: NDArray[np.bool_], name: str
+    capture: Capture, result: Result, exposed: NDArray[np.bool_], name: str
 ) -> dict[str, Floats]:
-    """By a method and the plain one from some exposures (M,); none where they are all saturated."""
+    """Return images by a method and zero-filled from some exposures (M,); empty if all saturate."""
     names = dict.fromkeys((name, BASELINE))
-    if retained.all():
+    if exposed.all():
         return {each: np.asarray(result.images[each], np.float64) for each in names}
     frame, buckets = result.frame, capture.buckets
-    plan = capture.setup.plan_of(frame).only(retained)
-    readings = Imaging(plan).of(buckets.usable[frame, retained])
+    plan = capture.setup.plan_of(frame).only(exposed)
+    readings = Imaging(plan).of(buckets.usable[frame, exposed])
     if not readings.patterns:
         return {}
-    coefficients = readings.decode(
-        buckets.signal[frame, retained], buckets.variance[frame, retained]
-    )
+    coefficients = readings.decode(buckets.signal[frame, exposed], buckets.variance[frame, exposed])
     images = {
         each: np.asarray(readings.solver(each)(coefficients).image, np.float64) for each in names
     }

@@ -1,4 +1,4 @@
-"""One HTML page about one capture: what was there, what was measured, how far off it is."""
+"""The HTML page of one capture: the scene, the measurement, and its errors."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,10 +16,9 @@ from reconstruction.diagnostics import result_warnings
 from reconstruction.evaluation import method_title
 
 from .buildup import build_up
+from .capture_plots import SpotHistograms, arrival_figure, corridor_figure, light_figure
 from .comparison import compared_methods, compared_spots
-from .corridor_plot import corridor_figure
 from .facts import Metrics, cards_of, facts_of, media_of, quality_of
-from .inline import plot_in_page
 from .page import duration, write_page
 from .pictures import (
     depth_scale,
@@ -31,8 +30,7 @@ from .pictures import (
     view_scale,
 )
 from .space import Space
-from .spot_plots import SpotHistograms, arrival_figure, light_figure
-from .style import plot_style
+from .style import plot_in_page, plot_style
 
 MEDIUM = {
     "": "where",
@@ -59,19 +57,29 @@ def write_report(
     beside: Mapping[str, Metrics] | None = None,
     title: str = "Capture",
 ) -> None:
-    """Write a self-contained page. What is not known (truth, spots, view) is left out.
+    """Write a self-contained page. Missing data (truth, spots, view) are left out.
 
     Parameters
     ----------
-    path: the HTML file, written whole or not at all.
-    metrics: what `reconstruction.evaluate` returns.
-    transport: light of the spots over path length.
-    view: (h, w) transport image of the scene with more pixels (`spisim.transport.fine_view`).
-    timings: seconds per step before the reconstruction.
-    beside: metrics of other instruments in the same scene, by name; their ranges are compared.
-    title: what the page calls the capture.
+    path
+        The HTML file, written whole or not at all.
+    metrics
+        Result of `reconstruction.evaluate`.
+    transport
+        Light of the spots over path length.
+    view
+        Transport image (h, w) of the scene with more pixels (`spisim.transport.fine_view`).
+    timings
+        Seconds per step before the reconstruction.
+    beside
+        Metrics of other instruments in the same scene by name, for comparison of ranges.
+    title
+        Title of the capture.
 
-    Raises OSError where the file cannot be written.
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
     """
     truths = capture.truth
     valid = truths is not None and truths.knows(result.frame)
@@ -140,12 +148,12 @@ def write_report(
 
 
 def _within_max_range(depth_m: NDArray[np.floating]) -> NDArray[np.floating]:
-    """Depths, nan beyond REACH_M."""
+    """Replace depths beyond REACH_M by nan."""
     return np.where(depth_m <= MAX_RANGE_M, depth_m, np.nan)
 
 
 def _ahead(capture: Capture, result: Result, truth: FrameTruth | None) -> Markup | None:
-    """Of the corridor, how likely it is free."""
+    """Return the probability that the corridor is free."""
     free = {method_title("depths", name): v for name, v in result.free_probabilities.items()}
     true_m = None
     if truth is not None and capture.setup.optics is not None:
@@ -157,7 +165,7 @@ def _ahead(capture: Capture, result: Result, truth: FrameTruth | None) -> Markup
 
 
 def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
-    """From the laser's exit to the spot and on to its detector (4,)."""
+    """Return path lengths from the lasers to the spots and on to their detectors, (4,)."""
     points = range_m[:, None] * spots.directions
     back: Floats = np.linalg.norm(points - spots.detector_positions_m, axis=1)
     return range_m + back

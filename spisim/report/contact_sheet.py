@@ -1,4 +1,4 @@
-"""A page on which a data set is seen at a glance: images, depth maps, what was drawn, errors."""
+"""An overview page of a data set: images, depth maps, parameters and errors."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from .pictures import Scale, depth_scale, intensity_scale
 
 @dataclass(frozen=True)
 class _DisplayedSample:
-    """A sample, and its reconstruction with what is known of it, or why there is none."""
+    """A sample and its reconstruction, or the reason why there is none."""
 
     sample: StoredSample
     result: Result | None = None
@@ -33,22 +33,22 @@ class _DisplayedSample:
 
     @property
     def depths(self) -> list[tuple[str, Any]]:
-        """Estimated and true depth map with their titles; nan for what there is not."""
+        """Titles and maps of estimated and true depth; nan if missing."""
         if self.result is None:
             return []
-        no_return = np.full(self.result.image.shape, np.nan)
+        missing = np.full(self.result.image.shape, np.nan)
         depths = {
             "estimated depth": self.result.depth_m,
             "true depth": None if self.truth is None else self.truth.depth_m,
         }
         return [
-            (f"no {title}", no_return) if depth_m is None else (title, depth_m)
+            (f"no {title}", missing) if depth_m is None else (title, depth_m)
             for title, depth_m in depths.items()
         ]
 
     @property
     def depth_scale(self) -> Scale:
-        """Of its own: on the scale of a street every room is of one colour."""
+        """The sample's own scale, because the scale of a street would flatten a room."""
         return depth_scale(*(depth_m for _, depth_m in self.depths))
 
 
@@ -58,14 +58,14 @@ def write_contact_sheet(
     limit: int = 100,
     progress: Callable[[float], None] = lambda fraction: None,
 ) -> int:
-    """Write a self-contained HTML page of at most `limit` samples, and return how many they are.
+    """Write a self-contained HTML page of at most `limit` samples, and return their number.
 
-    They are chosen evenly from the first to the last, and reconstructed. `progress` is called with
-    the fraction that is done. Raises InputError for a set without samples, OSError for a page
-    that cannot be written; a capture that cannot be used is told on the page.
+    The samples are evenly chosen and reconstructed. `progress` is called with the completed
+    fraction. Raises InputError for a set without samples, and OSError if the page cannot be
+    written. The page names captures that cannot be used.
     """
     if not samples:
-        raise InputError(f"{samples.folder}: there is no finished sample to show")
+        raise InputError(f"{samples.folder}: no finished samples to show")
     displayed = []
     positions = evenly(len(samples), limit)
     for done, position in enumerate(positions, start=1):
@@ -91,7 +91,7 @@ def write_contact_sheet(
 
 
 def evenly(count: int, limit: int) -> list[int]:
-    """At most `limit` of `count` places, evenly from the first to the last."""
+    """Return at most `limit` of `count` positions, evenly from the first to the last."""
     return sorted({round(position) for position in np.linspace(0, count - 1, min(count, limit))})
 
 

@@ -1,4 +1,4 @@
-"""Facts of a capture and figures of its reconstruction, in words."""
+"""Facts about a capture and figures of merit of its reconstruction, as text."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -19,23 +19,23 @@ Cards = list[tuple[str, str, str]]
 
 
 def media_of(capture: Capture) -> list[Mapping[str, Any]]:
-    """What hung in the air of a simulation: `media` of its settings; none of other recordings."""
+    """Return the participating media of a simulation; empty for other recordings."""
     try:
         settings = load_yaml(capture.provenance.settings, "settings")
-    except InputError:  # of another program
+    except InputError:  # written by another program
         return []
     media = settings.get("media") if isinstance(settings, dict) else None
     return [one for one in media if isinstance(one, dict)] if isinstance(media, list) else []
 
 
 def in_all(warnings: Iterable[Sequence[str]]) -> list[str]:
-    """Warnings that every one of several captures has."""
+    """Return the warnings common to all captures."""
     first, *others = [*warnings] or [()]
     return [each for each in first if all(each in other for other in others)]
 
 
 def cards_of(capture: Capture, result: Result, metrics: Metrics | None) -> Cards:
-    """The figures that tell how good the reconstruction is."""
+    """Return the headline figures of the reconstruction."""
     plan = capture.plan
     patterns = f"{plan.sampled} of {plan.pixels} patterns, {plan.exposures} exposures"
     cards = []
@@ -48,20 +48,20 @@ def cards_of(capture: Capture, result: Result, metrics: Metrics | None) -> Cards
             (engineering(1 / frame_s, "Hz"), "frame rate", f"reconstructed in {reconstructed}")
         )
     else:
-        cards.append((reconstructed, "to reconstruct", "frame rate not known"))
+        cards.append((reconstructed, "to reconstruct", "frame rate unknown"))
     return cards if metrics is None else cards + _quality_cards(metrics)
 
 
 def _quality_cards(metrics: Metrics) -> Cards:
-    """Of each station the first method's figure, and those of the others."""
+    """Return each station's figure by its first method, with those of the others."""
     cards = []
     for station, key, label, written in (
         ("images", "correlation", "image correlation", lambda value: number(value, 3)),
         ("depths", "mae_m", "mean depth error", length),
     ):
-        reported = {name: written(figures[key]) for name, figures in metrics[station].items()}
-        others = [f"{method_title(station, name)} {value}" for name, value in reported.items()][1:]
-        cards += [(value, label, ", ".join(others)) for value in list(reported.values())[:1]]
+        values = {name: written(figures[key]) for name, figures in metrics[station].items()}
+        others = [f"{method_title(station, name)} {value}" for name, value in values.items()][1:]
+        cards += [(value, label, ", ".join(others)) for value in list(values.values())[:1]]
     for spots in list(metrics["spots"].values())[:1]:
         errors = [abs(spot["error_m"]) for spot in spots if spot["error_m"] is not None]
         largest = length(max(errors, default=None))
@@ -70,7 +70,7 @@ def _quality_cards(metrics: Metrics) -> Cards:
 
 
 def quality_of(metrics: Metrics | None, method: str) -> str:
-    """How good the image of a method is; nothing where that is not known."""
+    """Return the image quality of a method; empty if unknown."""
     if metrics is None:
         return ""
     figures = metrics["images"][method]
@@ -82,7 +82,7 @@ def quality_of(metrics: Metrics | None, method: str) -> str:
 
 
 def facts_of(capture: Capture) -> dict[str, str]:
-    """How the capture was recorded."""
+    """Return how the capture was recorded."""
     provenance, plan, buckets = capture.provenance, capture.plan, capture.buckets
     height, width = plan.shape
     noise = buckets.noise_electrons
@@ -101,7 +101,7 @@ def facts_of(capture: Capture) -> dict[str, str]:
             "exposure time": duration(buckets.exposure_time_s),
             "duration": duration(plan.exposures * buckets.pattern_period_s),
             "electronics noise": (
-                f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "not known"
+                f"{noise:,.0f} electrons rms per exposure" if np.isfinite(noise) else "unknown"
             ),
             "saturated readings": str(int(np.count_nonzero(~buckets.usable))),
         }
@@ -113,8 +113,8 @@ def facts_of(capture: Capture) -> dict[str, str]:
 
 
 def _of_several_frames(setup: Setup) -> dict[str, str]:
-    """What frames that show different patterns show together."""
+    """Return the combined number of patterns of frames with different patterns."""
     if not setup.later_plans:
         return {}
-    displayed = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
-    return {"of several frames": f"{displayed} patterns, which {len(setup.plans)} frames deal out"}
+    exposed = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
+    return {"of several frames": f"{exposed} patterns, distributed over {len(setup.plans)} frames"}

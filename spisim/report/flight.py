@@ -1,4 +1,4 @@
-"""What a flight saw: an animation and a table."""
+"""The animation and the table of a flight."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from spisim.dataset.flight import Instant
 from .pictures import Scale, depth_scale, intensity_scale, show
 from .style import SPOT_COLOURS, plot_style
 
-#: How long the last picture of the animation stays.
+#: Duration of the animation's last image.
 LAST_S = 1.5
 
 
-#: Of all files, as their marks tell it; the table has none, and is known by its first columns.
+#: The kind of file in the marks; the table is recognized by its first columns.
 KIND = "flight"
 TABLE_SIGN = "capture,time_s,position_x_m,"
 
 
 def flight_outputs(folder: Path) -> list[Output]:
-    """Animation, page and table that a flight leaves in its folder."""
+    """Return animation, page and table in the folder of a flight."""
     return [
         Output(folder / "flight.gif", KIND),
         Output(folder / "flight.html", KIND),
@@ -43,7 +43,7 @@ def flight_outputs(folder: Path) -> list[Output]:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedFrame:
-    """One capture of a flight, what was made of it, and how far off that is."""
+    """One capture of a flight, its reconstruction and its errors."""
 
     instant: Instant
     capture: Capture
@@ -53,7 +53,7 @@ class EvaluatedFrame:
 
     @property
     def truth(self) -> FrameTruth:
-        """What was there."""
+        """The ground truth."""
         assert self.capture.truth is not None
         return self.capture.truth.at(self.result.frame)
 
@@ -64,7 +64,7 @@ class EvaluatedFrame:
 
     @property
     def measured_m(self) -> np.ndarray:
-        """(4, 3): the measured spots in the world; nan where there is no range."""
+        """Measured spots in the world, (4, 3); nan without a range."""
         if self.result.ranges is None or self.capture.spots is None:
             return np.full((4, 3), np.nan)
         rays = self.capture.spots.directions @ self.pose[:3, :3].T
@@ -73,36 +73,36 @@ class EvaluatedFrame:
 
 @dataclass(frozen=True)
 class Scales:
-    """The same colours for all of a flight."""
+    """Colour scales shared by all frames of a flight."""
 
     image: Scale
     depth: Scale
 
     @classmethod
     def of(cls, flight: Sequence[EvaluatedFrame]) -> Scales:
-        """From the truth of all of it."""
+        """Fit the scales to the truth of all frames."""
         return cls(
-            intensity_scale(*(seen.truth.image for seen in flight)),
-            depth_scale(*(seen.truth.depth_m for seen in flight)),
+            intensity_scale(*(frame.truth.image for frame in flight)),
+            depth_scale(*(frame.truth.depth_m for frame in flight)),
         )
 
-    def panels(self, seen: EvaluatedFrame) -> list[tuple[str, np.ndarray, Scale]]:
-        """Image, depth map and true depth, with their titles and scales."""
-        depth_m = seen.result.depth_m
+    def panels(self, frame: EvaluatedFrame) -> list[tuple[str, np.ndarray, Scale]]:
+        """Return image, depth map and true depth with their titles and scales."""
+        depth_m = frame.result.depth_m
         if depth_m is None:
-            depth_m = np.full_like(seen.truth.depth_m, np.nan)
+            depth_m = np.full_like(frame.truth.depth_m, np.nan)
         return [
-            ("image", seen.result.image, self.image),
+            ("image", frame.result.image, self.image),
             ("depth", depth_m, self.depth),
-            ("true depth", seen.truth.depth_m, self.depth),
+            ("true depth", frame.truth.depth_m, self.depth),
         ]
 
 
 @plot_style()
 def write_animation(path: Path, flight: Sequence[EvaluatedFrame], rate_hz: float) -> None:
-    """Write a GIF: image, depth map, true depth, and the path with its spots from above.
+    """Write a GIF in real time: image, depth map, true depth, and the path from above.
 
-    In the time of the flight. Raises OSError where it cannot be written.
+    Raises OSError if it cannot be written.
     """
     scales = Scales.of(flight)
     limits = map_limits(flight)
@@ -127,20 +127,20 @@ def write_animation(path: Path, flight: Sequence[EvaluatedFrame], rate_hz: float
 def write_table(path: Path, flight: Sequence[EvaluatedFrame]) -> None:
     """Write a CSV with one row per capture: pose, motion, spots, errors and warnings.
 
-    Raises OSError where it cannot be written.
+    Raises OSError if it cannot be written.
     """
-    rows = [_row(seen) for seen in flight]
+    rows = [_row(frame) for frame in flight]
     table = csv_table([list(rows[0]), *(list(row.values()) for row in rows)])
     write_atomically(path, table.encode())
 
 
-def _row(seen: EvaluatedFrame) -> dict[str, Any]:
-    scene = seen.instant.scene
-    spots, image, depth = (_default(seen.metrics[each]) for each in ("spots", "images", "depths"))
-    row: dict[str, Any] = {"capture": seen.instant.file, "time_s": f"{seen.instant.time_s:.6g}"}
+def _row(frame: EvaluatedFrame) -> dict[str, Any]:
+    scene = frame.instant.scene
+    spots, image, depth = (_default(frame.metrics[each]) for each in ("spots", "images", "depths"))
+    row: dict[str, Any] = {"capture": frame.instant.file, "time_s": f"{frame.instant.time_s:.6g}"}
     vectors: dict[str, Any] = {
-        "position_{}_m": seen.pose[:3, 3],
-        "forward_{}": seen.pose[:3, 2],
+        "position_{}_m": frame.pose[:3, 3],
+        "forward_{}": frame.pose[:3, 2],
         "velocity_{}_m_s": scene.drone_velocity_m_s,
         "angular_velocity_{}_deg_s": np.degrees(scene.drone_angular_velocity_rad_s),
     }
@@ -155,12 +155,12 @@ def _row(seen: EvaluatedFrame) -> dict[str, Any]:
     row["image_correlation"] = _number(image.get("correlation"))
     for key in ("mae_m", "rmse_m"):
         row[f"depth_{key}"] = _number(depth.get(key))
-    row["warnings"] = " | ".join(seen.warnings)
+    row["warnings"] = " | ".join(frame.warnings)
     return row
 
 
 def _default(methods: Mapping[str, Any]) -> Any:
-    """What is found of the default method, the first; nothing where there is none."""
+    """Return the figures of the default method, which is the first, or none."""
     return next(iter(methods.values()), {})
 
 
@@ -169,7 +169,7 @@ def _number(value: float | None) -> str:
 
 
 def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float, ...]) -> Figure:
-    """One picture of the animation, after all of `flown`."""
+    """Draw one image of the animation, after all of `flown`."""
     now = flown[-1]
     picture = Figure(figsize=(9.6, 3.05), dpi=100)
     for k, (title, image, scale) in enumerate(scales.panels(now)):
@@ -181,8 +181,8 @@ def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float,
     picture.text(0.008, 0.03, f"{now.instant.time_s:.2f} s", fontsize=9, weight="bold")
     plan = picture.add_axes((0.768, 0.12, 0.224, 0.224 * 9.6 / 3.05))
     plan.set_title("path and measured spots, m", fontsize=9)
-    path = np.array([seen.pose[:3, 3] for seen in flown])
-    spots = np.array([seen.measured_m for seen in flown])
+    path = np.array([frame.pose[:3, 3] for frame in flown])
+    spots = np.array([frame.measured_m for frame in flown])
     for k, colour in enumerate(SPOT_COLOURS):
         plan.plot(spots[:, k, 0], spots[:, k, 1], "o", ms=3, color=colour, mew=0)
         ray = np.stack([path[-1], spots[-1, k]])
@@ -195,8 +195,8 @@ def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float,
 
 
 def map_limits(flight: Sequence[EvaluatedFrame]) -> tuple[float, ...]:
-    """(left, right, bottom, top) around paths and measured spots."""
-    points = [np.concatenate([seen.pose[None, :3, 3], seen.measured_m]) for seen in flight]
+    """Return (left, right, bottom, top) around paths and measured spots."""
+    points = [np.concatenate([frame.pose[None, :3, 3], frame.measured_m]) for frame in flight]
     flat = np.concatenate(points)[:, :2]
     flat = flat[np.isfinite(flat).all(axis=1)]
     middle, half = (flat.max(axis=0) + flat.min(axis=0)) / 2, np.ptp(flat, axis=0).max() / 2 + 0.5

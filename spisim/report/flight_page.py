@@ -1,4 +1,4 @@
-"""A page about a flight: played, with its errors over time and every capture."""
+"""The page of a flight: an animation, errors over time, and every capture."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,23 +13,22 @@ from spisim import __version__
 from .contact_sheet import evenly
 from .facts import in_all
 from .flight import KIND, EvaluatedFrame, Scales, map_limits
-from .inline import WIDE_IN, plot_in_page
 from .page import duration, length, write_page
-from .style import SPOT_COLOURS, plot_style
+from .style import SPOT_COLOURS, WIDE_IN, plot_in_page, plot_style
 from .units import engineering, prefix_axis
 
-#: Captures that are shown; of longer flights so many, evenly.
+#: Captures on the page, evenly chosen from longer flights.
 MAX = 100
-#: Between pictures that are played.
+#: Time between images of the animation.
 PAUSE_MS = 100, 1000
 
 
 @plot_style()
 def write_flight(path: Path, title: str, flight: Sequence[EvaluatedFrame], rate_hz: float) -> None:
-    """Write a self-contained page of a flight. Raises OSError where it cannot be written."""
+    """Write a self-contained page of a flight. Raises OSError if it cannot be written."""
     displayed = [flight[k] for k in evenly(len(flight), MAX)]
     scales = Scales.of(flight)
-    common = in_all(seen.warnings for seen in flight)
+    common = in_all(frame.warnings for frame in flight)
     write_page(
         path,
         KIND,
@@ -42,18 +41,18 @@ def write_flight(path: Path, title: str, flight: Sequence[EvaluatedFrame], rate_
         plan=_plan(displayed, map_limits(flight)),
         depth_scale=scales.depth,
         errors=plot_in_page("errors", lambda width_in: _error_figure(flight, width_in)),
-        displayed=[_reported(seen, scales, common) for seen in displayed],
+        displayed=[_card(frame, scales, common) for frame in displayed],
         software=f"spisim {__version__}",
     )
 
 
 def _cards(flight: Sequence[EvaluatedFrame], rate_hz: float) -> list[tuple[str, str, str]]:
-    path = np.array([seen.pose[:3, 3] for seen in flight])
+    path = np.array([frame.pose[:3, 3] for frame in flight])
     way_m = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
     errors = _spot_errors(flight)
     finite = np.abs(errors[np.isfinite(errors)])
-    depths = np.array([_depth_error(seen) for seen in flight])
-    times = [seen.instant.time_s for seen in flight]
+    depths = np.array([_depth_error(frame) for frame in flight])
+    times = [frame.instant.time_s for frame in flight]
     spots = f"{finite.size} of {errors.size} spots measured"
     typical = length(float(np.median(finite))) if finite.size else "–"
     mean_m = float(np.nanmean(depths)) if np.isfinite(depths).any() else None
@@ -66,24 +65,24 @@ def _cards(flight: Sequence[EvaluatedFrame], rate_hz: float) -> list[tuple[str, 
     ]
 
 
-def _reported(seen: EvaluatedFrame, scales: Scales, common: Sequence[str]) -> dict[str, Any]:
-    """Pictures and words of one capture."""
-    time = f"{seen.instant.time_s:.2f} s"
-    error_m = _depth_error(seen)
-    image: dict[str, Any] = next(iter(seen.metrics["images"].values()), {})
+def _card(frame: EvaluatedFrame, scales: Scales, common: Sequence[str]) -> dict[str, Any]:
+    """Return images and text of one capture."""
+    time = f"{frame.instant.time_s:.2f} s"
+    error_m = _depth_error(frame)
+    image: dict[str, Any] = next(iter(frame.metrics["images"].values()), {})
     return {
         "time": time,
-        "file": seen.instant.file,
+        "file": frame.instant.file,
         "words": f"{time} · mean depth error {length(error_m)}",
-        "panels": scales.panels(seen),
+        "panels": scales.panels(frame),
         "error_m": error_m,
         "correlation": image.get("correlation"),
-        "warnings": [warning for warning in seen.warnings if warning not in common],
+        "warnings": [warning for warning in frame.warnings if warning not in common],
     }
 
 
 def _plan(displayed: Sequence[EvaluatedFrame], limits: tuple[float, ...]) -> dict[str, Any]:
-    """Path and measured spots from above, in a square of 100 by 100; and a bar of round length."""
+    """Return path and measured spots from above in a square of 100 by 100, and a scale bar."""
     left, right, bottom, _ = limits
     scale = 100 / (right - left)
 
@@ -94,15 +93,15 @@ def _plan(displayed: Sequence[EvaluatedFrame], limits: tuple[float, ...]) -> dic
         }
 
     positions = [
-        placed(seen.pose[:2, 3])
+        placed(frame.pose[:2, 3])
         | {
             "spots": [
                 placed(spot[:2]) | {"number": number}
-                for number, spot in enumerate(seen.measured_m)
+                for number, spot in enumerate(frame.measured_m)
                 if np.isfinite(spot).all()
             ]
         }
-        for seen in displayed
+        for frame in displayed
     ]
     bar_m = float(10 ** np.floor(np.log10(0.4 * (right - left))))
     return {
@@ -114,14 +113,16 @@ def _plan(displayed: Sequence[EvaluatedFrame], limits: tuple[float, ...]) -> dic
 
 
 def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -> Figure:
-    times = [seen.instant.time_s for seen in flight]
+    times = [frame.instant.time_s for frame in flight]
     figure = Figure(figsize=(width_in, 4.2), layout="constrained")
     spots, depth = figure.subplots(2, sharex=True)
     for number, (row, colour) in enumerate(zip(_spot_errors(flight).T, SPOT_COLOURS, strict=True)):
         spots.plot(times, row, "o-", ms=4, lw=1.3, color=colour, label=f"spot {number}")
     spots.axhline(0, color="0.5", lw=0.8, zorder=0)
     prefix_axis(spots.yaxis, "range error, m")
-    depth.plot(times, [_depth_error(seen) for seen in flight], "o-", ms=4, lw=1.3, color="#20262c")
+    depth.plot(
+        times, [_depth_error(frame) for frame in flight], "o-", ms=4, lw=1.3, color="#20262c"
+    )
     depth.set_ylim(bottom=0)
     prefix_axis(depth.yaxis, "mean depth error, m")
     prefix_axis(depth.xaxis, "time, s")
@@ -131,20 +132,20 @@ def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -
 
 
 def _spot_errors(flight: Sequence[EvaluatedFrame]) -> Floats:
-    """(captures, 4) in metres, nan where a spot has no range."""
+    """Return range errors (captures, 4) in metres, nan without a range."""
     return np.array(
         [
             np.full(4, np.nan)
-            if seen.result.ranges is None
-            else np.asarray(seen.result.ranges.range_m) - seen.truth.spot_range_m
-            for seen in flight
+            if frame.result.ranges is None
+            else np.asarray(frame.result.ranges.range_m) - frame.truth.spot_range_m
+            for frame in flight
         ]
     )
 
 
-def _depth_error(seen: EvaluatedFrame) -> float:
-    """Mean error of the depth map in metres, nan where there is none."""
-    for figures in list(seen.metrics["depths"].values())[:1]:
+def _depth_error(frame: EvaluatedFrame) -> float:
+    """Return the mean error of the depth map in metres, nan without one."""
+    for figures in list(frame.metrics["depths"].values())[:1]:
         if figures["mae_m"] is not None:
             return float(figures["mae_m"])
     return np.nan

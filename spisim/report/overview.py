@@ -1,4 +1,4 @@
-"""One picture that shows what went in and what came out."""
+"""One figure of the scene and its reconstruction."""
 
 from pathlib import Path
 
@@ -22,9 +22,8 @@ def write_overview(
 ) -> None:
     """Write a PNG strip: scene, reconstructed image, true depth, reconstructed depth.
 
-    Needs a capture with truth and a depth map, and the (h, w) transport image of the scene with
-    more pixels.
-    Raises OSError where the file cannot be written.
+    Needs a capture with truth and a depth map, and the transport image (h, w) of the scene with
+    more pixels. Raises OSError if the file cannot be written.
     """
     assert capture.truth is not None
     truth = capture.truth.at(result.frame)
@@ -50,6 +49,6 @@ def write_overview(
 def depth_bar(
     sheet: Figure, axes: NDArray[np.object_], scale: Scale, *, shrink: float, aspect: float
 ) -> None:
-    """The scale of depth beside axes: `shrink` of their height, `aspect` times its width."""
+    """Add the scale of depth beside axes: `shrink` of their height, `aspect` times its width."""
     colours = ScalarMappable(Normalize(scale.low, scale.high), scale.colours)
     sheet.colorbar(colours, ax=axes, pad=0.01, label="depth, m", shrink=shrink, aspect=aspect)

@@ -1,4 +1,4 @@
-"""Pages from templates, and numbers as people read them."""
+"""Pages from templates, and numbers as text."""
 
 from base64 import b64encode
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from markupsafe import Markup
 from reconstruction.base.files import mark, write_atomically
 from reconstruction.base.text import printable
 
-from .maps import packed
+from .pictures import packed
 from .units import engineering
 
-#: What moves in pages, in this order.
+#: Scripts of the pages, in this order.
 SCRIPTS = ("pictures", "cloud", "explore", "sequences")
 
 
 def write_page(path: str | Path, kind: str, template: str, **content: Any) -> None:
     """Write a page that needs no other file; all of its content is escaped.
 
-    `kind` is what its mark tells. Raises OSError where the file cannot be written.
+    `kind` is stored in its mark. Raises OSError if the file cannot be written.
     """
     own = {"mark": mark(kind), "script": page_script()}
     page = _templates().get_template(f"{template}.html").render(content | own)
@@ -33,7 +33,7 @@ def write_page(path: str | Path, kind: str, template: str, **content: Any) -> No
 
 @dataclass(frozen=True)
 class Script:
-    """What a page runs, and the digest by which it runs nothing else."""
+    """The script of a page, and the digest that allows no other to run."""
 
     text: Markup
     digest: str
@@ -41,7 +41,7 @@ class Script:
 
 @cache
 def page_script() -> Script:
-    """The one script of all pages; parts find out by themselves whether they have a place."""
+    """Return the single script of all pages, whose parts detect whether they apply."""
     folder = Path(__file__).with_name("scripts")
     parts = [(folder / f"{name}.js").read_text(encoding="utf-8") for name in SCRIPTS]
     text = "(() => {\n" + "\n".join(parts) + "})();"
@@ -56,7 +56,7 @@ def _templates() -> Environment:
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_displayed,
+        finalize=_plain_text,
     )
     templates.filters |= {
         "number": number,
@@ -70,23 +70,23 @@ def _templates() -> Environment:
     return templates
 
 
-def _displayed(value: Any) -> Any:
-    """What a page says, without control characters; what is escaped already is of this kind too."""
+def _plain_text(value: Any) -> Any:
+    """Remove control characters from text; escaped text stays escaped."""
     return Markup(printable(value)) if isinstance(value, Markup) else printable(str(value))
 
 
 def capital(words: str) -> str:
-    """With a capital letter in front; the others stay as they are."""
+    """Capitalize the first letter only."""
     return words[:1].upper() + words[1:]
 
 
 def number(value: float | None, digits: int) -> str:
-    """With so many decimal places; a dash where there is none."""
+    """Format with this many decimal places; a dash for None."""
     return "–" if value is None or not np.isfinite(value) else f"{value:,.{digits}f}"
 
 
 def plain(value: object) -> str:
-    """Whatever a file may tell, in few characters; a dash for nothing."""
+    """Format any value of a file briefly; a dash for None."""
     if value is None:
         return "–"
     if isinstance(value, float):
@@ -97,7 +97,7 @@ def plain(value: object) -> str:
 
 
 def length(metres: float | None) -> str:
-    """In the unit that suits it; a dash where there is none."""
+    """Format a length in a suitable unit; a dash for None."""
     if metres is None or not np.isfinite(metres):
         return "–"
     if 0.01 <= abs(metres) < 1:
@@ -106,14 +106,14 @@ def length(metres: float | None) -> str:
 
 
 def distance(metres: float | None) -> str:
-    """In metres to the millimetre; a dash where there is none."""
+    """Format metres to the millimetre; a dash for None."""
     return "–" if metres is None or not np.isfinite(metres) else f"{metres:,.3f} m"
 
 
 def duration(seconds: float) -> str:
-    """A time in the unit that suits it."""
+    """Format a time in a suitable unit."""
     if not np.isfinite(seconds):
-        return "not known"
+        return "unknown"
     for factor, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "µs"), (1e9, "ns")):
         if round(seconds * factor, 6) >= 1:
             return f"{seconds * factor:.4g} {unit}"

@@ -1,7 +1,8 @@
-"""Arrays as pictures: scales of colour, and pixels that stay pixels."""
+"""Arrays as images: colour scales, and pixels without interpolation."""
 
 import base64
 import io
+from base64 import b64encode
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,16 +22,16 @@ from reconstruction.outputs.pictures import NO_RETURN
 from .units import Prefix
 
 HORIZON = 10.0
-"""What is so many times farther than a quarter of all is not told apart in pictures."""
+"""Multiple of the first quartile of depth beyond which images do not resolve depth."""
 MIN_APART = 11.0
-"""Per cent of a scale between its numbers, at least."""
+"""Minimum distance between the numbers of a scale, in per cent."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """A colour scale that several pictures share.
+    """A colour scale shared by several images.
 
-    `meaning`: "probability", or "ln" of logarithms, where that tells more than the unit.
+    `meaning` is "probability", or "ln" of logarithms, if that says more than the unit.
     """
 
     low: float
@@ -41,16 +42,15 @@ class Scale:
     meaning: str = ""
 
     def position(self, values: ArrayLike) -> Floats:
-        """Where values lie on the scale, from 0 to 1; what is not finite at 0."""
+        """Return positions on the scale from 0 to 1; 0 for values that are not finite."""
         span = (self.high - self.low) or 1.0
         fraction = np.nan_to_num((np.asarray(values, float) - self.low) / span)
         return np.asarray(np.clip(fraction, 0, 1) ** self.exponent)
 
     def rgba(self, image: ArrayLike, no_return: ArrayLike | None = None) -> NDArray[np.uint8]:
-        """Colours of an image, (H, W, 4); what is not finite is transparent.
+        """Return the colours of an image, (H, W, 4); values that are not finite are transparent.
 
-        But pale blue where `no_return` (H, W), the probability of nothing within reach, is 0.5 or
-        more.
+        They are pale blue if the probability of no return (H, W) is 0.5 or more.
         """
         rgba: NDArray[np.uint8] = colormaps[self.colours](self.position(image), bytes=True)
         unknown = ~np.isfinite(np.asarray(image, float))
@@ -60,7 +60,7 @@ class Scale:
         return rgba
 
     def address(self, image: ArrayLike, no_return: ArrayLike | None = None) -> str:
-        """A picture of an image, to stand in a page."""
+        """Return an image as a data URL."""
         return data_address(_png(self.rgba(image, no_return)), "image/png")
 
     @property
@@ -71,17 +71,17 @@ class Scale:
 
     @property
     def quantity(self) -> str:
-        """What pages make of a number: `meaning`, or else the unit."""
+        """The kind of number for pages: `meaning`, or else the unit."""
         return self.meaning or self.unit
 
     @property
     def prefix(self) -> Prefix:
-        """In which the numbers of the scale are written."""
+        """The prefix of the numbers of the scale."""
         return Prefix.of([self.low, self.high], self.unit)
 
     @property
     def ticks(self) -> Iterator[tuple[str, float]]:
-        """Round numbers on the scale in its prefix, and where they lie in per cent."""
+        """Yield round numbers on the scale in its prefix, and their positions in per cent."""
         last = -MIN_APART
         for value in MaxNLocator(5).tick_values(self.low, self.high):
             position = 100 * float(self.position(value))
@@ -91,42 +91,42 @@ class Scale:
 
 
 def intensity_scale(*images: ArrayLike, unit: str = "") -> Scale:
-    """Grey from zero to the brightest but for a few pixels."""
+    """Return a grey scale from zero to the maximum, excluding a few pixels."""
     return Scale(0.0, _percentile(99.5, *images), "gray", unit)
 
 
 def view_scale(view: ArrayLike) -> Scale:
-    """Grey that the eye sees in even steps, as photographs are shown."""
+    """Return a grey scale with perceptually even steps, as in photographs."""
     return Scale(0.0, _percentile(98, view), "gray", "", exponent=1 / 2.2)
 
 
 def depth_scale(*images: ArrayLike) -> Scale:
-    """Near is bright, in metres; from 0 to 1 where there is no depth at all.
+    """Return a scale in metres on which near is bright; from 0 to 1 without any depth.
 
-    What lies far behind all that is near, as a horizon does, is shown as the far end.
+    Depths far beyond all near ones, such as the horizon, have the colour of the far end.
     """
     far_m = min(_percentile(99, *images), HORIZON * _percentile(25, *images))
     return Scale(_percentile(1, *images, default=0.0), far_m, "viridis_r", "m")
 
 
 def error_scale(*images: ArrayLike) -> Scale:
-    """Blue is too near, red is too far, in metres."""
+    """Return a scale in metres: blue is too near, red is too far."""
     limit = _percentile(95, *map(np.abs, images))
     return Scale(-limit, limit, "RdBu_r", "m")
 
 
 def sigma_scale(*images: ArrayLike) -> Scale:
-    """Standard deviations of ln depth; bright is sure."""
+    """Return a scale of standard deviations of ln depth; bright is certain."""
     return Scale(0.0, _percentile(99, *images), "viridis_r", "", meaning="ln")
 
 
 def probability_scale() -> Scale:
-    """From black, 0, to white, 1."""
+    """Return a scale from 0, black, to 1, white."""
     return Scale(0.0, 1.0, "gray", "", meaning="probability")
 
 
 def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:
-    """Spots, and where they lie in the image in per cent; those outside of it are left out."""
+    """Return spots and their positions in the image in per cent, without those outside."""
     if capture.spots is None or capture.optics is None:
         return []
     x, y, z = capture.spots.directions.T
@@ -140,7 +140,7 @@ def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:
 
 
 def show(axes: Axes, image: ArrayLike, scale: Scale, shape: tuple[int, int] | None = None) -> None:
-    """An image alone in its axes, stretched to the shape (rows, columns) of another."""
+    """Draw an image alone in its axes, stretched to the shape (rows, columns) of another."""
     height, width = np.shape(image) if shape is None else shape
     axes.imshow(scale.rgba(image), extent=(0, width, height, 0), interpolation="nearest")
     axes.set(xticks=[], yticks=[])
@@ -148,12 +148,12 @@ def show(axes: Axes, image: ArrayLike, scale: Scale, shape: tuple[int, int] | No
 
 
 def data_address(content: bytes, kind: str) -> str:
-    """A file, to stand in a page."""
+    """Return a file as a data URL."""
     return f"data:{kind};base64,{base64.b64encode(content).decode()}"
 
 
 def write_png(path: str | Path, rgba: NDArray[np.uint8]) -> None:
-    """Write colours (H, W, 4), whole or not at all; raises OSError."""
+    """Write colours (H, W, 4), whole or not at all. Raises OSError."""
     write_atomically(path, _png(rgba))
 
 
@@ -167,3 +167,23 @@ def _png(rgba: NDArray[np.uint8]) -> bytes:
     buffer = io.BytesIO()
     imsave(buffer, rgba, format="png", metadata={"Software": mark("picture")})
     return buffer.getvalue()
+
+
+UNKNOWN = 65535
+"""Code of values that are not finite; the others are even steps from minimum to maximum."""
+
+
+def packed(values: ArrayLike) -> dict[str, object]:
+    """Encode a map (H, W) as 16-bit steps in base64, with the first value and the step."""
+    array = np.asarray(values, dtype=np.float64)
+    finite = np.isfinite(array)
+    low, high = (array[finite].min(), array[finite].max()) if finite.any() else (0.0, 1.0)
+    step = (high - low) / (UNKNOWN - 1) or 1.0
+    steps = np.full(array.shape, UNKNOWN, "<u2")
+    steps[finite] = np.round((array[finite] - low) / step)
+    return {
+        "width": array.shape[1],
+        "values": b64encode(steps.tobytes()).decode(),
+        "low": float(f"{low:.7g}"),
+        "step": float(f"{step:.7g}"),
+    }

@@ -1,4 +1,4 @@
-"""What a page needs to show a depth map as a cloud of points."""
+"""Data for the point cloud of a depth map in a page."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,19 @@ from reconstruction import Capture, Result
 from reconstruction.depth import MAX_RANGE_M
 from reconstruction.ranging import RANGED
 
-#: What may be looked at, by the kind of picture.
+#: Titles by the kind of map.
 KINDS = {
     "depth": "depth",
     "image": "image",
     "error": "error of depth",
-    "deviation": "deviation of depth",
-    "nothing": "probability of nothing",
+    "deviation": "sigma of depth",
+    "nothing": "probability of no return",
 }
 
 
 @dataclass(frozen=True)
 class Space:
-    """Size of the maps, half their field of view, and the measured spots in the camera's frame."""
+    """Size of the maps, half their field of view, and the measured spots in the camera frame."""
 
     width: int
     height: int
@@ -30,7 +30,7 @@ class Space:
 
     @classmethod
     def of(cls, capture: Capture, result: Result) -> "Space | None":
-        """None without optics or a depth map."""
+        """Return None without optics or a depth map."""
         if capture.optics is None or not result.depths:
             return None
         height, width = capture.plan.shape
@@ -56,9 +56,9 @@ def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
     if capture.spots is None or result.ranges is None:
         return []
     points = result.ranges.range_m[:, None] * capture.spots.directions
-    reported = zip(points.tolist(), result.ranges.status, strict=True)
+    statuses = zip(points.tolist(), result.ranges.status, strict=True)
     return [
         {"spot": spot, "at": [round(value, 4) for value in at]}
-        for spot, (at, status) in enumerate(reported)
+        for spot, (at, status) in enumerate(statuses)
         if status in RANGED
     ]

@@ -127,7 +127,7 @@ def test_ctrl_c(whole: tuple[Path, Path], tmp_path: Path) -> None:
         os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
         message = process.communicate(timeout=SAFETY_S)[1]
         assert process.returncode == 130
-        assert "Run the same command again to go on" in message
+        assert "Run the same command again to continue" in message
         assert "Traceback" not in message
         assert not any(Path(f"/proc/{pid}/exe").exists() for pid in workers)
     assert not [name for name in files(tmp_path / "set") if name.endswith(".tmp")]
@@ -213,7 +213,7 @@ def test_a_full_disk_is_waited_for(tmp_path: Path) -> None:
     assert run(plan, "-o", tmp_path / "whole", "--workers", "2").exit_code == 0
     status, said = on_a_full_disk(plan, tmp_path, "rm {disk}/ballast")
     assert status == 0, said
-    assert "There is space again; going on" in said
+    assert "Space is available again; continuing" in said
     assert 0 < len((tmp_path / "before").read_text().splitlines()) < 10
     assert not list((tmp_path / "after").rglob("*.tmp"))
     assert files(tmp_path / "after") == files(tmp_path / "whole")
@@ -225,7 +225,7 @@ def test_a_disk_that_stays_full_ends_the_run(tmp_path: Path) -> None:
     plan = write_plan(tmp_path, samples=10, keep={"histograms": True})
     status, said = on_a_full_disk(plan, tmp_path, ":", "--space-timeout", "1")
     assert status == 3
-    assert "no space left for 1 s; make some and run the same command again" in said
+    assert "no space left for 1 s; free some and run the same command again" in said
     assert "Traceback" not in said
     assert not list((tmp_path / "after").rglob("*.tmp"))
     done = rows(tmp_path / "after", "file, sha256")

@@ -58,7 +58,7 @@ def test_older_files_stay_unless_they_may_go(tmp_path: Path) -> None:
     [
         (["target"], "did you mean 'targets'"),
         (["targets", "--set", "target"], "should be NAME=VALUE"),
-        (["targets", "--set", "target=["], "'[' is no number or word"),
+        (["targets", "--set", "target=["], "'[' is not a valid value"),
         (["targets", "--set", "target=plan"], "did you mean 'plane'"),
         (["targets", "--set", "distance_m=far"], "distance_m"),
         (["targets", "--set", "distance_m={a: 1}"], "distance_m"),

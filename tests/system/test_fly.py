@@ -164,7 +164,7 @@ def test_warnings_of_a_capture_stand_in_its_row_and_on_its_tile(folder: Path) ->
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--speed", "2"), "capture-0002.h5 is not of this flight; give another folder"),
+        (("--speed", "2"), "capture-0002.h5 is not of this flight; use another folder"),
         (("--rate", "2"), "capture-0001.h5 was made with another scene or flight"),
         (("--visibility", "50"), "capture-0000.h5 was made with another scene or flight"),
         (("--seed", "1"), "capture-0000.h5 was made with another seed"),
@@ -186,7 +186,7 @@ def test_captures_of_another_flight_are_not_mixed_in(
     ("path", "options", "message"),
     [
         ("0,0,0,1,6,0,1\n1,5,0.2,1,6,0.2,1\n", (), "leads through object 'post' at"),
-        ("0,0,0,1,6,0,1\n1,1,0,1,6,0,1\n", ("--rate", "500"), "500 captures a second do not fit"),
+        ("0,0,0,1,6,0,1\n1,1,0,1,6,0,1\n", ("--rate", "500"), "500 captures per second overlap"),
         ("0,0,0,1,6,0,1\n0,1,0,1,6,0,1\n", (), "line 3: time 0 should be later"),
     ],
 )

@@ -162,7 +162,7 @@ def test_a_study_in_which_all_fails_says_why(tmp_path: Path) -> None:
     once = {**PLAN["study"], "rounds": 1}
     run = study(tmp_path, tmp_path / "out", vary=vary, study=once)
     assert run.exit_code == 2, run.output
-    assert "all samples failed; the first one because" in run.output
+    assert "all samples failed; the first reason is" in run.output
     assert "saturated" in run.output
 
 

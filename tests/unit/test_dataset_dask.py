@@ -62,7 +62,7 @@ def test_a_scheduler_that_is_lost_is_waited_for(tmp_path: Path, port: int) -> No
     assert all(outcome.done for outcome in made)
     gone, back = said
     assert gone == f"--dask {address}: the scheduler is gone; waiting for it"
-    assert back.startswith(f"--dask {address}: the scheduler is back, and has ")
+    assert back.startswith(f"--dask {address}: the scheduler is back with ")
 
 
 def test_a_scheduler_that_stays_away_is_named(
@@ -75,7 +75,7 @@ def test_a_scheduler_that_stays_away_is_named(
         outcomes = executor.run(range(6))
         next(outcomes)
         first.close()
-        with pytest.raises(InputError, match="the scheduler is gone and was not back within 0 s"):
+        with pytest.raises(InputError, match="the scheduler is gone and did not return within 0 s"):
             list(outcomes)
 
 

@@ -36,7 +36,7 @@ def test_a_lost_manifest_and_a_flipped_bit(
     values = whole.buckets.counts if part == "readings" else whole.truth.depth_m
     flip(path, path.read_bytes().index(values.tobytes()[:16]) + 8)
     run = Run(planned, folder)
-    assert run.said == [f"damaged captures removed, to be made again: {path}"]
+    assert run.said == [f"removed damaged captures, which are made again: {path}"]
     assert run.executor.asked == [[0, 1, 2, 3, 4]]
     assert len(rows(folder, "status")) == 5
 
@@ -49,7 +49,7 @@ def test_verify_does_not_take_it_for_a_capture(tmp_path: Path, capture: Capture)
     for position in np.random.default_rng(0).integers(0, path.stat().st_size, 20):
         flip(path, int(position))
         reported = {finding.file: finding.detail for finding in verify(folder)}
-        assert reported["samples/000/000007.h5"] == "not a capture that can be read"
+        assert reported["samples/000/000007.h5"] == "not a readable capture"
         with pytest.raises(InputError):
             read_capture(path)
         flip(path, int(position))

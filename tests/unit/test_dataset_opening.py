@@ -41,7 +41,7 @@ def test_more_samples_extend_and_fewer_are_refused(planned: PlannedSet, tmp_path
     assert more.digest == planned.digest
     assert Run(more, folder).executor.asked == [[5, 6]]
     assert load_plan(folder / "plan.yaml").plan.size == 7
-    with pytest.raises(InputError, match=r"set holds samples up to number 6, and the plan has"):
+    with pytest.raises(InputError, match=r"set holds samples up to number 6, but the plan has"):
         Run(planned, folder)
     assert len(rows(folder, "status")) == 7
 
@@ -77,7 +77,7 @@ def test_another_order_of_the_grids_is_another_plan(tmp_path: Path) -> None:
         Run(ordered([*reversed(grids)]), tmp_path / "set")
     assert "+  scene.fog.albedo:" in str(caught.value).splitlines()
     (tmp_path / "set" / "plan.yaml").unlink()
-    with pytest.raises(InputError, match="another plan; use another folder, or the plan of these"):
+    with pytest.raises(InputError, match="another plan; use another folder, or restore the plan"):
         Run(ordered([*reversed(grids)]), tmp_path / "set")
 
 
@@ -152,8 +152,8 @@ def test_a_damaged_manifest_is_kept_and_rebuilt(
     assert run.executor.asked == [[4]]
     assert run.state.done == 5
     assert (folder / "manifest.damaged-1.sqlite").read_bytes() == before
-    assert "kept as manifest.damaged-1.sqlite and rebuilt from the samples" in run.said[0]
-    assert "4 samples found that the manifest did not know" in run.said[1]
+    assert "moved to manifest.damaged-1.sqlite and rebuilt from the samples" in run.said[0]
+    assert "found 4 samples that the manifest lacked" in run.said[1]
     expected = json.dumps(planned.sample(2).parameters)
     assert rows(folder, "status, scene, parameters")[2] == (
         "done",
@@ -169,12 +169,12 @@ def test_a_capture_of_another_plan_is_named_and_kept(
     folder = tmp_path / "set"
     other = write_plan(tmp_path, PLAN + "seed: 8\n")
     path = own_capture(other, folder, 1, capture)
-    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: not of this data set"):
+    with pytest.raises(InputError, match=rf"{re.escape(str(path))}: in this data set's folder"):
         Run(planned, folder)
     assert path.exists()
     path.unlink()
     write_capture(capture, path)  # of no data set at all
-    with pytest.raises(InputError, match="not of this data set"):
+    with pytest.raises(InputError, match="not part of it"):
         Run(planned, folder)
 
 
@@ -184,7 +184,7 @@ def test_a_capture_under_another_number_is_foreign(
     folder = tmp_path / "set"
     path = own_capture(planned, folder, 1, capture)
     path.rename(path.with_name("000002.h5"))
-    with pytest.raises(InputError, match=r"000002\.h5: not of this data set"):
+    with pytest.raises(InputError, match=r"000002\.h5: in this data set's folder"):
         Run(planned, folder)
 
 
@@ -195,7 +195,7 @@ def test_a_damaged_capture_without_a_row_is_made_again(planned: PlannedSet, tmp_
     path.write_bytes(b"\x89HDF")
     run = Run(planned, folder)
     assert run.state.done == 5
-    assert run.said == [f"damaged captures removed, to be made again: {path}"]
+    assert run.said == [f"removed damaged captures, which are made again: {path}"]
 
 
 @pytest.mark.parametrize("name", ["mine.h5", "000005.h5"])  # the plan ends with sample 4
@@ -206,7 +206,7 @@ def test_what_cannot_be_read_and_is_no_sample_is_kept(
     path = Layout(folder).capture(0).with_name(name)
     path.parent.mkdir(parents=True)
     path.write_bytes(b"somebody's own")
-    with pytest.raises(InputError, match=rf"{name}: not of this data set"):
+    with pytest.raises(InputError, match=rf"{name}: in this data set's folder"):
         Run(planned, folder)
     assert path.read_bytes() == b"somebody's own"
 
@@ -217,7 +217,7 @@ def test_fewer_samples_than_captures_without_a_manifest(
     folder = tmp_path / "set"
     for index in range(4):
         own_capture(planned, folder, index, capture)
-    with pytest.raises(InputError, match="up to number 3, and the plan has only 2"):
+    with pytest.raises(InputError, match="up to number 3, but the plan has only 2"):
         Run(planned.with_samples(2), folder)
     assert Run(planned, folder).state.done == 5
 
@@ -230,5 +230,5 @@ def test_going_on_with_other_software_is_told(planned: PlannedSet, tmp_path: Pat
         manifest.note({"software": "spisim 0.0.1"})
     run = Run(planned, folder, retry_failed=True)
     assert run.said == [
-        f"begun by spisim 0.0.1, and goes on with {software}: samples may differ between the two"
+        f"begun by spisim 0.0.1, continued by {software}; samples may differ between the two"
     ]

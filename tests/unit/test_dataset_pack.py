@@ -78,11 +78,11 @@ def test_captures_are_not_read_again(own: Path) -> None:
 def test_what_is_not_packed_is_told(made: Path) -> None:
     pack = spisim.open_dataset(made / "pack")
     for ask in (pack.arrays, pack.rows, pack[0].array):
-        with pytest.raises(InputError, match=r"pack holds no 'true_image': .*pack again with it"):
+        with pytest.raises(InputError, match=r"pack has no array 'true_image': .*pack it too"):
             ask("true_image")
         with pytest.raises(InputError, match=r"'bucket': did you mean 'buckets'"):
             ask("bucket")
-    with pytest.raises(InputError, match="a pack holds arrays and no captures"):
+    with pytest.raises(InputError, match="a pack has no captures"):
         _ = pack[0].capture
 
 
@@ -99,7 +99,7 @@ def make_again(own: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("happen", "reported"), [(grow, "13 now"), (make_again, "12 now, and others")]
+    ("happen", "reported"), [(grow, "now has 13"), (make_again, "now has 12, some of them changed")]
 )
 def test_a_pack_whose_data_set_has_other_samples_is_refused(
     own: Path, happen: Callable[[Path], None], reported: str
@@ -116,10 +116,14 @@ def test_a_pack_whose_data_set_has_other_samples_is_refused(
 @pytest.mark.parametrize(
     ("old", "new", "reported"),
     [
-        ('"format":1', '"format":2', "no index of a pack of format 1: format"),
-        ('"001.npy"', '"../x.npy"', "no index of a pack of format 1: arrays.true_depth_m.file"),
+        ('"format":1', '"format":2', "format: invalid in a pack index of format 1"),
+        (
+            '"001.npy"',
+            '"../x.npy"',
+            "arrays.true_depth_m.file: invalid in a pack index of format",
+        ),
         ('"001.npy"', '"002.npy"', "002.npy: true_depth_m cannot be read"),
-        ('"001.npy"', '"000.npy"', "000.npy: true_depth_m is not as it was written"),
+        ('"001.npy"', '"000.npy"', "000.npy: true_depth_m differs from when it was packed"),
     ],
 )
 def test_an_index_that_cannot_be_is_refused(own: Path, old: str, new: str, reported: str) -> None:
@@ -154,7 +158,7 @@ def test_a_link_in_a_pack_is_refused(own: Path) -> None:
 def test_captures_are_verified_before_they_are_packed(own: Path, capture: Capture) -> None:
     data = spisim.open_dataset(own / "walls")
     write_capture(replace(capture, spots=None), own / "walls/samples/000/000004.h5")
-    with pytest.raises(InputError, match=r"000004\.h5: not as it was written"):
+    with pytest.raises(InputError, match=r"000004\.h5: changed since it was written"):
         pack_dataset(data, own / "pack")
     assert len(spisim.open_dataset(own / "pack")) == 12  # the earlier one is whole
     assert sorted(path.name for path in own.iterdir()) == ["pack", "walls"]
@@ -162,9 +166,9 @@ def test_captures_are_verified_before_they_are_packed(own: Path, capture: Captur
 
 def test_what_cannot_be_packed_is_refused(own: Path) -> None:
     data = spisim.open_dataset(own / "walls")
-    with pytest.raises(InputError, match="no finished sample to pack"):
+    with pytest.raises(InputError, match="no finished samples to pack"):
         pack_dataset(data[:0], own / "new")
-    with pytest.raises(InputError, match="is a pack itself"):
+    with pytest.raises(InputError, match="is itself a pack"):
         pack_dataset(spisim.open_dataset(own / "pack"), own / "new")
     with pytest.raises(InputError, match="did you mean 'buckets'"):
         pack_dataset(data, own / "new", ["bucket"])
@@ -175,7 +179,7 @@ def test_what_cannot_be_packed_is_refused(own: Path) -> None:
             pack_dataset(data, inside)
     (own / "mine").mkdir()
     (own / "mine" / "notes.txt").write_text("mine")
-    with pytest.raises(InputError, match="holds other things than a pack"):
+    with pytest.raises(InputError, match="is neither empty nor a pack"):
         pack_dataset(data, own / "mine")
     assert not (own / "new").exists()
 

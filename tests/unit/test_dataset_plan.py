@@ -197,7 +197,7 @@ def test_a_section_before_its_fields(tmp_path: Path) -> None:
     assert samples[0]["kind"] == samples[1]["kind"] == "haze-l"
     assert samples[0]["visibility_m"] != samples[1]["visibility_m"]
     message = mistake(tmp_path, vary=dict(reversed(fog.items())))
-    assert "vary: scene.fog should stand before scene.fog.visibility_m" in message
+    assert "vary: scene.fog should precede scene.fog.visibility_m" in message
 
 
 def test_a_choice_of_sections_is_not_changed_by_the_samples(tmp_path: Path) -> None:
@@ -308,9 +308,12 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"scenes": [{"family": "target"}]}, "did you mean 'targets'?"),
     ({"scenes": [{"scene": "warehose"}]}, "did you mean 'warehouse'?"),
     ({"scenes": [{"scene": "missing.yaml"}]}, "missing.yaml: no such file"),
-    ({"scenes": [{}]}, "scenes[0]: needs either scene or family"),
-    ({"scenes": [{"scene": "warehouse", "family": "targets"}]}, "needs either scene or family"),
-    ({"scenes": [{"scene": "warehouse", "distinct": 2}]}, "go with a family"),
+    ({"scenes": [{}]}, "scenes[0]: should have either scene or family"),
+    (
+        {"scenes": [{"scene": "warehouse", "family": "targets"}]},
+        "either scene or family",
+    ),
+    ({"scenes": [{"scene": "warehouse", "distinct": 2}]}, "are only for a family"),
     (
         {"scenes": [{"family": "targets", "parameters": {"distance": 2}}]},
         "did you mean 'distance_m'?",
@@ -320,7 +323,10 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
         "needs a lower and",
     ),
     ({"scenes": [targets(distance_m=1e4)]}, "distance_m"),
-    ({"scenes": [{"family": "targets", "weight": 0}]}, "should not all have weight 0"),
+    (
+        {"scenes": [{"family": "targets", "weight": 0}]},
+        "should have a finite sum above 0",
+    ),
     ({"scenes": [{"family": "targets", "weight": -1}]}, "scenes[0].weight: should be greater"),
     ({"instrument": "papier"}, "did you mean 'paper'?"),
     ({"wavelength_nm": "infrared"}, "wavelength_nm: should be a number; found 'infrared'"),
@@ -330,9 +336,12 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
     ({"samples": 0}, "samples: should be greater than 0"),
     ({"samples": "many"}, "samples: "),
     ({"seed": -1}, "seed: should be greater"),
-    ({"spp": 8, "transport_noise_share": 0.1}, "needs spp or transport_noise_share, not both"),
+    (
+        {"spp": 8, "transport_noise_share": 0.1},
+        "have spp or transport_noise_share, not both",
+    ),
     ({"light": "surogate"}, "light: should be 'traced' or 'surrogate'"),
-    ({"light": "surrogate", "spp": 8}, "light: surrogate is not traced; take out spp and"),
+    ({"light": "surrogate", "spp": 8}, "light: surrogate is not traced; remove spp and"),
     ({"frame": 2}, "did you mean 'frames'?"),
     ({"keep": {"truths": True}}, "did you mean 'truth'?"),
     ({"name": ""}, "name: "),
@@ -341,10 +350,10 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
         {"transport_noise_share": 1e-9},
         "transport_noise_share: should be greater than or equal to 0.001; found 1e-09",
     ),
-    ({"transport_error": 0.01}, "transport_error is told as transport_noise_share, the light's"),
+    ({"transport_error": 0.01}, "transport_error was replaced by transport_noise_share, the"),
     ({"seed": True}, "seed: should be a number; found True"),
     ({"samples": 10**8}, "samples: should be less than or equal to 10000000"),
-    ({"samples": None, "vary": GRIDS}, "the grids have 100000000 combinations; at most 10000000"),
+    ({"samples": None, "vary": GRIDS}, "the plan has 100000000 samples; at most 10000000"),
     ({"vary": {VISIBILITY: {"uniform": [20, float("inf")]}}}, "finite number"),
     ({"vary": {VISIBILITY: {"uniform": ["a", "b"]}}}, "should be a valid number, unable to parse"),
     ({"vary": {VISIBILITY: {"unifrom": [20, 30]}}}, "valid number; found {'unifrom': [20, 30]}"),
@@ -359,7 +368,7 @@ MISTAKES: list[tuple[dict[str, Any], str]] = [
             "scenes": [{"family": "targets", "weight": 0}, {"scene": "warehouse"}],
             "every_scene": True,
         },
-        "every_scene makes scenes of weight 0 too; take them out",
+        "every_scene includes scenes of weight 0; remove them",
     ),
 ]
 

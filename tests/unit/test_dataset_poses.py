@@ -113,7 +113,7 @@ objects: [{", ".join([*walls, end])}]
         seen = View(number, spread, number).of(shaft)
         assert abs(seen.drone_pose[1, 3]) <= 0.2
     nowhere = make_scene(text.replace("0.65", "0.4"), Path(), "shaft")
-    with pytest.raises(InputError, match="'shaft': none of 40 poses is one to fly in; in the last"):
+    with pytest.raises(InputError, match="'shaft': the drone cannot fly in any of 40 poses"):
         View(1, spread, 1).of(nowhere)
 
 
@@ -122,7 +122,7 @@ def test_a_moment_of_a_flight_has_one_pose() -> None:
     scene = draw_scene("targets", 0)
     flown = type(scene)(**{**vars(scene), "text": scene.text + moment})
     assert View(0, Poses(), 0).of(flown) is flown
-    with pytest.raises(InputError, match="a scene at a moment of a flight has one pose"):
+    with pytest.raises(InputError, match="a scene with `moment` has a single pose"):
         View(1, Poses(count=2), 0).of(flown)
 
 
@@ -160,5 +160,5 @@ def test_a_flight_leads_through_every_scene_at_equal_steps(tmp_path: Path) -> No
 
 
 def test_a_flight_of_one_pose_is_none(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"poses.*1; a flight has 2 poses at least"):
+    with pytest.raises(InputError, match=r"poses.*1; a flight needs at least 2 poses"):
         planned(tmp_path, poses={"flight_s": 2.0})

@@ -13,8 +13,8 @@ import spisim.dataset
 from datasets import META, SCENES, change, make_set, sample_capture
 from reconstruction import Capture, InputError, write_capture
 from spisim.dataset import DataSet
-from spisim.dataset.extras import needed
-from spisim.dataset.split import Split, part_of
+from spisim.dataset.parameters import Split, part_of
+from spisim.dataset.reader import import_optional
 
 VISIBILITY = "scene.fog.visibility_m"
 
@@ -119,9 +119,9 @@ def test_a_parameter_can_be_split_by(data: DataSet) -> None:
 
 
 def test_impossible_splits_are_refused(data: DataSet) -> None:
-    with pytest.raises(InputError, match=r"nothing falls to .* 1 different values of scene_name"):
+    with pytest.raises(InputError, match=r"is empty .* 1 different values of scene_name"):
         data[:1].split()
-    with pytest.raises(InputError, match=r"nothing falls to .* of scene are split"):
+    with pytest.raises(InputError, match=r"is empty .* of scene are split"):
         data.split(by="scene")
     with pytest.raises(InputError, match=r"sum to 1; found 0\.8, 0\.2, 0\.1"):
         data.split(0.8, 0.2, 0.1)
@@ -150,7 +150,7 @@ def test_arrays_are_stacked(data: DataSet, capture: Capture) -> None:
 def test_what_is_no_number_is_no_array(data: DataSet) -> None:
     with pytest.raises(InputError, match=r"'true_depth'.*did you mean 'true_depth_m'"):
         data.arrays("true_depth")
-    with pytest.raises(InputError, match="no numbers under the name 'scene'"):
+    with pytest.raises(InputError, match="no array or numeric parameter 'scene'"):
         data.arrays("scene")
 
 
@@ -173,7 +173,7 @@ def test_names_are_refused_before_anything_is_read(own: Path) -> None:
 
 def test_what_is_a_number_in_some_samples_only_is_none(own: Path) -> None:
     change(own, 'UPDATE samples SET parameters = \'{"power_w": [1, 2]}\' WHERE "index" = 3')
-    with pytest.raises(InputError, match=r"no numbers under the name 'power_w'"):
+    with pytest.raises(InputError, match=r"no array or numeric parameter 'power_w'"):
         spisim.dataset.open(own).arrays("power_w")
 
 
@@ -183,7 +183,7 @@ def test_captures_without_truth_have_no_true_arrays(own: Path, capture: Capture)
     )
     data = spisim.dataset.open(own)
     for name in ("true_image", "spot_range_m", "spot_readings"):
-        with pytest.raises(InputError, match=rf"000000\.h5: the capture holds no {name}"):
+        with pytest.raises(InputError, match=rf"000000\.h5: the capture has no {name}"):
             data.arrays(name)
 
 
@@ -275,11 +275,11 @@ def test_a_missing_package_names_the_extra(data: DataSet, monkeypatch: pytest.Mo
 
 def test_a_module_of_ours_that_is_missing_is_no_missing_package() -> None:
     with pytest.raises(ModuleNotFoundError):
-        needed("spisim.no_such_module", "data")
+        import_optional("spisim.no_such_module", "data")
 
 
 def test_a_folder_without_manifest_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"no data set there \(manifest\.sqlite is missing\)"):
+    with pytest.raises(InputError, match=r"not a data set \(manifest\.sqlite is missing\)"):
         spisim.dataset.open(tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -89,7 +89,7 @@ def test_lost_and_shortened_files_are_made_again(planned: PlannedSet, tmp_path: 
     Layout(folder).capture(4).write_text("short")
     again = Run(planned, folder)
     assert again.executor.asked == [[1, 4]]
-    assert "2 samples have lost or damaged files and are made again: 1, 4" in again.said
+    assert "remaking 2 samples with missing or damaged files: 1, 4" in again.said
 
 
 def test_leftovers_are_removed(planned: PlannedSet, tmp_path: Path) -> None:
@@ -107,14 +107,14 @@ def test_no_space_is_waited_out(
 ) -> None:
     answers = iter([False, False, True])
     monkeypatch.setattr(runner, "has_space", lambda folder: next(answers))
-    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
+    monkeypatch.setattr(runner, "SPACE_CHECK_S", 0.01)
     folder = tmp_path / "set"
     run = Run(planned, folder, {1: "no space once"})
     assert run.executor.asked == [[0, 1, 2, 3, 4], [1]]
     assert run.state.done == 5
     assert run.said == [
-        f"{folder}: no space left; waiting for some",
-        "There is space again; going on",
+        f"{folder}: no space left; waiting",
+        "Space is available again; continuing",
     ]
     assert rows(folder, "attempts")[1] == (1,)  # waiting is no attempt
 
@@ -133,14 +133,14 @@ def test_no_space_for_too_long_ends_the_run(
     planned: PlannedSet, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(runner, "has_space", lambda folder: False)
-    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
-    with pytest.raises(OutOfSpace, match=r"no space left for 0\.05 s; make some and run"):
+    monkeypatch.setattr(runner, "SPACE_CHECK_S", 0.01)
+    with pytest.raises(OutOfSpace, match=r"no space left for 0\.05 s; free some and run"):
         Run(planned, tmp_path / "set", {1: "no space"}, space_timeout_s=0.05)
     assert Run(planned, tmp_path / "set").state.done == 5
 
 
 def test_samples_that_never_fit_end_the_run(planned: PlannedSet, tmp_path: Path) -> None:
-    with pytest.raises(OutOfSpace, match="no space for a sample"):
+    with pytest.raises(OutOfSpace, match="samples need more space"):
         Run(planned, tmp_path / "set", {1: "no space"})
 
 
@@ -149,7 +149,7 @@ def test_a_manifest_without_space_waits_too(
 ) -> None:
     answers = iter([False, True])
     monkeypatch.setattr(runner, "has_space", lambda folder: next(answers))
-    monkeypatch.setattr(runner, "LOOK_EVERY_S", 0.01)
+    monkeypatch.setattr(runner, "SPACE_CHECK_S", 0.01)
     record, full = Manifest.record, iter([True])
 
     def sometimes_full(manifest: Manifest, outcome: Outcome) -> None:
@@ -173,7 +173,7 @@ def test_a_full_database_is_an_error_of_the_disk(tmp_path: Path) -> None:
 
 def test_files_of_workers_that_write_elsewhere(planned: PlannedSet, tmp_path: Path) -> None:
     executor = InThisProcess(Fake(tmp_path / "elsewhere"))
-    with pytest.raises(InputError, match="has to be one that all workers share"):
+    with pytest.raises(InputError, match="all workers must share this folder"):
         run_dataset(planned, tmp_path / "set", executor)
 
 

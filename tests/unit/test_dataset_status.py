@@ -134,7 +134,7 @@ def test_a_folder_that_is_no_data_set_ends_with_two(tmp_path: Path, command: str
     more = {"export": ["-o", tmp_path / "out"], "sheet": ["-o", tmp_path / "out.html"]}
     code, _, text = run(command, tmp_path, *more.get(command, []))
     assert code == 2
-    assert "no data set there" in text
+    assert "not a data set" in text
     assert not list(tmp_path.iterdir())
 
 
@@ -252,7 +252,7 @@ def test_captures_that_cannot_be_used_are_told_on_the_sheet(
 
 def test_a_sheet_that_cannot_be_is_refused(own: Path, tmp_path: Path) -> None:
     data = spisim.dataset.open(own)
-    with pytest.raises(InputError, match="no finished sample to show"):
+    with pytest.raises(InputError, match="no finished samples to show"):
         write_contact_sheet(tmp_path / "sheet.html", data[:0])
     with pytest.raises(InputError, match="is a folder"):
         write_contact_sheet(own, data)

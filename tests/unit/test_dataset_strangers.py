@@ -124,9 +124,9 @@ TABLES = {
 def test_other_tables_are_refused(own: Path, script: str) -> None:
     with closing(sqlite3.connect(own / "manifest.sqlite")) as connection:
         connection.executescript(script)
-    with pytest.raises(InputError, match="other tables than a manifest has"):
+    with pytest.raises(InputError, match="its tables are not those of a manifest"):
         read_manifest(own)
-    with pytest.raises(DamagedManifest, match="other tables than a manifest has"):
+    with pytest.raises(DamagedManifest, match="its tables are not those of a manifest"):
         Manifest.open(own / "manifest.sqlite")
 
 
@@ -151,7 +151,7 @@ def test_a_journal_cannot_have_a_file_removed(
     with pytest.raises(InputError, match="its journal names another file"):
         read_manifest(folder)
     said = Run(planned, folder).said
-    assert "kept as manifest.damaged-1.sqlite" in said[0]
+    assert "moved to manifest.damaged-1.sqlite" in said[0]
     assert key.exists()
     assert (folder / "manifest.damaged-1.sqlite-journal").exists()
 
@@ -159,14 +159,14 @@ def test_a_journal_cannot_have_a_file_removed(
 @pytest.mark.parametrize("ending", ["-wal", "-shm"])
 def test_a_log_beside_the_manifest_is_not_taken_up(own: Path, ending: str) -> None:
     (own / f"manifest.sqlite{ending}").write_bytes(b"")
-    with pytest.raises(InputError, match="there is a write-ahead log beside it"):
+    with pytest.raises(InputError, match="a write-ahead log lies beside it"):
         read_manifest(own)
 
 
 def test_a_manifest_with_a_log_is_refused(own: Path) -> None:
     with closing(sqlite3.connect(own / "manifest.sqlite")) as connection:
         connection.execute("PRAGMA journal_mode = WAL")
-    with pytest.raises(InputError, match="its write-ahead log is on"):
+    with pytest.raises(InputError, match="it uses a write-ahead log"):
         read_manifest(own)
 
 
@@ -182,7 +182,7 @@ def link(path: Path, target: Path) -> None:
 def test_links_are_not_followed(own: Path, tmp_path: Path, name: str) -> None:
     link(own / name, tmp_path / "elsewhere")
     data = spisim.dataset.open(own)
-    with pytest.raises(InputError, match=rf"{name} is a link; a data set holds none"):
+    with pytest.raises(InputError, match=rf"{name} is a link; for safety"):
         data[1]
     with pytest.raises(InputError, match="is a link"):
         write_shards(data, tmp_path / "shards")
@@ -273,7 +273,7 @@ def test_somebodys_folder_is_left_alone(planned: PlannedSet, tmp_path: Path) -> 
     home = tmp_path / "home"
     put(home)
     before = contents(home)
-    with pytest.raises(InputError, match=r"home is not empty and no data set: it holds \.000001"):
+    with pytest.raises(InputError, match=r"neither empty nor a data set: it holds \.000001"):
         Run(planned, home)
     (home / "plan.yaml").write_text("name: of something else\n")
     before |= {"plan.yaml": b"name: of something else\n"}
@@ -314,7 +314,7 @@ def test_deep_finds_damage_that_keeps_the_size(planned: PlannedSet, tmp_path: Pa
     again = Run(planned, folder, is_sound=has_its_content)
     assert again.executor.asked == [[3]]
     assert path.read_text() == "sample 3"
-    assert "1 samples have lost or damaged files and are made again: 3" in again.said
+    assert "remaking 1 samples with missing or damaged files: 3" in again.said
 
 
 def test_plans_that_grow_are_refused(tmp_path: Path) -> None:
@@ -354,7 +354,7 @@ def test_a_lost_manifest_does_not_hide_a_flipped_bit(
     flip(Layout(folder).capture(3).with_suffix(suffix))
     run = Run(planned, folder)
     assert run.executor.asked == [[3]]
-    assert "4 samples found that the manifest did not know" in run.said
+    assert "found 4 samples that the manifest lacked" in run.said
 
 
 def test_a_damaged_file_is_not_taken_up_again(tmp_path: Path, capture: Capture) -> None:

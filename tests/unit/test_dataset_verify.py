@@ -117,7 +117,7 @@ def test_shards_of_another_export_are_left_alone(folder: Path, tmp_path: Path) -
 
 def test_what_cannot_be_exported_is_refused(own: Path, tmp_path: Path) -> None:
     data = spisim.dataset.open(own)
-    with pytest.raises(InputError, match="no finished sample to export"):
+    with pytest.raises(InputError, match="no finished samples to export"):
         write_shards(data[:0], tmp_path / "shards")
     with pytest.raises(InputError, match="shard_size should be at least 1; found -1"):
         write_shards(data, tmp_path / "shards", shard_size=-1)

@@ -83,7 +83,7 @@ def test_one_that_hangs_is_ended(tmp_path: Path) -> None:
 
 @linux
 def test_one_that_grows_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "GROWTH_MB", 100)
+    monkeypatch.setattr(workers, "MAX_GROWTH_MB", 100)
     make = Hoarder(tmp_path)
     made = outcomes(make, range(6), count=1)
     assert all(outcome.done for outcome in made)

@@ -260,7 +260,7 @@ def test_a_data_set_has_a_folder_for_each_scene(form, data, tmp_path):
 
 
 def test_a_data_set_without_samples_or_truth_is_refused(data, capture, tmp_path):
-    with pytest.raises(InputError, match="no finished sample to export"):
+    with pytest.raises(InputError, match="no finished samples to export"):
         EXPORTS["coco"](data[:0], tmp_path / "out", 0)
     with pytest.raises(InputError, match="is read by this command"):
         EXPORTS["rgbd"](data, data.folder, 0)

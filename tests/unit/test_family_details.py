@@ -13,7 +13,7 @@ from spisim.scene.layout import OFFERED, layout_problem
 from spisim.scene.rays import first_hits
 from spisim.scene.soundness import fault
 from spisim_worlds.parts import figure
-from spisim_worlds.parts.daylight import outdoors
+from spisim_worlds.parts.backdrops import outdoors
 from spisim_worlds.parts.figure import Arm, Leg, Side
 from spisim_worlds.parts.natural import blob, clipped_bush, scattered_rocks
 from spisim_worlds.parts.ropes import hanging, lying, net

@@ -67,8 +67,11 @@ def test_converters_hold_a_white_wall_near_by() -> None:
         ({"makes": "imag"}, "makes 'imag': did you mean 'image'"),
         ({"image_part": "fga01"}, "image_part 'fga01': did you mean 'fga015'"),
         ({"frequency_hz": "20"}, "frequency_hz 20: .* if it is in MHz, write 20e6"),
-        ({"makes": "image", "spots": 3}, "spots 3: not one of an instrument that makes an image"),
-        ({"pulse_s": 1e-8}, "pulse_s 1e-08: not one of .* with cw"),
+        (
+            {"makes": "image", "spots": 3},
+            "spots 3: does not apply to .* that makes an image",
+        ),
+        ({"pulse_s": 1e-8}, "pulse_s 1e-08: does not apply to .* with cw"),
         ({"patterns": "many"}, "patterns many: a whole number from 1"),
         ({"array_power_w": "nan"}, "array_power_w nan: a number from"),
         ({"wavelength_nm": 905}, "image_part fga015: .* 1400 to 1600 nm"),

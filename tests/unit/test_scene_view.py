@@ -104,7 +104,7 @@ def test_a_section_shows_points_where_its_rays_meet_them() -> None:
     section = Section(np.array([1.0, 2.0, 3.0]), np.array([0.0, 1.0, 0.0]), np.array([0, 0, 1.0]))
     point = np.array([-4.0, 3.05, 2.55])
     assert section.into == pytest.approx([-1, 0, 0])
-    assert section.place(point) == pytest.approx([1.05, -0.45])
+    assert section.project(point) == pytest.approx([1.05, -0.45])
     origins, directions = section.rays((10, 20), (0, 2, -1, 0), cut_m=0.5)
     row, column = 4, 10
     origin, towards = origins[20 * row + column], directions[20 * row + column]

@@ -16,8 +16,7 @@ from spisim.dataset.folder import Layout
 from spisim.dataset.records import Outcome, failure
 from spisim.dataset.study import QUANTITIES
 from spisim.dataset.study.evaluation import Evaluation, Evaluator, evaluate_all, evaluation_of
-from spisim.dataset.study.metrics import Metric, named_methods
-from spisim.dataset.study.profile import CENTRES_M, EDGES_M, depth_profile
+from spisim.dataset.study.metrics import CENTRES_M, EDGES_M, Metric, depth_profile, named_methods
 
 
 def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:

@@ -100,11 +100,11 @@ BAD: list[tuple[dict[str, Any], str]] = [
         r"study: unknown metric .*did you mean 'depth_mae_m'",
     ),
     ({"study": {"metrics": []}}, r"study.metrics: should have at least 1 items"),
-    ({"study": {"metrics": ["saturated", "saturated"]}}, r"saturated is given twice"),
+    ({"study": {"metrics": ["saturated", "saturated"]}}, r"saturated is repeated"),
     ({"study": {"x": "scene.fog.visibility"}}, r"did you mean 'scene.fog.visibility_m'"),
     ({"study": {"x": "scene.fog.kind"}}, r"'scene.fog.kind' is not among the grids"),
     ({"study": {"groups": [""]}}, r"study.groups\[0\]: .*at least 1 character"),
-    ({"study": {"groups": ["scene.fog.visibility_m"]}}, r"visibility_m is given twice"),
+    ({"study": {"groups": ["scene.fog.visibility_m"]}}, r"visibility_m is repeated"),
     ({"study": {"grups": []}}, r"unknown field 'grups': did you mean 'groups'"),
     ({"study": {"rounds": 0}}, r"study.rounds"),
     ({"vary": {}}, r"needs a grid to compare"),
@@ -113,24 +113,24 @@ BAD: list[tuple[dict[str, Any], str]] = [
     ({"keep": {"truth": False}}, r"needs keep.truth"),
     (
         {"vary": {"scene.fog.visibility_m": {"grid": [{"uniform": [20, 30]}, 50]}}},
-        r"'scene.fog.visibility_m' is drawn; it needs the same values in all rounds",
+        r"'scene.fog.visibility_m' is random; it should have the same values in all rounds",
     ),
     ({"instrument": 7}, r"instrument: should be a name, or a grid of names"),
     ({"instrument": {"grid": ["paper", 7]}}, r"instrument: should be a name, or a grid of names"),
     (
         {"instrument": {"grid": ["paper", "fga015"]}},
-        r"do not tell all combinations apart; add instrument to groups",
+        r"do not distinguish all combinations; add instrument to groups",
     ),
     (
         {"vary": {"weather": {"grid": [{"fog": None}]}}},
-        r"weather should begin with scene. or instrument., or each of its values be a mapping",
+        r"weather should begin with scene. or instrument., or have mappings of such",
     ),
     (
         {
             "vary": {"scene.ambient.sky_klx": {"grid": [0, 1]}},
             "study": {"x": "scene.ambient.sky_klx", "x_scale": "log"},
         },
-        r"x_scale log needs positive numbers; scene.ambient.sky_klx has 0",
+        r"x_scale log needs positive numbers; found 0",
     ),
 ]
 

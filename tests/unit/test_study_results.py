@@ -13,7 +13,7 @@ from matplotlib import pyplot
 from spisim.dataset.records import Record
 from spisim.dataset.study import QUANTITIES
 from spisim.dataset.study.evaluation import Evaluation
-from spisim.dataset.study.profile import CENTRES_M
+from spisim.dataset.study.metrics import CENTRES_M
 from spisim.dataset.study.results import (
     ALL_SCENES,
     Results,

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from spisim.report.maps import UNKNOWN, packed
 from spisim.report.page import duration, length
-from spisim.report.pictures import Scale
+from spisim.report.pictures import UNKNOWN, Scale, packed
 from spisim.report.units import Prefix, engineering, prefix_axis, prefix_log
 
 

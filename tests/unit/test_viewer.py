@@ -125,7 +125,7 @@ def test_a_scene_whose_meshes_are_gone_is_left_out_and_told(capture, tmp_path):
         (frame_view,) = views_of_captures([tmp_path / "a.h5"])
     assert frame_view.scene is None
     assert frame_view.shot.pose[:3, 2] == pytest.approx([1, 0, 0])
-    assert any("shown without its surroundings" in str(each.message) for each in odd)
+    assert any("displayed without its surroundings" in str(each.message) for each in odd)
 
 
 def test_without_rerun_it_says_how_to_get_it_and_where_the_report_is(folder, monkeypatch):
@@ -145,7 +145,7 @@ def test_without_a_display_it_says_how_to_save(folder, monkeypatch):
     monkeypatch.setattr(sys, "platform", "linux")
     run = view(folder / "hall.h5")
     assert run.exit_code == 2
-    assert "there is no display to open the viewer on; --save FILE.rrd" in run.output
+    assert "no display for the viewer; --save FILE.rrd" in run.output
 
 
 @pytest.fixture
@@ -198,7 +198,7 @@ def test_a_viewer_that_is_closed_meanwhile_is_told(tmp_path):
     ("source", "message"),
     [
         ("none.h5", "no such capture file"),
-        ("empty", "there is no capture"),
+        ("empty", "no captures"),
         ("tpc://rig:1", "unknown kind of address 'tpc': did you mean 'tcp'"),
         ("hall.h5", "'.rd' is no ending of a recording of Rerun"),
     ],
@@ -219,5 +219,5 @@ def test_a_data_set_without_samples_is_told(capture, tmp_path):
     make_set(tmp_path / "none", capture, done=0, failed=1)
     run = view(tmp_path / "none", "--save", tmp_path / "a.rrd")
     assert run.exit_code == 2
-    assert "no finished sample to look at" in run.output
+    assert "no finished samples to view" in run.output
     assert not (tmp_path / "a.rrd").exists()

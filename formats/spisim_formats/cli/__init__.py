@@ -3,4 +3,4 @@
 from spisim_formats.cli import exporting, importing
 
 COMMANDS = {"import": importing, "export": exporting}
-"""Modules by the words of `spisim scenes`, each with a `command` and an `EXAMPLE` of it."""
+"""Modules by subcommand of `spisim scenes`, each with a `command` and an `EXAMPLE`."""

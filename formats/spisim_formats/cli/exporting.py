@@ -1,4 +1,4 @@
-"""`spisim scenes export`: scenes for other programs."""
+"""`spisim scenes export`: export scenes to other programs."""
 
 from pathlib import Path
 from typing import Annotated
@@ -31,22 +31,22 @@ def command(
 ) -> None:
     """Write a scene for Blender (.glb) or Gazebo (.sdf, with a folder of meshes beside it).
 
-    Triangles, names and the names of materials, as `spisim scenes import` takes them back; of
-    light, daylight goes along to Gazebo. Weather, motion and textures stay behind.
+    It exports triangles, names and names of materials, which `spisim scenes import` reads back, and
+    daylight to Gazebo. Weather, motion and textures are left out.
     """
     from reconstruction.base.errors import InputError
     from spisim_formats import export_scene
     from spisim_formats.sdf.sensors import sensor_elements
 
-    position, _ = scene_with(str(scene), 1550.0)
+    loaded, _ = scene_with(str(scene), 1550.0)
     named = [scene] if instrument is None else [scene, instrument]
     if output.exists() and any(output.samefile(path) for path in files_read(*named)):
         raise InputError(f"{output} is read by this command; give its output another name")
     sensors = []
     if instrument is not None:
-        sensors = sensor_elements(instrument_with(instrument), position.drone_pose)
-    files = export_scene(position, output, overwrite, sensors)
+        sensors = sensor_elements(instrument_with(instrument), loaded.drone_pose)
+    files = export_scene(loaded, output, overwrite, sensors)
     if json:
-        print_json({"written": files, "objects": len(position.objects)})
+        print_json({"written": files, "objects": len(loaded.objects)})
         return
     say(f"Wrote {output}; files beside it: {len(files) - 1}.")

@@ -1,4 +1,4 @@
-"""`spisim scenes import`: scenes of other programs."""
+"""`spisim scenes import`: import scenes of other programs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Lamps = Literal["off", "watts"]
 Surfaces = Literal["guess", "file"]
 EXAMPLE = "spisim scenes import hangar.glb -o hangar.yaml"
 
-#: Where Gazebo looks for models; read for convenience, --model-path does the same.
+#: Gazebo's search paths for models; --model-path adds others.
 SEARCH_PATHS = ("GZ_SIM_RESOURCE_PATH", "GAZEBO_MODEL_PATH")
 
 
@@ -41,24 +41,23 @@ def command(
         Path, typer.Option("--output", "-o", metavar="YAML", help="Scene file to write.")
     ],
     units: Annotated[
-        str,
-        typer.Option(metavar="UNIT", help="mm, cm, m, in, ft, or auto: what the file says."),
+        str, typer.Option(metavar="UNIT", help="mm, cm, m, in, ft, or auto: what the file says.")
     ] = "auto",
     up: Annotated[
         str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")
     ] = None,
-    scale: Annotated[float, real_option("Scale everything once more.", metavar="S")] = 1.0,
+    scale: Annotated[float, real_option("Additional scale factor.", metavar="S")] = 1.0,
     materials: Annotated[
         Path | None,
         typer.Option(metavar="YAML", help="Lines of `name in the file: material of spisim`."),
     ] = None,
     model_path: Annotated[
         list[Path] | None,
-        typer.Option(metavar="DIR", help="Folder to look for models in, and to read from."),
+        typer.Option(metavar="DIR", help="Folder to search for models, and to read from."),
     ] = None,
     ground: Annotated[
         str | None,
-        typer.Option(metavar="MATERIAL", help="Put a floor of this material under everything."),
+        typer.Option(metavar="MATERIAL", help="Add a floor of this material under everything."),
     ] = None,
     textures: Annotated[
         Textures,
@@ -90,7 +89,7 @@ def command(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Make an editable scene file, and its meshes beside it, of a file of another program."""
+    """Convert a file of another program to an editable scene file with meshes beside it."""
     from spisim_formats import Options, import_scene
 
     options = Options(
@@ -126,13 +125,13 @@ def _point(option: str, text: str) -> tuple[float, float, float]:
 
 
 def _search_path() -> list[Path]:
-    """Folders of Gazebo's environment variables, those that are there."""
+    """Return the existing folders of Gazebo's environment variables."""
     listed = (os.environ.get(name, "").split(os.pathsep) for name in SEARCH_PATHS)
     return [Path(name) for names in listed for name in names if name and Path(name).is_dir()]
 
 
 def _fuel_cache() -> Path | None:
-    """Where Gazebo keeps the models that it has downloaded, if it is there."""
+    """Return Gazebo's folder of downloaded models, if it exists."""
     folder = Path(os.environ.get("GZ_FUEL_CACHE_PATH") or Path.home() / ".gz" / "fuel")
     return folder if folder.is_dir() else None
 

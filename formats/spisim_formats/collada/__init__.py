@@ -1,4 +1,4 @@
-"""COLLADA 1.4 of Khronos, by pycollada."""
+"""COLLADA 1.4 of Khronos, read with pycollada."""
 
 from spisim_formats.format import SceneFormat, lazily
 

@@ -1,4 +1,4 @@
-"""Lamps of COLLADA files, which have no unit: their numbers are kept.
+"""Lamps of COLLADA files, which have no unit: their numbers are used as they are.
 
 https://www.khronos.org/files/collada_spec_1_4.pdf
 """
@@ -8,16 +8,16 @@ from typing import Any
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim_formats.library.attenuation import at_a_metre
 from spisim_formats.library.content import Content, Glow
 from spisim_formats.library.files import displayed
+from spisim_formats.library.units import at_a_metre
 
-#: COLLADA's, for what a file does not tell.
+#: COLLADA's default attenuation.
 CONE_DEG, UNATTENUATED = 180.0, (1.0, 0.0, 0.0)
 
 
 def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow]:
-    """The lamp that a light of pycollada is, told in a note; none where it gives no light."""
+    """Convert a light of pycollada, with a note; none if it gives no light."""
     from collada.light import DirectionalLight, PointLight, SpotLight
 
     strength = float(np.mean(np.asarray(lamp.color, float)[:3]))
@@ -35,10 +35,10 @@ def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow
         content.note(f"{what} has no unit; as watts {strength:.4g} W/m²")
         fields = {"type": "directional", "irradiance_w_per_m2": strength}
         return [Glow(name, fields, None, direction)]
-    reported = (lamp.constant_att, lamp.linear_att, lamp.quad_att)
+    attenuation = (lamp.constant_att, lamp.linear_att, lamp.quad_att)
     factor, why = at_a_metre(
         *(given if value is None else float(value)
-          for value, given in zip(reported, UNATTENUATED, strict=True))
+          for value, given in zip(attenuation, UNATTENUATED, strict=True))
     )  # fmt: skip
     strength *= factor
     kind, cone = "point", {}
@@ -51,7 +51,7 @@ def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow
 
 
 def _cone(lamp: Any) -> dict[str, float]:
-    """Of an angle from side to side, as Blender and Maya write it, with a sharp edge."""
+    """Convert an angle from side to side, as written by Blender and Maya, to a sharp cone."""
     angle = CONE_DEG if lamp.falloff_ang is None else float(lamp.falloff_ang)
     cutoff = min(90.0, angle / 2) if angle > 0 else 90.0
     return {"cutoff_deg": cutoff, "beam_deg": cutoff}

@@ -1,8 +1,8 @@
-"""COLLADA that pycollada gives up, for what other programs overlook.
+"""Repair COLLADA files that pycollada rejects although other programs read them.
 
-pycollada drops a whole scene for one node that shows what is not there, all that shows a material
-with one picture of no file, moves what has a broken pose or coordinates that are no numbers, and
-refuses numbers with commas for points, which some locales make.
+pycollada drops a whole scene for one node with a dangling reference, and everything whose material
+has a texture without a file. It moves nodes with a broken pose and meshes with invalid coordinates,
+and rejects numbers with decimal commas, which some locales produce.
 """
 
 import io
@@ -14,19 +14,19 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 from spisim_formats.library.content import LEFT_OUT, Content
 from spisim_formats.library.files import displayed
 
-#: What shows a thing of a library, and the part of a node that gets lost with it.
+#: Elements that instantiate library content, and the part of a node that is lost with it.
 INSTANCES = ("geometry", "controller", "camera", "light", "node", "material")
-#: Elements of numbers.
+#: Elements that hold numbers.
 NUMBERS = ("float_array", "color", "float", "matrix", "translate", "rotate", "scale", "lookat",
            "bind_shape_matrix")  # fmt: skip
-#: What places a node, and of how many numbers it is.
+#: Transforms of a node, and their number counts.
 POSITIONS = {"matrix": 16, "lookat": 9, "skew": 7, "rotate": 4, "translate": 3, "scale": 3}
 
 
 def load_document(root: Element, data: bytes | None, file: str, content: Content) -> Any:
-    """pycollada's document of a file, less what cannot be read and what needs that; notes tell.
+    """Load pycollada's document without its unreadable elements; notes report them.
 
-    `data` are the file's bytes, None where they had to be mended.
+    `data` are the file's bytes, None if they were repaired.
     """
 
     def leave_out(find: Callable[[Element], Iterable[tuple[Element, str]]]) -> bool:
@@ -49,13 +49,13 @@ def load_document(root: Element, data: bytes | None, file: str, content: Content
 
 
 def _load(data: bytes, *, is_last: bool = False) -> Any:
-    """pycollada's document; None where that lacks something, unless it `is_last`."""
+    """Return pycollada's document; None if something is missing in it, unless it `is_last`."""
     from collada import Collada
     from collada.common import DaeError, DaeUnsupportedError
 
     try:
         document = Collada(io.BytesIO(data), ignore=[DaeError])
-    except Exception:  # whatever it runs into
+    except Exception:  # of any kind, within pycollada
         if is_last:
             raise
         return None
@@ -64,7 +64,7 @@ def _load(data: bytes, *, is_last: bool = False) -> Any:
 
 
 def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
-    """What refers to an element that is not there."""
+    """Yield elements that refer to a missing element."""
     available = {each.get("id") for each in root.iter()}
     for element in root.iter():
         reference = _reference(element)
@@ -74,7 +74,7 @@ def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
 
 
 def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
-    """Nodes that nothing places, and geometries with numbers that are none."""
+    """Yield nodes with invalid transforms, and geometries with invalid numbers."""
     for element in root.iter():
         name = displayed(element.get("name") or element.get("id") or "")
         if _tag(element) == "node":
@@ -89,7 +89,7 @@ def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
 
 
 def _is_placing(element: Element) -> bool:
-    """Whether an element has the numbers that it should, if it places a node."""
+    """Return whether an element has the right numbers, if it is a transform."""
     if (count := POSITIONS.get(_tag(element))) is None:
         return True
     try:
@@ -100,7 +100,7 @@ def _is_placing(element: Element) -> bool:
 
 
 def _unread(root: Element) -> Iterable[tuple[Element, str]]:
-    """What pycollada cannot read of the libraries, one by one."""
+    """Yield elements of the libraries that pycollada cannot read, testing one by one."""
     from collada import Collada, xmlutil
     from collada.camera import Camera
     from collada.common import DaeError
@@ -112,7 +112,7 @@ def _unread(root: Element) -> Iterable[tuple[Element, str]]:
     skeleton = Element(root.tag, root.attrib)
     skeleton.extend(each for each in root if _tag(each) == "asset")
     document = Collada(io.BytesIO(tostring(skeleton)), ignore=[DaeError])
-    its_own = xmlutil.ET.fromstring(tostring(root))  # of lxml, where that is installed
+    its_own = xmlutil.ET.fromstring(tostring(root))  # an lxml element if lxml is installed
     for library, kind, loader in (
         ("images", "image", CImage),
         ("effects", "effect", Effect),
@@ -127,13 +127,13 @@ def _unread(root: Element) -> Iterable[tuple[Element, str]]:
             try:
                 if (made := loader.load(document, {}, own)) is not None:
                     getattr(document, library).append(made)
-            except Exception as error:  # whatever it runs into
+            except Exception as error:  # of any kind, within pycollada
                 why = " ".join(str(error.msg).split()) if isinstance(error, DaeError) else "damaged"
                 yield element, f"{kind} {displayed(element.get('id', ''))}: {why:.200}"
 
 
 def _mend_pictures(root: Element) -> bool:
-    """Let pictures have an empty reference where they have none."""
+    """Add an empty reference to textures without one."""
     bare = [
         image
         for image in root.findall("{*}library_images/{*}image")

@@ -1,7 +1,6 @@
-"""COLLADA (.dae): triangles, nodes, unit and axes through pycollada.
+"""COLLADA (.dae): triangles, nodes, unit and axes, read with pycollada.
 
-trimesh's loader is not used: it applies neither `unit` nor `up_axis`, and drops the names of
-materials.
+trimesh's loader ignores `unit` and `up_axis`, and drops the names of materials.
 """
 
 import math
@@ -29,18 +28,18 @@ from spisim_formats.library.textures import Texture
 from spisim_formats.library.xml import parse_lenient_xml
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
-#: Cameras look along their -z, x to the right.
+#: Cameras look along -z, with x to the right.
 LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 BOUND = "skins are left out: skinned meshes are in their bind pose"
-#: Nodes instanced within nodes.
+#: Maximum nesting of instanced nodes.
 MAX_DEPTH = 400
 MAX_NODES = 200_000
 
 
 def read_collada(path: Path, folders: Folders) -> Content:
-    """Parts of a COLLADA file; what is damaged or refers to what is not there is left out, noted.
+    """Read the parts of a COLLADA file; damaged elements are left out with a note.
 
-    Raises InputError for what is none, or has no scene.
+    Raises InputError if it is not COLLADA, or has no scene.
     """
     content = Content()
     data = read_bytes(path)
@@ -58,7 +57,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
 
 
 def _take_asset(asset: Any, content: Content) -> None:
-    """Unit and axes."""
+    """Read unit and axes."""
     content.up = AXES[asset.upaxis]
     content.up_why = f"up_axis of the file: {asset.upaxis}"
     stated = asset.xmlnode.find("{*}up_axis")
@@ -74,7 +73,7 @@ def _take_asset(asset: Any, content: Content) -> None:
 
 
 class _Walk:
-    """Adds what nodes show to a content."""
+    """Adds the content of nodes."""
 
     def __init__(self, content: Content, pictures: dict[str, Texture | None]) -> None:
         self._content = content
@@ -83,7 +82,7 @@ class _Walk:
         self._nodes = 0
 
     def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
-        """A node and all below it; InputError for too many, which instances in turn soon make."""
+        """Add a node and its descendants. Raises InputError for too many, as of nested ones."""
         from collada.scene import (
             CameraNode,
             ControllerNode,
@@ -116,7 +115,7 @@ class _Walk:
                 self._content.cameras.append(parent @ LOOKING)
 
     def _add_controlled(self, node: Any, to_world: Floats, name: str) -> None:
-        """A skinned mesh as it was bound to its joints, or a morphed one as it began."""
+        """Add a skinned mesh in its bind pose, or a morphed one in its base shape."""
         from collada.controller import Morph, Skin
 
         controller = node.controller
@@ -138,7 +137,7 @@ class _Walk:
 
 
 def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str | None]]:
-    """Triangles of a geometry, and the symbol of their material."""
+    """Return triangles of a geometry, and the symbol of their material."""
     from collada.polylist import Polylist
     from collada.triangleset import TriangleSet
 
@@ -158,7 +157,7 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
 
 
 def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """The mesh with its first texture coordinates, vertices repeated where they differ."""
+    """Add the first texture coordinates to a mesh, splitting vertices where they differ."""
     if not len(triangles.texcoordset):
         return mesh
     uv, numbers = np.asarray(triangles.texcoordset[0]), np.asarray(triangles.texcoord_indexset[0])
@@ -187,7 +186,7 @@ def _surface(material: Any, pictures: dict[str, Texture | None]) -> Surface:
 def _pictures(
     document: Any, path: Path, folders: Folders, content: Content
 ) -> dict[str, Texture | None]:
-    """Pictures of a file by their ids; notes those that are missing."""
+    """Return textures by id, with a note on missing files."""
     what = f"{path.name}: texture"
     return {
         image.id: content.texture(image.path or "", path.parent, folders, what)

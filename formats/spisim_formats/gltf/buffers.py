@@ -35,7 +35,7 @@ class Buffers:
         self._views: dict[int, bytes | memoryview] = {}
 
     def accessor(self, index: Any) -> NDArray[Any]:
-        """Values (count, components) of an accessor; of normalized integers from -1 to 1."""
+        """Return values (count, components) of an accessor; normalized integers become -1 to 1."""
         row = at(_rows(self._header, "accessors"), index, "accessor")
         if "bufferView" not in row and "sparse" not in row:
             raise InputError(f"accessor {index} has no bufferView: its data are not in the file")
@@ -51,7 +51,7 @@ class Buffers:
         return values
 
     def view(self, index: Any) -> bytes | memoryview:
-        """Bytes of a view of a buffer; InputError for one beyond its end."""
+        """Return bytes of a buffer view. Raises InputError if it exceeds its buffer."""
         if index not in self._views:
             row = at(_rows(self._header, "bufferViews"), index, "bufferView")
             packed = [
@@ -100,7 +100,7 @@ class Buffers:
         return values
 
     def _buffer(self, row: dict[str, Any]) -> bytes:
-        """The bytes of a buffer, read when they are first needed."""
+        """Return the bytes of a buffer, read on first use."""
         uri = row.get("uri")
         if uri is None:
             return self._chunk
@@ -117,7 +117,7 @@ class Buffers:
 
 
 def check_sizes(header: dict[str, Any]) -> None:
-    """LimitError for accessors of more than 2 GB together; damaged ones are told when used."""
+    """Raise LimitError for accessors of more than 2 GB in total; damaged ones raise when used."""
     total = 0
     for row in _rows(header, "accessors"):
         with suppress(InputError, KeyError, TypeError):
@@ -130,7 +130,7 @@ def check_sizes(header: dict[str, Any]) -> None:
 
 
 def _unpacked(packed: dict[str, Any], buffers: Buffers) -> bytes:
-    """What meshopt has compressed (EXT_meshopt_compression, https://meshoptimizer.org)."""
+    """Decompress a view (EXT_meshopt_compression, https://meshoptimizer.org)."""
     decoder = library("meshoptimizer", "EXT_meshopt_compression", "meshopt")
     data = np.frombuffer(buffers.part(packed), np.uint8)
     count, stride = whole(packed, "count"), whole(packed, "byteStride")
@@ -139,7 +139,7 @@ def _unpacked(packed: dict[str, Any], buffers: Buffers) -> bytes:
     if packed["mode"] != "ATTRIBUTES":
         name = "index_buffer" if packed["mode"] == "TRIANGLES" else "index_sequence"
         indices = getattr(decoder, f"decode_{name}")(count, stride, data)
-        # the library writes numbers of the width asked for into an array of wider ones
+        # the library writes numbers of the requested width into an array of wider ones
         return bytes(indices.tobytes()[: count * stride])
     values = decoder.decode_vertex_buffer(count, stride, data, dtype=np.dtype(f"V{stride}"))
     filtered = {"OCTAHEDRAL": "oct", "QUATERNION": "quat", "EXPONENTIAL": "exp"}.get(
@@ -151,7 +151,7 @@ def _unpacked(packed: dict[str, Any], buffers: Buffers) -> bytes:
 
 
 def library(name: str, extension: str, extra: str) -> Any:
-    """A library that not everybody has; InputError that tells how to get it."""
+    """Import an optional library. Raises InputError, naming what to install."""
     try:
         return import_module(name)
     except ImportError:
@@ -161,14 +161,14 @@ def library(name: str, extension: str, extra: str) -> Any:
 
 
 def at(rows: list[Any], index: Any, what: str) -> Any:
-    """One of the header's rows by a number in it; InputError for one that there is not."""
+    """Return a row of the header by its number. Raises InputError if there is none."""
     if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(rows):
         raise InputError(f"refers to {what} {_displayed(index)}; there are {len(rows)}")
     return rows[index]
 
 
 def whole(row: dict[str, Any], name: str, default: int | None = None) -> int:
-    """A number of the header; InputError unless it is whole and at least 0."""
+    """Return a number of the header. Raises InputError unless it is whole and at least 0."""
     value = row.get(name, default)
     if isinstance(value, bool) or not isinstance(value, int) or value < 0:
         raise InputError(
@@ -178,13 +178,13 @@ def whole(row: dict[str, Any], name: str, default: int | None = None) -> int:
 
 
 def within(uri: str) -> bytes:
-    """What a URI of scheme `data` holds itself; ValueError where it is damaged."""
+    """Return the content of a `data` URI. Raises ValueError if it is damaged."""
     kind, _, text = uri.partition(",")
     return base64.b64decode(text) if kind.endswith(";base64") else unquote_to_bytes(text)
 
 
 def unquoted(uri: str) -> str:
-    """A URI as a path, unless it has a scheme."""
+    """Return a URI as a path, unless it has a scheme."""
     return uri if "://" in uri else unquote(uri)
 
 
@@ -194,5 +194,5 @@ def _rows(header: dict[str, Any], name: str) -> list[Any]:
 
 
 def _displayed(value: Any) -> str:
-    """A value as it stands in the file."""
+    """Return a value as written in the file."""
     return json.dumps(value)[:80]

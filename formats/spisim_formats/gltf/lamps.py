@@ -1,4 +1,4 @@
-"""Lamps of glTF files (KHR_lights_punctual), which are told in candela and lux.
+"""Lamps of glTF files (KHR_lights_punctual), which are in candela and lux.
 
 https://github.com/KhronosGroup/glTF/tree/main/extensions/2.0/Khronos/KHR_lights_punctual
 """
@@ -18,7 +18,7 @@ PUNCTUAL = "KHR_lights_punctual"
 def node_lamps(
     node: dict[str, Any], header: dict[str, Any], to_world: Floats, content: Content
 ) -> list[Glow]:
-    """The lamp of a node, told in a note; none where it has none, or one that gives no light."""
+    """Convert the lamp of a node, with a note; none without one, or if it gives no light."""
     number = node.get("extensions", {}).get(PUNCTUAL, {}).get("light")
     if number is None:
         return []

@@ -13,7 +13,7 @@ from spisim_formats.gltf.buffers import Buffers, unquoted, within
 from spisim_formats.library.content import Content, Surface
 from spisim_formats.library.files import Folders, displayed
 from spisim_formats.library.metallic import Metallic
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 
 #: Extensions that name another picture of the same, in a format that may be read where its is not.
@@ -43,11 +43,13 @@ def read_surfaces(
         _image(number, row, buffers, path, folders, content)
         for number, row in enumerate(header.get("images", []))
     ]
-    textures = [_result(row, images) for row in header.get("textures", [])]
+    textures = [_texture_image(row, images) for row in header.get("textures", [])]
     surfaces = []
     for number, row in enumerate(header.get("materials", [])):
         try:
-            surfaces.append(replace(_surface(row, textures), reported=_reported(row, textures)))
+            surfaces.append(
+                replace(_surface(row, textures), source=_source_material(row, textures))
+            )
         except (AttributeError, IndexError, KeyError, TypeError, ValueError):
             content.note(f"material {number} is damaged: it is not used")
             surfaces.append(Surface())
@@ -75,9 +77,9 @@ def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
     return Surface(row.get("name"), (red, green, blue), words)
 
 
-def _reported(
+def _source_material(
     row: dict[str, Any], textures: list[Texture | None]
-) -> Callable[[], Told | None] | None:
+) -> Callable[[], SourceMaterial | None] | None:
     """What makes a surface of all that a material says; None where that is not by metalness."""
     extensions = row.get("extensions", {})
     if "pbrMetallicRoughness" not in row or set(OTHERS) & set(extensions):
@@ -113,7 +115,7 @@ def _reported(
         pictures,
         tuple(odd),
     )
-    return cache(surface.reported)
+    return cache(surface.source_material)
 
 
 def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]) -> Texture | None:
@@ -126,8 +128,8 @@ def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]
     return replace(result, factor=red, fits=picture.get("texCoord", 0) == 0 and not moved)
 
 
-def _result(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
-    """The picture of a texture, in whichever format there is."""
+def _texture_image(row: dict[str, Any], images: list[Texture | None]) -> Texture | None:
+    """Return the image of a texture in the first readable format."""
     extensions = row.get("extensions", {})
     others = (extensions[name].get("source") for name in OTHER_PICTURES if name in extensions)
     numbers = (each for each in (row.get("source"), *others) if each in range(len(images)))

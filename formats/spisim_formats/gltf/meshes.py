@@ -50,7 +50,7 @@ def read_meshes(
 
 
 def check_triangle_count(header: dict[str, Any]) -> None:
-    """LimitError for more triangles than are read; damaged meshes are told when they are read."""
+    """LimitError for more triangles than are read; damaged meshes raise when they are read."""
     count = 0
     for mesh in header.get("meshes", []):
         for primitive in mesh.get("primitives", []):

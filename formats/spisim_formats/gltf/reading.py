@@ -33,7 +33,7 @@ from spisim_formats.library.files import Folders, displayed, read_bytes
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
-#: What a header lists, each of it an object.
+#: Lists of objects in a header.
 LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "materials", "images",
          "textures", "cameras")  # fmt: skip
 #: glTF's cameras look along their -z, x to the right.
@@ -59,7 +59,7 @@ AVAILABLE = (
 
 
 def read_glb(path: Path, folders: Folders) -> Content:
-    """Parts of a binary glTF file, metres, y up. InputError if damaged or not supported."""
+    """Read the parts of a binary glTF file, in metres, y up. Raises InputError if it is invalid."""
     data = read_bytes(path)
     with readable(str(path), "a GLB file"):
         header, chunk = _glb_chunks(data)
@@ -67,14 +67,14 @@ def read_glb(path: Path, folders: Folders) -> Content:
 
 
 def read_gltf(path: Path, folders: Folders) -> Content:
-    """Parts of a glTF file and its buffers, as `read_glb`."""
+    """Read the parts of a glTF file and its buffers, as `read_glb`."""
     data = read_bytes(path)
     with readable(str(path), "a glTF file"):
         return _content(json.loads(data), b"", path, folders)
 
 
 def _glb_chunks(data: bytes) -> tuple[Any, bytes]:
-    """The JSON of a GLB file, and its binary chunk."""
+    """Return the JSON of a GLB file, and its binary chunk."""
     if len(data) < 20 or data[:4] != MAGIC:
         raise InputError("cannot be read as a GLB file: it does not begin with glTF")
     version, length, chunk_length, chunk_type = struct.unpack_from("<4I", data, 4)
@@ -96,7 +96,7 @@ ONLY_2 = "only version 2 is read: Blender and gltf-pipeline make one of it"
 
 
 def _check(header: Any) -> None:
-    """InputError for a header that cannot be trusted."""
+    """Raise InputError for an invalid header."""
     if not isinstance(header, dict) or not isinstance(header.get("asset"), dict):
         raise InputError("its JSON is no glTF: `asset` is missing")
     if str(header["asset"].get("version", "2")).startswith("1"):
@@ -159,7 +159,7 @@ def _add(
 
 
 def _copies(node: dict[str, Any], buffers: Buffers) -> Iterator[Floats]:
-    """Where a node shows its mesh, in its own coordinates: once, or as its instances say."""
+    """Return poses of a node's mesh in its own coordinates: one, or those of its instances."""
     if INSTANCING not in node.get("extensions", {}):
         yield np.eye(4)
         return
@@ -192,7 +192,7 @@ def _notes(header: dict[str, Any]) -> list[str]:
 
 
 def _matrix(node: dict[str, Any], number: int) -> Floats:
-    """Pose of a node in its parent: a matrix by columns, or translation, rotation, scale."""
+    """Return the pose of a node in its parent, from a matrix by columns or from its components."""
     pose = np.eye(4)
     if "matrix" in node:
         pose = np.reshape(np.asarray(node["matrix"], float), (4, 4)).T

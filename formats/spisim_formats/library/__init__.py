@@ -1,1 +1,1 @@
-"""What formats share: files and folders, parts, materials, textures, units, the way to a scene."""
+"""Shared by formats: files and folders, parts, materials, textures, units, and scene files."""

@@ -1,4 +1,4 @@
-"""What the readers of foreign formats hand over: parts in a common world, and what was odd."""
+"""The output of format readers: parts in a common world, and notes."""
 
 from __future__ import annotations
 
@@ -18,46 +18,46 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim_formats.library.files import Folders
 from spisim_formats.library.lattice import Lattice
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
 
-#: Instances counted.
+#: Limit on parts, counting instances.
 MAX_PARTS = 100_000
 MAX_NOTES = 1000
-#: Where textures of Gazebo's models are, from a model's folder or that of its meshes.
+#: Texture folders of Gazebo's models, relative to a model's folder or that of its meshes.
 TEXTURE_FOLDERS = ("materials/textures", "../materials/textures")
-#: What notes of dropped parts begin with, and how much of them an error tells.
+#: Prefix of notes on dropped parts, and the length that an error quotes.
 LEFT_OUT = "left out: "
 MAX_REASONS, MAX_REASON_LETTERS = 3, 400
 
 
 @dataclass(frozen=True)
 class Surface:
-    """What a file says about a material: its name, a colour (RGB from 0 to 1), and other words.
+    """A material in a file: its name, a colour (RGB from 0 to 1), and other words.
 
-    `words` are names of bsdfs and textures, which may tell what it is where the name does not;
-    `texture` is the picture of its colours, `reported` makes all that it says, in its own light,
-    where it says enough; the same each time.
+    `words` are names of bsdfs and textures, which may identify it if the name does not. `texture`
+    is the image of its colours. `source` returns its full optical properties at the file's own
+    wavelength if the file gives enough, and the same object each time.
     """
 
     name: str | None = None
     color: tuple[float, float, float] | None = None
     words: tuple[str, ...] = ()
     texture: Texture | None = None
-    reported: Callable[[], Told | None] | None = None
+    source: Callable[[], SourceMaterial | None] | None = None
 
     @property
     def label(self) -> str:
-        """What reports and maps of materials call it."""
+        """Name in reports and maps of materials."""
         return self.name or "(unnamed)"
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One surface: a mesh or shape in its own coordinates and where that is in the world (4, 4).
+    """One surface: a mesh or shape in its own coordinates, and its pose in the world (4, 4).
 
     Parts that share a mesh hold the same object.
     """
@@ -71,11 +71,11 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class Haze:
-    """A body of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
+    """A volume of a scattering medium: `to_world` (4, 4) places a cube of edge 1 about the origin.
 
-    Or a closed `mesh`, or what a `part` (its number) encloses that is seen. `extinction` is per
-    unit of the file, times `density` where that is given; then `albedo` is times `brightness`
-    where that is given.
+    Instead of the cube it may fill a closed `mesh`, or the inside of a visible `part` (its number).
+    `extinction` is per unit of the file, multiplied by `density` if given; likewise `albedo` by
+    `brightness`.
     """
 
     name: str
@@ -91,10 +91,10 @@ class Haze:
 
 @dataclass(frozen=True, eq=False)
 class Glow:
-    """A lamp that is no surface: the `fields` of a scene file that tell its type and strength.
+    """A lamp without a surface: the `fields` of a scene file for its type and strength.
 
-    And where it is and shines to, as far as it has a place and a direction; or a `picture` (h, w)
-    of all around in `axes` (3, 3); or a `panel`, which is in the scene only where it shines.
+    It has a position and a direction as its type needs; or a `picture` (h, w) of all around in
+    `axes` (3, 3); or a `panel`, which is part of the scene only if it emits.
     """
 
     name: str
@@ -108,7 +108,7 @@ class Glow:
 
 @dataclass(frozen=True, eq=False)
 class Daylight:
-    """Sun and sky, klx, as in scene files; `sun_direction` (3,) goes from the sun to the scene."""
+    """Sun and sky in klx, as in scene files; `sun_direction` (3,) is from the sun to the scene."""
 
     sun_klx: float
     sun_direction: Floats
@@ -117,9 +117,9 @@ class Daylight:
 
 @dataclass
 class Content:
-    """Everything that a file holds, in the file's own unit and axes.
+    """All content of a file, in the file's own unit and axes.
 
-    `notes` are what the user should know: what was left out, and what is missing.
+    `notes` tell the user what was left out and what is missing.
     """
 
     unit_m: float = 1.0
@@ -134,19 +134,19 @@ class Content:
     glows: list[Glow] = field(default_factory=list)
 
     def add(self, part: Part) -> None:
-        """Append a part; LimitError for too many of them."""
+        """Append a part. Raises LimitError for too many."""
         if len(self.parts) >= MAX_PARTS:
             raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         self.parts.append(part)
 
     def note(self, text: str) -> None:
-        """Keep something to tell, once; beyond `MAX_NOTES` nothing more is told."""
+        """Add a note once; beyond `MAX_NOTES` they are dropped."""
         if len(self.notes) < MAX_NOTES and text not in self.notes:
             self.notes.append(text if len(self.notes) < MAX_NOTES - 1 else "and more like these")
 
     @contextmanager
     def leaving_out(self, what: str) -> Iterator[None]:
-        """Drop what cannot be read within, with a note that says why; LimitError is raised on."""
+        """Leave out what fails to be read within, with a note; LimitError is raised on."""
         try:
             with readable(what):
                 yield
@@ -157,11 +157,11 @@ class Content:
 
     @property
     def left_out(self) -> list[str]:
-        """Why parts were dropped."""
+        """Reasons for dropped parts."""
         return [note.removeprefix(LEFT_OUT) for note in self.notes if note.startswith(LEFT_OUT)]
 
     def without(self, faults: Mapping[int, str]) -> Content:
-        """The content less some parts, by their numbers, with notes that say why."""
+        """Return the content without some parts, by their numbers, with notes on the reasons."""
         if not faults:
             return self
         for index in sorted(faults):
@@ -176,23 +176,18 @@ class Content:
         return replace(self, parts=[self.parts[index] for index in retained], hazes=hazes)
 
     def check_not_empty(self, path: Path, lack: str = "holds no triangles") -> None:
-        """InputError where no part is left, with the first reasons why."""
+        """Raise InputError, with the first reasons, if no part is left."""
         if not self.parts:
             reasons = [reason[:MAX_REASON_LETTERS] for reason in self.left_out[:MAX_REASONS]]
             raise InputError("; ".join([f"{path}: {lack}", *reasons]))
 
     def texture(
-        self,
-        name: str,
-        beside: Path,
-        folders: Folders,
-        referrer: str,
-        more: Sequence[Path] = (),
+        self, name: str, beside: Path, folders: Folders, referrer: str, more: Sequence[Path] = ()
     ) -> Texture | None:
-        """The texture that a file refers to; a note where it is missing, or may not be read.
+        """Return the texture that a file refers to; None, with a note, if missing or forbidden.
 
-        It is looked for by its path, and by its name alone where that is another machine's: beside
-        the file, in `more` folders, and where Gazebo's models have their textures.
+        It is searched by its path, and by its name alone if the path is of another machine: beside
+        the file, in `more` folders, and in the texture folders of Gazebo's models.
         """
         usual = [beside / folder for folder in TEXTURE_FOLDERS]
         positions = [*more, *(folder for folder in usual if folder.is_dir())]
@@ -209,9 +204,9 @@ class Content:
         return Texture(name, path)
 
 
-#: Parts of a file, which may refer to others in the folders.
+#: Reads the parts of a file, which may refer to others in the folders.
 def pose_faults(matrices: Floats) -> dict[int, str]:
-    """Which of (n, 4, 4) matrices place nothing, and why: not finite, not affine, or flat."""
+    """Return faults of (n, 4, 4) matrices that are not finite, not affine, or flat."""
     finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))
     safe = np.where(finite[:, None, None], matrices, np.eye(4))
     last = safe[:, 3]
@@ -227,7 +222,7 @@ def pose_faults(matrices: Floats) -> dict[int, str]:
 
 
 def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Trimesh:
-    """The mesh with texture coordinates (vertices, 2), v up; without where they do not fit."""
+    """Return the mesh with texture coordinates (vertices, 2), v up, if they fit."""
     coordinates = np.asarray(uv, dtype=np.float64)
     if coordinates.shape == (len(mesh.vertices), 2) and np.isfinite(coordinates).all():
         mesh.visual = trimesh.visual.TextureVisuals(uv=coordinates)
@@ -235,24 +230,23 @@ def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Tr
 
 
 def translation(offset: ArrayLike) -> Floats:
-    """(4, 4) matrix that moves."""
+    """Return a (4, 4) translation."""
     matrix = np.eye(4)
     matrix[:3, 3] = offset
     return matrix
 
 
 def scaling(factors: ArrayLike) -> Floats:
-    """(4, 4) matrix that scales by one factor or three."""
+    """Return a (4, 4) scaling by one factor or three."""
     return np.diag([*np.broadcast_to(np.asarray(factors, float), 3), 1.0])
 
 
 @contextmanager
 def readable(what: str, kind: str = "") -> Iterator[None]:
-    """Turn whatever a parser runs into within into an InputError that names the file or part.
+    """Turn errors of a parser into an InputError that names the file or part.
 
-    What the parser says is about itself, so it is not told. Numbers that are not finite raise no
-    warnings within; they are looked for afterwards. What trimesh logs of damaged files is not for
-    users.
+    The parser's own message is dropped, because it is about its internals. Warnings on numbers that
+    are not finite are suppressed, because they are checked later, and so is trimesh's log.
     """
     logged = trimesh.util.log.disabled
     trimesh.util.log.disabled = True

@@ -1,4 +1,4 @@
-"""A place for the drone in an imported scene: in the open, looking at the bulk of it."""
+"""A pose for the drone in an imported scene: in the open, looking at most of the scene."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.pose import look_at
 from spisim.scene.rays import winding_number
 
-#: How near the nearest surface may be.
+#: Minimum distance to the nearest surface.
 NEAREST_RANGE_M = (1.0, 10.0)
-#: Where to look from: distances from the target, directions about it, and heights above it.
+#: Candidate positions: distances from the target, directions, and heights above it.
 DISTANCES_M = (4.0, 3.0, 5.0, 6.5, 2.0, 8.0, 1.5, 10.0, 12.0, 15.0, 20.0, 30.0)
 AZIMUTHS_DEG = np.arange(180.0, 540.0, 30.0)  # first from -x, looking along x
 ELEVATIONS_DEG = (10.0, 25.0, 45.0)
-#: Height over the lowest surface that the drone should keep.
+#: Minimum height over the lowest surface.
 CLEARANCE_M = 0.3
 SAMPLES = 20_000
-#: Points of the bulk to be seen, and fitting places among which the one with the best view is.
+#: Sample points of the bulk, and candidate positions to compare.
 LOOKED_FOR = 32
 TRIES = 30
 
 
 @dataclass(frozen=True)
 class DronePose:
-    """Where the drone is and what it looks at, metres, with the distances to what is there."""
+    """Position and target of the drone in metres, with distances to surfaces."""
 
     position_m: Floats
     look_at_m: Floats
     why: str
     nearest_m: float  # to any surface
-    ahead_m: float  # along the line of sight, inf where nothing is hit
+    ahead_m: float  # along the viewing direction, inf if nothing is hit
 
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """All meshes of a scene in world coordinates: their triangles together, and bounds of each."""
+    """All meshes of a scene in world coordinates: their triangles, and bounds of each."""
 
     meshes: Sequence[trimesh.Trimesh]
     blocks: Blocks
@@ -52,22 +52,22 @@ class Surroundings:
 
     @classmethod
     def of(cls, meshes: Sequence[trimesh.Trimesh]) -> Surroundings:
-        """Surroundings of at least one mesh."""
+        """Create from at least one mesh."""
         triangles = np.concatenate([mesh.triangles for mesh in meshes])
         bounds_m = np.array([mesh.bounds for mesh in meshes])
         return cls(meshes, Blocks.of(triangles), bounds_m)
 
     def is_open(self, position_m: ArrayLike) -> bool:
-        """Whether no mesh encloses a position, as scenes are checked when they are loaded."""
+        """Return whether no mesh encloses a position, as checked when scenes are loaded."""
         position = np.asarray(position_m, float)
         low, high = self.bounds_m[:, 0], self.bounds_m[:, 1]
         around = np.flatnonzero(((low <= position) & (position <= high)).all(axis=1)).tolist()
         return all(winding_number(position, self.meshes[k].triangles) <= 0.5 for k in around)
 
     def bulk(self) -> Floats:
-        """Points (n, 3) on the surfaces, without those of floors unless there is nothing else.
+        """Return points (n, 3) on the surfaces, without floors unless there is nothing else.
 
-        More of them are on larger meshes, as the root of their areas.
+        The number on a mesh grows with the root of its area.
         """
         sizes = self.bounds_m[:, 1] - self.bounds_m[:, 0]
         standing = np.flatnonzero(sizes[:, 2] > 0.01 * sizes[:, :2].max(axis=1))
@@ -82,9 +82,9 @@ class Surroundings:
 
 
 def propose(around: Surroundings) -> DronePose:
-    """A pose outside of all meshes that sees much of their bulk from 1 to 10 m.
+    """Propose a pose outside of all meshes that sees much of their bulk from 1 to 10 m.
 
-    Where no such place is found, one in front of the scene, at whatever distance.
+    Without such a pose, it is in front of the scene at any distance.
     """
     bulk = around.bulk()
     target = np.median(bulk, axis=0)
@@ -110,7 +110,7 @@ def propose(around: Surroundings) -> DronePose:
 
 
 def aim(around: Surroundings, position_m: ArrayLike) -> Floats:
-    """What to look at from a position: the bulk of the scene."""
+    """Return the target for a position: the bulk of the scene."""
     target = np.median(around.bulk(), axis=0)
     if np.abs(target - np.asarray(position_m, float)).max() < 1e-6:
         target[0] += 1.0
@@ -120,7 +120,7 @@ def aim(around: Surroundings, position_m: ArrayLike) -> Floats:
 def pose_at(
     around: Surroundings, position_m: ArrayLike, look_at_m: ArrayLike, why: str
 ) -> DronePose:
-    """A pose with its distances; InputError for a line of sight that is none, or straight up."""
+    """Return a pose with its distances. Raises InputError if it looks nowhere or straight up."""
     position, target = np.asarray(position_m, float), np.asarray(look_at_m, float)
     if not (np.abs([position, target]) <= MAX_COORDINATE_M).all():
         raise InputError(
@@ -132,7 +132,7 @@ def pose_at(
 
 
 def _visible(around: Surroundings, position: Floats, points: Floats) -> float:
-    """Fraction of points (n, 3) on the surfaces that a position sees from at most 10 m."""
+    """Return the fraction of surface points (n, 3) visible from a position within 10 m."""
     rays = points - position
     near = rays[np.linalg.norm(rays, axis=1) <= NEAREST_RANGE_M[1]]
     return float(np.sum(around.blocks.first_hits(position, near) > 0.99)) / len(points)

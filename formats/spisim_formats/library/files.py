@@ -1,4 +1,4 @@
-"""Which files an import may read: those in given folders, none through links or `..`."""
+"""Files that an import may read: those in given folders, not through links or `..`."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ from reconstruction.base.errors import InputError, LimitError, nearest
 
 MAX_FILE_BYTES = 2 * 1024**3
 
-#: Letters of a reference that messages tell.
+#: Characters of a reference that messages quote.
 MAX_DISPLAYED = 200
 
-#: Schemes whose first part is the name of a model in one of the folders.
+#: Schemes that begin with the name of a model in one of the folders.
 MODEL_SCHEMES = ("model", "package")
-#: Hosts of Gazebo's models, as a copy of what was downloaded names them: the newest name first.
+#: Hosts of Gazebo's models as named in its download folder, newest first.
 FUEL_HOSTS = ("fuel.gazebosim.org", "fuel.ignitionrobotics.org")
 
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders that may be read, symbolic links resolved.
+    """The folders that may be read, with symbolic links resolved.
 
-    `fuel` is where Gazebo keeps what it has downloaded.
+    `fuel` is Gazebo's folder of downloads.
     """
 
     roots: tuple[Path, ...]
@@ -32,7 +32,7 @@ class Folders:
 
     @classmethod
     def around(cls, file: Path, more: Sequence[Path] = (), fuel: Path | None = None) -> Folders:
-        """The folder of a file and more, the search path; InputError for what is no folder."""
+        """Return the folder of a file and the search path. Raises InputError if one is missing."""
         for folder in more:
             if not folder.is_dir():
                 raise InputError(f"--model-path {folder}: no such folder")
@@ -40,12 +40,12 @@ class Folders:
         return cls(roots, None if fuel is None else fuel.resolve())
 
     def find(self, reference: str, beside: Path, referrer: str, more: Sequence[Path] = ()) -> Path:
-        """Path of the file or folder that a file in folder `beside` refers to.
+        """Return the path of the file or folder that a file in folder `beside` refers to.
 
         `reference` is a path or a URI: relative to `beside` or `more` folders, `model://name/…` in
-        one of the roots, `file://…` in either, or `https://fuel…` in Gazebo's copy. Raises
-        InputError, starting with `referrer`, where there is none, for one outside the roots, and
-        for one on the network.
+        one of the roots, `file://…` in either, or `https://fuel…` in Gazebo's downloads. Raises
+        InputError, starting with `referrer`, if it is missing, outside the roots, or on the
+        network.
         """
         candidates = self._candidates(reference.strip(), (beside, *more), referrer)
         try:
@@ -64,7 +64,7 @@ class Folders:
         raise InputError(f"{referrer}: no file {displayed(reference)}; searched {searched}{hint}")
 
     def check_inside(self, path: Path, reference: str, referrer: str) -> None:
-        """InputError for a file that is there and may not be read."""
+        """Raise InputError for an existing file that may not be read."""
         if not self._holds(path.resolve()):
             raise self._outside(reference, referrer)
 
@@ -84,7 +84,7 @@ class Folders:
         if scheme in (*MODEL_SCHEMES, "file"):
             rest = rest.lstrip("/")
             first = rest.partition("/")[0]
-            # A folder that is itself one of those that may be read is found by its own name.
+            # A root folder is found by its own name.
             own = [root.parent / rest for root in self.roots if root.name == first]
             return [*beside, *(root / rest for root in self.roots), *own]
         if scheme in ("http", "https", "ftp", "fuel"):
@@ -98,9 +98,9 @@ class Folders:
         raise InputError(f"{referrer}: {displayed(reference)} has an unknown scheme: {candidate}")
 
     def _downloaded(self, address: str) -> Path | None:
-        """Gazebo's copy of `fuel…/1.0/OWNER/models/NAME[/VERSION/files/FILE]`, if there is one.
+        """Return the download of `fuel…/1.0/OWNER/models/NAME[/VERSION/files/FILE]`, or None.
 
-        It lies under the names in lower case and the number of its version.
+        It is stored under the lower-case names and its version number.
         """
         host, _, path = address.partition("/")
         match path.split("/"):
@@ -128,7 +128,7 @@ class Folders:
 
 
 def read_bytes(path: Path) -> bytes:
-    """All of a file; InputError where it is missing, empty, not regular, or larger than 2 GB."""
+    """Read a file. Raises InputError if it is missing, empty, not regular, or larger than 2 GB."""
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     size = path.stat().st_size
@@ -143,7 +143,7 @@ def read_bytes(path: Path) -> bytes:
 
 
 def _split(reference: str) -> tuple[str, str]:
-    """Scheme and path; of `model://name/file` the path is `name/file`."""
+    """Split into scheme and path; that of `model://name/file` is `name/file`."""
     if "://" not in reference:
         return "", reference
     parts = urlsplit(reference)
@@ -151,5 +151,5 @@ def _split(reference: str) -> tuple[str, str]:
 
 
 def displayed(reference: str) -> str:
-    """A reference or name in quotes, as messages tell it: cut off where it is long."""
+    """Quote a reference or name for messages, truncated if long."""
     return repr(reference if len(reference) <= MAX_DISPLAYED else f"{reference[:MAX_DISPLAYED]}…")

@@ -1,4 +1,4 @@
-"""Poses of SDFormat: frames that are given relative to other frames, by name.
+"""Poses of SDFormat: frames relative to other frames, by name.
 
 SDFormat 1.7 and later, http://sdformat.org/tutorials?tut=pose_frame_semantics.
 """
@@ -22,7 +22,7 @@ NAMELESS = "a model, link, joint or frame in it has no name"
 
 
 def read_pose(element: Element | None, what: str) -> tuple[Floats, str]:
-    """Matrix (4, 4) of a `<pose>` and the frame that it is relative to; identity for none."""
+    """Return the matrix (4, 4) of a `<pose>` and its reference frame; identity if there is none."""
     if element is None or not (element.text or "").strip():
         return np.eye(4), "" if element is None else element.get("relative_to", "")
     relative_to = element.get("relative_to", "")
@@ -41,7 +41,7 @@ def read_pose(element: Element | None, what: str) -> tuple[Floats, str]:
 
 
 class Frames:
-    """The frames of a world or model: each has a pose relative to another, or to the root."""
+    """The frames of a world or model, each with a pose relative to another or to the root."""
 
     def __init__(self, root: str, what: str) -> None:
         self._root = root  # "world" or "__model__"
@@ -50,7 +50,7 @@ class Frames:
         self._inner: dict[str, Frames] = {}
 
     def add(self, name: str, pose: Floats, relative_to: str, inner: Frames | None = None) -> None:
-        """A frame, and for a model its own frames; InputError for a name that is taken."""
+        """Add a frame, and for a model its own frames. Raises InputError if its name is taken."""
         if not name:
             raise InputError(f"{self._what}: {NAMELESS}")
         if name in self._poses or name == self._root:
@@ -60,10 +60,10 @@ class Frames:
             self._inner[name] = inner
 
     def add_if_free(self, name: str, pose: Floats, relative_to: str) -> bool:
-        """A frame of a joint or a merged model, unless its name is taken: whether it was not.
+        """Add a frame of a joint or merged model if its name is free; return whether it was.
 
-        Gazebo tells such names apart by what they name; nearly always it is the other one that
-        poses are relative to.
+        Gazebo distinguishes such names by what they name; nearly always poses are relative to the
+        other one.
         """
         if name in self._poses:
             return False
@@ -71,12 +71,12 @@ class Frames:
         return True
 
     def merge(self, inner: Frames, name: str) -> None:
-        """Take the frames of a model in here as this one's own, where their names are free."""
+        """Add the frames of a model merged into this one, if their names are free."""
         for each in inner._poses:
             self.add_if_free(each, inner.pose(each), name)
 
     def pose(self, name: str, path: tuple[str, ...] = ()) -> Floats:
-        """(4, 4) pose of a frame in the root; "" is it. InputError for unknown or circular."""
+        """Return the pose (4, 4) of a frame in the root, "". Raises InputError if undefined."""
         if name in ("", self._root):
             return np.eye(4)
         if name in path:

@@ -1,4 +1,4 @@
-"""Numbers on a grid in space, and on another grid that fills a box."""
+"""Values on a grid in space, and resampling onto a grid that fills a box."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 
-#: Of a grid that is written.
+#: Limit on cells of a written grid.
 MAX_CELLS = 2**24
-#: Along the longest edge, at least, where something ends within a box.
+#: Minimum cells along the longest edge if a grid ends within the box.
 CUT_CELLS = 64
-#: Cells across one of a grid that they do not meet: so many, where that makes no more than
+#: Cells per cell of a grid that is not aligned, unless that exceeds
 FINER, FINE_CELLS = (8, 4, 2), 2**22
-#: Of a cell, by which two grids may be off and still be taken for one.
+#: Tolerance of alignment, in cells.
 ALIGNED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Values (nz, ny, nx) at the middles of cells that fill the unit cube, which `to_world` places.
+    """Values (nz, ny, nx) at the centres of cells that fill the unit cube, placed by `to_world`.
 
-    Linear in between, and beyond the outermost middles as they are there; 0 outside of `within`, a
-    unit cube that is placed likewise, where it is given.
+    They are interpolated linearly, and constant beyond the outermost centres. They are 0 outside of
+    `within`, a unit cube placed likewise, if given.
     """
 
     values: NDArray[np.float32]
@@ -33,7 +33,7 @@ class Lattice:
     within: Floats | None = None
 
     def at(self, points: Floats) -> Floats:
-        """Values (n,) at world points (n, 3)."""
+        """Return values (n,) at world points (n, 3)."""
         positions, count = self.cells(points), np.array(self.values.shape[::-1])
         positions = np.clip(positions, 0, count - 1)
         low = np.minimum(np.floor(positions).astype(int), np.maximum(count - 2, 0))
@@ -46,30 +46,29 @@ class Lattice:
         return total if self.within is None else total * _is_inside(self.within, points)
 
     def cells(self, points: Floats) -> Floats:
-        """Where points are, in cells from the middle of the first."""
+        """Return positions of points, in cells from the first centre."""
         local = points @ np.linalg.inv(self.to_world)[:3, :3].T
         local += np.linalg.inv(self.to_world)[:3, 3]
         return np.asarray(local * self.values.shape[::-1] - 0.5)
 
     def cells_along(self, box: Floats) -> Floats:
-        """How many of its cells the edges (3,) of a box cross at most, along one of its own."""
+        """Return the maximum number of its cells that any edge (3,) of a box crosses."""
         edges = np.linalg.inv(self.to_world)[:3, :3] @ box[:3, :3]
         return np.asarray(np.abs(edges * np.array(self.values.shape[::-1])[:, None]).max(axis=0))
 
 
 def _is_inside(cube: Floats, points: Floats) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie in a unit cube that is placed."""
+    """Return whether points (n, 3) lie in a placed unit cube."""
     inverse = np.linalg.inv(cube)
     local = points @ inverse[:3, :3].T + inverse[:3, 3]
     return np.asarray(((local >= 0) & (local <= 1)).all(axis=1))
 
 
 def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.float32]], bool]:
-    """Values of several lattices on one grid (nz, ny, nx) that fills a box, and whether exactly.
+    """Resample several lattices onto one grid (nz, ny, nx) that fills a box; tell whether exactly.
 
-    The box is the unit cube, as `box` (4, 4) places it. Cells are as fine as the lattices'; where
-    they do not meet, finer: straight lines between their middles cut the corners of those between
-    the lattice's.
+    The box is the unit cube placed by `box` (4, 4). Cells are as fine as those of the lattices, or
+    finer if not aligned, because linear interpolation between their centres cuts corners.
     """
     crossed = np.max([each.cells_along(box) for each in lattices], axis=0)
     if any(each.within is not None for each in lattices):
@@ -92,7 +91,7 @@ def fill(box: Floats, lattices: tuple[Lattice, ...]) -> tuple[list[NDArray[np.fl
 
 
 def _meets(lattice: Lattice, box: Floats, count: NDArray[np.int_]) -> bool:
-    """Whether a box has cells of a lattice: all of them, if its first and last ones are such."""
+    """Return whether the cells of a box are those of a lattice, tested by the first and last."""
     if lattice.values.size == 1 or lattice.within is not None:
         return lattice.within is None
     ends = (np.unique([0, min(1, each - 1), each - 1]) for each in count)
@@ -107,7 +106,7 @@ def _middles(
     y: NDArray[np.int_],
     z: NDArray[np.int_],
 ) -> Floats:
-    """Middles (n, 3) of some of so many cells of a box, x first."""
+    """Return centres (n, 3) of cells of a box, x first."""
     above, across, along = np.meshgrid(z, y, x, indexing="ij")
     cells = np.column_stack([along.ravel(), across.ravel(), above.ravel()])
     return np.asarray((cells + 0.5) / count @ box[:3, :3].T + box[:3, 3])

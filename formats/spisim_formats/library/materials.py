@@ -1,4 +1,4 @@
-"""Which material a surface of a foreign file is: by name, word, texture or colour."""
+"""Find the material of a surface: by name, word, texture or colour."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -22,7 +22,7 @@ WHITE, BLACK = 0.8, 0.04
 
 @dataclass(frozen=True)
 class Match:
-    """The material that a surface becomes, and how that was decided."""
+    """The material chosen for a surface, and how it was decided."""
 
     source: str
     material: str
@@ -35,7 +35,7 @@ class _Map(RootModel[dict[str, str]]):
 
 
 def read_map(path: Path) -> dict[str, str]:
-    """The user's {name in the source: material}; InputError unless every material is known."""
+    """Read the user's {name in the source: material}. Raises InputError for unknown materials."""
     text = read_text(path)
     try:
         rows = _Map.model_validate(load_yaml(text, path)).root
@@ -53,7 +53,7 @@ def read_map(path: Path) -> dict[str, str]:
 
 
 def check_map(chosen: Mapping[str, str], parts: list[Part], path: Path) -> None:
-    """InputError for a name in a map that no part has."""
+    """Raise InputError for a name in a map that no part has."""
     there = list(dict.fromkeys(part.surface.label for part in parts))
     for source in chosen:
         if source not in there:
@@ -66,23 +66,23 @@ def match(
     part: Part,
     chosen: Mapping[str, str],
     pictured: Pictured,
-    reported: SourceMaterials | None = None,
+    sources: SourceMaterials | None = None,
 ) -> Match:
-    """Material of a part: the user's choice, else by name, word, texture or colour, or the default.
+    """Choose the material of a part: the user's, else by name, word, texture or colour.
 
-    `pictured` makes materials of textures, and keeps them; so does `reported`, where it is given,
-    of what the file itself tells.
+    `pictured` makes and stores materials from textures, and `sources` those of the file itself, if
+    given.
     """
     surface = part.surface
     label = surface.label
     if label in chosen:
         return Match(label, chosen[label], "map", "--materials")
     if (
-        reported is not None
-        and surface.reported is not None
-        and (whole := surface.reported()) is not None
+        sources is not None
+        and surface.source is not None
+        and (whole := surface.source()) is not None
     ):
-        return Match(label, *_swapped("file", reported.material(label, whole, part.geometry)))
+        return Match(label, *_swapped("file", sources.material(label, whole, part.geometry)))
     if surface.name is not None and (exact := _exact(surface.name)):
         return Match(label, exact, "name", "of this name")
     for what, text in _clues(part):
@@ -127,7 +127,7 @@ def _by_color(surface: Surface) -> Match:
 
 
 def _by_words(text: str) -> tuple[str, str] | None:
-    """The entry of the table that fits a text best, and its material."""
+    """Return the entry of the table that fits a text best, and its material."""
     return _best_entry(tuple(_words(text)))
 
 
@@ -144,7 +144,7 @@ def _best_entry(there: tuple[str, ...]) -> tuple[str, str] | None:
 
 
 def _whole_words(there: Sequence[str], phrase: list[str]) -> int | None:
-    """How many words of a phrase stand alone; None unless all of them are there somehow."""
+    """Count the words of a phrase that stand alone; None unless all of them occur."""
     whole = [word in there or f"{word}s" in there for word in phrase]
     inside = [any(word in _halves(name) for name in there) for word in phrase]
     if not all(alone or part for alone, part in zip(whole, inside, strict=True)):
@@ -154,21 +154,21 @@ def _whole_words(there: Sequence[str], phrase: list[str]) -> int | None:
 
 @cache
 def _halves(name: str) -> tuple[str, ...]:
-    """The two words that a compound is made of, both known, or none."""
+    """Split a compound into two known words, or none."""
     halves = ((name[:k], name[k:]) for k in range(1, len(name)))
     return next((pair for pair in halves if _vocabulary().issuperset(pair)), ())
 
 
 @cache
 def _vocabulary() -> frozenset[str]:
-    """All words of the table, one or many of what they name."""
+    """Return all words of the table in singular and plural."""
     words = {word for phrase in _keywords()["words"] for word in phrase.split()}
     words |= set(_keywords()["parts"])
     return frozenset(words | {f"{word}s" for word in words})
 
 
 def _words(text: str) -> list[str]:
-    """Words of a name like `BrickWall_02.001`, lower case, without numbers."""
+    """Return words of a name like `BrickWall_02.001` in lower case, without numbers."""
     apart = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", text)
     return re.findall(r"[a-z]+", apart.lower())
 

@@ -1,7 +1,7 @@
-"""Surfaces by metalness and roughness, as glTF, OpenUSD's preview surface and Gazebo have them.
+"""Surfaces by metalness and roughness, as in glTF, OpenUSD's preview surface and Gazebo.
 
-What they and `principled` are made of differs a little: theirs shine more at grazing angles where
-they are metals. https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html#appendix-b-brdf-implementation
+They differ slightly from `principled`: their metals are brighter at grazing angles.
+https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html#appendix-b-brdf-implementation
 """
 
 from __future__ import annotations
@@ -14,38 +14,38 @@ from numpy.typing import NDArray
 
 from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, MIN_SPECULAR
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture, linear_red, read_channels
 
-#: What `specular` 1 reflects at normal incidence.
+#: Reflectance of `specular` 1 at normal incidence.
 FULL_GLOSS = 0.08
 
 
 @dataclass(frozen=True, eq=False)
 class Metallic:
-    """Numbers from 0 to 1, in its own light; pictures multiply theirs.
+    """Numbers from 0 to 1 at the file's own wavelength; textures multiply theirs.
 
-    `pictures` are of base, metal, roughness and opacity, by these names, and the channel of each.
+    `pictures` are of base, metal, roughness and opacity, by these names, with the channel of each.
     """
 
     base: float
     metal: float
     roughness: float
     ior: float = 1.5
-    gloss: float = 1.0  # share of what `ior` reflects
+    gloss: float = 1.0  # relative to the reflectance of `ior`
     opacity: float = 1.0
-    cutoff: float | None = None  # of opacity, above which all is there and below which nothing
+    cutoff: float | None = None  # threshold of a binary opacity
     pictures: Mapping[str, tuple[Texture, int]] = field(default_factory=dict)
     odd: tuple[str, ...] = ()
 
-    def reported(self) -> Told | None:
-        """The material; None where a picture cannot be read or numbers are none."""
+    def source_material(self) -> SourceMaterial | None:
+        """Return the material; None if a texture cannot be read or numbers are invalid."""
         try:
-            return self._reported()
+            return self._source_material()
         except InputError:
             return None
 
-    def _reported(self) -> Told:
+    def _source_material(self) -> SourceMaterial:
         numbers = (self.base, self.metal, self.roughness, self.gloss, self.opacity)
         if not (np.isfinite(numbers).all() and self.ior >= 1 and min(numbers) >= 0):
             raise InputError("no surface")
@@ -75,14 +75,14 @@ class Metallic:
                 self._take("opacity", there, texture, fields, pictures, odd)
         elif self.opacity < 1:
             fields["opacity"] = float(self._cut(np.float32(self.opacity)))
-        return Told(fields, pictures, tuple(odd))
+        return SourceMaterial(fields, pictures, tuple(odd))
 
     def _cut(self, opacity: NDArray[np.float32] | np.float32) -> NDArray[np.float32]:
         cut = opacity if self.cutoff is None else opacity >= self.cutoff
         return np.clip(np.asarray(cut, np.float32), 0, 1)
 
     def _mean(self, name: str, odd: list[str]) -> float:
-        """Of a picture of numbers; 1 where there is none."""
+        """Return the mean of a texture of numbers; 1 without one."""
         if name not in self.pictures:
             return 1.0
         texture, channel = self.pictures[name]
@@ -94,7 +94,7 @@ class Metallic:
     def _take(self, name: str, picture: NDArray[np.float32], texture: Texture,
               fields: dict[str, object], pictures: dict[str, NDArray[np.float32]],
               odd: list[str]) -> None:  # fmt: skip
-        """A picture where it fits the mesh, else its mean."""
+        """Use a texture if it fits the mesh, else its mean."""
         fields[name] = float(picture.mean())
         if texture.fits:
             pictures[name] = picture

@@ -1,7 +1,7 @@
-"""Metals that Mitsuba knows by name: refractive indices in the near infrared, as published.
+"""Metals that Mitsuba knows by name: published refractive indices in the near infrared.
 
-Numbers as tabulated by https://refractiveindex.info, linear between its rows. Of clean, smooth
-films or bulk: what is tarnished or alloyed reflects less.
+Values from https://refractiveindex.info, linearly interpolated between its rows. They are for
+clean, smooth films or bulk; tarnished metals and alloys reflect less.
 """
 
 from __future__ import annotations
@@ -10,13 +10,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-#: Where the indices are told.
+#: Wavelengths of the indices.
 WAVELENGTHS_NM = (850, 905, 940, 1460, 1550)
 
 
 @dataclass(frozen=True)
 class Metal:
-    """Real and imaginary part of the index at `WAVELENGTHS_NM`, and where they are from."""
+    """Real and imaginary part of the index at `WAVELENGTHS_NM`, and their source."""
 
     eta: tuple[float, float, float, float, float]
     k: tuple[float, float, float, float, float]
@@ -28,7 +28,7 @@ TRANSITION = "Johnson & Christy (1974), Phys. Rev. B 9, 5056"
 SUBMILLIMETRE = "Ordal et al. (1988), Applied Optics 27, 1203"
 ALKALI = "Inagaki et al. (1976), Phys. Rev. B 13, 2305"
 
-#: By Mitsuba's names.
+#: Metals by Mitsuba's names.
 METALS: Mapping[str, Metal] = MappingProxyType({
     "Ag": Metal((0.04, 0.04, 0.04, 0.1362, 0.1445), (5.965, 6.408, 6.667, 10.64, 11.37),
                 f"silver, {NOBLE}"),
@@ -68,5 +68,5 @@ METALS: Mapping[str, Metal] = MappingProxyType({
 
 
 def metal(name: str) -> Metal | None:
-    """The metal of a name of Mitsuba's, whichever table there (`Ni_palik`) it means."""
+    """Return the metal of a Mitsuba name, from whichever table (`Ni_palik`) the name is."""
     return METALS.get(name.removesuffix("_palik"))

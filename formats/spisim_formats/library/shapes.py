@@ -1,4 +1,4 @@
-"""Simple shapes of foreign files, as the ones of a scene file, or as meshes where they differ."""
+"""Simple shapes as in a scene file, or as meshes if the scene file has no such shape."""
 
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,7 @@ from spisim.scene.description import BoxObject, CylinderObject, RectangleObject,
 from spisim.scene.shapes import CYLINDER_SECTIONS, SPHERE_SUBDIVISIONS, make_mesh
 from spisim_formats.library.content import Shape
 
-#: How far edges may be from right angles: what single precision leaves.
+#: Tolerance of right angles in single precision.
 RIGHT = 3e-7
 
 
@@ -91,15 +91,15 @@ def tube(start: Floats, stop: Floats, radius: float, what: str) -> trimesh.Trime
 
 
 def as_mesh(geometry: trimesh.Trimesh | Shape) -> trimesh.Trimesh:
-    """Triangles of a part in its own coordinates; a mesh is itself."""
+    """Return triangles of a part in its own coordinates; a mesh is returned as it is."""
     return geometry if isinstance(geometry, trimesh.Trimesh) else make_mesh(geometry, Path())
 
 
-@np.errstate(all="ignore")  # lengths too small for their squares: nothing is at right angles
+@np.errstate(all="ignore")  # lengths whose squares underflow are not at right angles
 def stretched(geometry: Shape, to_world: Floats) -> tuple[Shape, Floats] | None:
-    """A box or rectangle that its pose scales along its edges, with the scale in its size.
+    """Absorb a pose that scales a box or rectangle along its edges into the size.
 
-    Returns it with a rigid pose, or None where the pose does more.
+    Returns it with a rigid pose, or None if the pose does more.
     """
     if not isinstance(geometry, BoxObject | RectangleObject):
         return None
@@ -117,7 +117,7 @@ def stretched(geometry: Shape, to_world: Floats) -> tuple[Shape, Floats] | None:
 
 
 def _make(kind: type[Shape], what: str, **fields: Any) -> Shape:
-    """A shape of a scene file; its name and material are given when it is written."""
+    """Create a shape of a scene file; name and material are set when it is written."""
     try:
         return kind(name="shape", material="none", **fields)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""Materials as a file itself tells them, in its own light."""
+"""Materials as the file itself gives them, at its own wavelength."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from numpy.typing import NDArray
 from spisim.scene.shapes import texture_coordinates
 from spisim_formats.library.textures import thinned
 
-#: What a picture multiplies, so that its largest value is the field's own.
+#: Field that a texture multiplies; the texture is scaled to a maximum of 1.
 TINTED = "reflectance"
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """Fields of a row of a scene file's materials, and what of the file's is not in them.
+class SourceMaterial:
+    """Fields of a material in a scene file, and properties of the original that are lost.
 
-    `source` is one of them where their values are not the file's own. `pictures` (h, w) are of its
-    `reflectance` and `opacity`, where the mesh has coordinates; their mean elsewhere.
+    `source` is among them if their values are not the file's own. `pictures` (h, w) are of its
+    `reflectance` and `opacity`, used if the mesh has texture coordinates, else averaged.
     """
 
     fields: Mapping[str, Any]
@@ -31,7 +31,7 @@ class Told:
 
 
 class SourceMaterials:
-    """Materials of a scene file's own: their `rows`, and pictures beside it."""
+    """Own materials of a scene file: their `rows`, and textures beside it."""
 
     def __init__(self) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
@@ -41,16 +41,16 @@ class SourceMaterials:
 
     @property
     def notes(self) -> list[str]:
-        """What of the file's materials is not in these."""
+        """Properties of the file's materials that are lost."""
         return [f"{_several(labels)}: {each}" for each, labels in self._odd.items()]
 
-    def material(self, label: str, reported: Told, geometry: object) -> tuple[str, str]:
-        """Name of the material that a surface is, and why."""
+    def material(self, label: str, given: SourceMaterial, geometry: object) -> tuple[str, str]:
+        """Return the name of a surface's material, and the reason."""
         whole = isinstance(geometry, trimesh.Trimesh) and texture_coordinates(geometry) is not None
-        fields = dict(reported.fields)
-        for name, picture in reported.pictures.items():
+        fields = dict(given.fields)
+        for name, picture in given.pictures.items():
             fields[name] = float(picture.max() if whole and name == TINTED else picture.mean())
-        pictures = {name: each for name, each in reported.pictures.items() if whole and each.any()}
+        pictures = {name: each for name, each in given.pictures.items() if whole and each.any()}
         fields = {
             name: float(f"{value:.6g}") if isinstance(value, float) else value
             for name, value in fields.items()
@@ -58,8 +58,8 @@ class SourceMaterials:
         key = label, repr((sorted(fields.items()), sorted(map(id, pictures.values()))))
         if key not in self._names:
             self._names[key] = self._add(label, fields, pictures)
-            flat = [f"its picture of {name} is a mean" for name in reported.pictures if not whole]
-            for each in (*reported.odd, *flat):
+            flat = [f"its picture of {name} is a mean" for name in given.pictures if not whole]
+            for each in (*given.odd, *flat):
                 labels = self._odd.setdefault(each, [])
                 if label not in labels:
                     labels.append(label)

@@ -1,24 +1,53 @@
-"""Pictures of all around, as lamps of scene files have them."""
+"""The surroundings of an imported scene: a floor, and environment maps as lamps."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from reconstruction.base.errors import InputError
+from reconstruction.base.errors import InputError, nearest
 from spisim.base.config.linear import LINEAR
+from spisim.scene.materials import material_table
+from spisim_formats.library import shapes
+from spisim_formats.library.content import Part, Surface, translation
+from spisim_formats.library.materials import Match
 from spisim_formats.library.textures import GAMMA, Texture, read_red
 
-#: Axes of a picture of all around here, x to where its columns begin and z up, in OpenEXR's: y up,
-#: the middle at z, columns from -z by -x, as Mitsuba and OpenUSD have them.
+#: Margin of the floor beyond the objects on each side.
+MARGIN_M = 30.0
+
+
+def ground(placed: Sequence[trimesh.Trimesh]) -> Part:
+    """Return a level rectangle just under meshes (world coordinates), and far beyond them.
+
+    Without a floor, most of a drone's light meets nothing.
+    """
+    low = np.min([mesh.bounds[0] for mesh in placed], axis=0)
+    high = np.max([mesh.bounds[1] for mesh in placed], axis=0)
+    size = [float(length) + 2 * MARGIN_M for length in (high - low)[:2]]
+    middle = [*(low + high)[:2] / 2, low[2]]
+    return Part("ground", shapes.rectangle(size, "ground"), translation(middle), Surface("ground"))
+
+
+def ground_material(name: str) -> Match:
+    """Return a material by name. Raises InputError."""
+    if name not in (available := sorted(material_table())):
+        raise InputError(f"--ground: unknown material {name!r:.80}: {nearest(name, available)}")
+    return Match("(ground)", name, "map", "--ground")
+
+
+#: Axes of environment maps here (x to the first column, z up) in OpenEXR's, as used by Mitsuba and
+#: OpenUSD (y up, the centre at z, columns from -z by -x).
 FROM_OPENEXR = np.array([[0.0, -1, 0], [0, 0, 1], [-1, 0, 0]])
 
 
 def read_linear_red(path: Path) -> NDArray[np.float32]:
-    """Linear red (h, w) of a picture; one of 8 bits has gamma. InputError for what is unfit."""
+    """Read linear red (h, w) of an image; 8-bit images have gamma. Raises InputError."""
     if reader := LINEAR.get(path.suffix.lower()):
         red = reader(path)
     else:
@@ -32,10 +61,10 @@ def read_linear_red(path: Path) -> NDArray[np.float32]:
 def surround(
     red: NDArray[np.float32], to_world: Floats, what: str
 ) -> tuple[NDArray[np.float32], Floats]:
-    """A picture (h, w) of OpenEXR's layout as a lamp has it, and its axes (3, 3).
+    """Convert an environment map (h, w) in OpenEXR's layout to that of a lamp, with axes (3, 3).
 
-    Its columns go the other way round. Mirrored ones are turned in the picture. InputError unless
-    `to_world` (4, 4) turns it, whatever its scale.
+    Its columns run the other way round, and mirrored maps are flipped. Raises InputError unless
+    `to_world` (4, 4) is a rotation with a scale.
     """
     picture = red[:, ::-1]
     axes = to_world[:3, :3] @ FROM_OPENEXR

@@ -1,8 +1,8 @@
-"""Textures of foreign files as reflectances at 1550 nm, by a rule of thumb.
+"""Textures as reflectances at 1550 nm, by a rule of thumb.
 
-`RULE` times the red of the picture as it stands there, from 0 to 1, with sRGB's gamma. It is fitted
-to measured spectra by `tools/texture_rule.py`, which tells how little a picture tells: two thirds
-of the surfaces are within 0.12 of it. Red is nearest to 1550 nm and does better than grey.
+The reflectance is `RULE` times the red value of the image as stored, from 0 to 1, with sRGB's
+gamma. `tools/texture_rule.py` fits it to measured spectra. The uncertainty is large: a third of the
+surfaces differ by more than 0.12. Red is nearest to 1550 nm and works better than grey.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from spisim.scene.shapes import texture_coordinates
 from spisim_formats.library.files import displayed, read_bytes
 
 RULE = 0.7
-REPORTED = f"{RULE:g} times its mean red, with sRGB's gamma"
-#: Exponent that stands for sRGB's curve where a picture or factor is linear.
+RULE_TEXT = f"{RULE:g} times its mean red, with sRGB's gamma"
+#: Exponent that approximates sRGB's curve for linear images and factors.
 GAMMA = 1 / 2.2
 MAX_PIXELS = 2**26
-#: What is written beside a scene file may have so many.
+#: Maximum pixels of an image written beside a scene file.
 MAX_WRITTEN = 2**24
 FORMATS = ("PNG", "JPEG", "BMP", "TGA", "WEBP", "DDS", "GIF", "TIFF", "PPM")
 
@@ -37,10 +37,10 @@ Use = Literal["mean", "picture", "off"]
 
 @dataclass(frozen=True, eq=False)
 class Texture:
-    """A picture in a file, or in the bytes of one, and the red of a colour that multiplies it.
+    """An image in a file or in its bytes, and the red of a colour that multiplies it.
 
-    `fits` tells whether the texture coordinates of the meshes are its own. `linear` pictures have
-    no gamma.
+    `fits` tells whether the meshes' texture coordinates belong to it. `linear` images have no
+    gamma.
     """
 
     name: str
@@ -51,12 +51,12 @@ class Texture:
 
     @property
     def stem(self) -> str:
-        """Its name without a folder and an ending."""
+        """Its name without folder and suffix."""
         return Path(self.name.replace("\\", "/")).stem or "texture"
 
 
 class Pictured:
-    """Materials of a scene file's own that textures make: their `rows`, and pictures beside it."""
+    """Own materials of a scene file made from textures: their `rows`, and images beside it."""
 
     def __init__(self, use: Use) -> None:
         self.rows: dict[str, dict[str, Any]] = {}
@@ -66,7 +66,7 @@ class Pictured:
         self._made: dict[tuple[object, float, bool], tuple[str, str] | None] = {}
 
     def material(self, texture: Texture, geometry: object) -> tuple[str, str] | None:
-        """Name of the material of a surface, and why; None where its texture is of no use."""
+        """Return the name of a surface's material, and the reason; None if it has no texture."""
         if self._use == "off":
             return None
         whole = (
@@ -92,7 +92,7 @@ class Pictured:
         while name in self.rows:
             number += 1
             name = f"{f'texture {texture.stem}'[:76]} {number}"
-        why = f"texture {texture.name:.80}: {REPORTED} ({mean:.2f})"
+        why = f"texture {texture.name:.80}: {RULE_TEXT} ({mean:.2f})"
         row: dict[str, Any] = {"reflectance": round(RULE * mean, 3), "source": f"{why}: a guess"}
         if whole and red.any():
             file = f"texture_{len(self.files) + 1}.png"
@@ -103,7 +103,7 @@ class Pictured:
 
 
 def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Red (h, w) as `RULE` takes it, and opacity, both from 0 to 1; InputError if unreadable."""
+    """Read red (h, w) as used by `RULE`, and opacity, both from 0 to 1. Raises InputError."""
     factor = np.float32(np.clip(texture.factor, 0, 1) ** GAMMA)
     if isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR:
         linear = LINEAR[texture.source.suffix.lower()](texture.source)
@@ -115,19 +115,19 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
 
 
 def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
-    """Red, green, blue or opacity (h, w), 0 to 3, as they stand in a picture: from 0 to 1.
+    """Read red, green, blue or opacity (h, w), 0 to 3, as stored in an image, from 0 to 1.
 
-    InputError if unreadable, as those are whose numbers are no integers.
+    Raises InputError if it is unreadable or not of integers.
     """
     data = texture.source if isinstance(texture.source, bytes) else read_bytes(texture.source)
     try:
         with (
-            warnings.catch_warnings(action="ignore"),  # of large pictures, before their limit here
+            warnings.catch_warnings(action="ignore"),  # of large images, which are limited below
             Image.open(io.BytesIO(data), formats=FORMATS) as picture,
         ):
             if picture.width * picture.height > MAX_PIXELS:
                 raise InputError(f"more than {MAX_PIXELS:,} pixels are not read")
-            if picture.mode.startswith("I"):  # grey, 16 bits, which conversion would clip
+            if picture.mode.startswith("I"):  # 16-bit grey, which conversion would clip
                 grey = np.asarray(picture).astype(np.float32) / np.float32(65535)
                 return [np.ones_like(grey) if number == 3 else grey for number in numbers]
             channels = np.asarray(picture.convert("RGBA"))
@@ -136,22 +136,22 @@ def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
             ]
     except InputError:
         raise
-    except Exception:  # whatever decoders run into
+    except Exception:  # of any kind, within decoders
         raise InputError(f"no picture that can be read; known: {', '.join(FORMATS)}") from None
 
 
 def linear_red(texture: Texture) -> NDArray[np.float32]:
-    """Red (h, w) in proportion to light, from 0 to 1; InputError if unreadable."""
+    """Read red (h, w) proportional to light, from 0 to 1. Raises InputError."""
     stored, _ = read_red(texture)
     is_linear = isinstance(texture.source, Path) and texture.source.suffix.lower() in LINEAR
     if texture.linear or is_linear:
         return np.asarray(stored ** (1 / GAMMA), dtype=np.float32)
-    curved = ((stored + 0.055) / 1.055) ** 2.4  # of sRGB
+    curved = ((stored + 0.055) / 1.055) ** 2.4  # sRGB
     return np.where(stored <= 0.04045, stored / 12.92, curved).astype(np.float32)
 
 
 def thinned(red: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Every second pixel, or fewer, of a picture that is too large to be written."""
+    """Downsample an image that is too large to be written."""
     step = 1
     while (red.shape[0] // step) * (red.shape[1] // step) > MAX_WRITTEN:
         step += 1

@@ -1,4 +1,4 @@
-"""From a file's unit and axes to metres with z up."""
+"""Convert a file's unit and axes to metres with z up, and the attenuation of its lamps."""
 
 import math
 from dataclasses import replace
@@ -11,10 +11,11 @@ from reconstruction.base.errors import InputError, nearest
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim_formats.library.content import Axis, Content, Glow, Shape, pose_faults, scaling
 from spisim_formats.library.lattice import Lattice
+from spisim_formats.library.xml import numbers
 
 UNITS = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "in": 0.0254, "ft": 0.3048}
 
-#: What x, y, z of the file become, as rows X, Y, Z of the world: the axes that COLLADA 1.5 calls
+#: Rotations from x, y, z of the file to X, Y, Z of the world (rows): the axes COLLADA 1.5 calls
 #: right, up and in, turned to right = X, up = Z, in = -Y.
 TO_Z_UP: dict[Axis, Floats] = {
     "x": np.array([[0.0, -1, 0], [0, 0, -1], [1, 0, 0]]),
@@ -22,12 +23,12 @@ TO_Z_UP: dict[Axis, Floats] = {
     "z": np.eye(3),
 }
 
-#: A scene that is wider or smaller is probably not in the unit that it was read in.
+#: A wider or smaller scene is probably in another unit.
 PLAUSIBLE_M = (0.05, 300.0)
 
 
 def choose_unit(content: Content, name: str) -> Content:
-    """The content, in the unit of a name in `UNITS`, or for "auto" in the file's own."""
+    """Return the content in a unit of `UNITS`, or for "auto" in the file's own."""
     if name == "auto":
         return content
     if name not in UNITS:
@@ -36,7 +37,7 @@ def choose_unit(content: Content, name: str) -> Content:
 
 
 def choose_up(content: Content, axis: str | None) -> Content:
-    """The content with this axis up, or for None the file's own."""
+    """Return the content with this axis up, or for None the file's own."""
     if axis is None:
         return content
     for given in TO_Z_UP:
@@ -45,12 +46,11 @@ def choose_up(content: Content, axis: str | None) -> Content:
     raise InputError(f"--up: unknown axis {axis!r}: {nearest(axis, TO_Z_UP)}")
 
 
-@np.errstate(all="ignore")  # poses are checked to be finite in the end
+@np.errstate(all="ignore")  # poses are checked later to be finite
 def to_metres(content: Content, scale: float) -> Content:
-    """The content with its meshes and poses in metres, z up, and everything scaled once more.
+    """Return the content in metres, z up, with an additional scale.
 
-    Parts with poses that place nothing are left out. Raises InputError unless the scale is a
-    positive number.
+    Parts with invalid poses are left out. Raises InputError unless the scale is a positive number.
     """
     if not 0 < scale < math.inf:
         raise InputError(f"--scale should be a positive number; found {scale}")
@@ -100,7 +100,7 @@ def _moved_grid(grid: Lattice | None, move: Floats) -> Lattice | None:
 
 
 def _moved(glow: Glow, move: Floats, factor: float) -> Glow:
-    """A lamp that lights things `factor` times as large just as brightly."""
+    """Scale a lamp so that it lights things `factor` times as large just as brightly."""
     fields = dict(glow.fields)
     for name in ("intensity_w_per_sr", "luminous_flux_lm"):
         if name in fields:
@@ -116,7 +116,7 @@ def _moved(glow: Glow, move: Floats, factor: float) -> Glow:
 
 
 def odd_sizes(bounds_m: Floats) -> list[str]:
-    """What is doubtful about the size of a scene with these bounds (2, 3)."""
+    """Return warnings about the size of a scene with these bounds (2, 3)."""
     size_m = float((bounds_m[1] - bounds_m[0]).max())
     odd = []
     if not PLAUSIBLE_M[0] <= size_m <= PLAUSIBLE_M[1]:
@@ -140,3 +140,27 @@ def _resized(geometry: trimesh.Trimesh | Shape, factor: float) -> trimesh.Trimes
                 }
             )
     return geometry.copy().apply_scale(factor)
+
+
+def at_a_metre(constant: float, linear: float, quadratic: float) -> tuple[float, str]:
+    """Convert an intensity with attenuation 1 / (c + l d + q d²), with a note if it is approximate.
+
+    Here all light falls with the square of the distance d, which equals q alone. Otherwise the
+    intensity is kept, so that both agree at one unit if the three sum to 1.
+    """
+    if constant == linear == 0 and quadratic > 0:
+        return 1 / quadratic, ""
+    if (constant, linear, quadratic) == (0, 0, 0):
+        return 1.0, ""
+    terms = [
+        f"{value:.4g}{power}"
+        for value, power in ((constant, ""), (linear, " d"), (quadratic, " d²"))
+        if value
+    ]
+    whole = " + ".join(terms)
+    return 1.0, f"; it falls off with the distance d as 1 / ({whole}) there, as 1 / d² here"
+
+
+def number_or(text: str | None, default: float, what: str) -> float:
+    """Return a finite number in a text, or the default without one. Raises InputError."""
+    return numbers(text, 1, what)[0] if text is not None and text.strip() else default

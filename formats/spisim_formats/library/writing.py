@@ -1,4 +1,4 @@
-"""Parts as the objects of a scene file, and their meshes."""
+"""Write parts as objects of a scene file, with their meshes."""
 
 import re
 import warnings
@@ -19,11 +19,11 @@ from spisim_formats.library.lattice import Lattice, fill
 from spisim_formats.library.materials import Match
 from spisim_formats.library.shapes import as_mesh, stretched
 
-#: How far, relative to its scale, a pose may be from a rotation: what single precision leaves.
+#: Relative tolerance of rotations in single precision.
 RIGID = 3e-7
 EXACT = 1e-9
 MAX_NAME = 80
-#: Of a medium's density, what is rounding.
+#: Relative rounding error of a medium's density.
 NO_RETURN = 1e-6
 
 Meshes = dict[str, trimesh.Trimesh]
@@ -33,7 +33,7 @@ Arrays = dict[str, NDArray[Any]]
 def scene_fields(
     name: str, content: Content, matches: Sequence[Match], drone: DronePose, source: str
 ) -> tuple[dict[str, Any], Meshes, Arrays]:
-    """Fields of a scene file, and the meshes and arrays that it refers to by their file names.
+    """Return fields of a scene file, and its meshes and arrays by file name.
 
     `matches` are the materials of the content's parts.
     """
@@ -85,9 +85,9 @@ def _glow_row(glow: Glow, taken: set[str], arrays: Arrays) -> dict[str, Any]:
 def _haze_rows(
     haze: Haze, taken: set[str], meshes: Meshes, arrays: Arrays, names: Mapping[int, str]
 ) -> list[dict[str, Any]]:
-    """A volume; of an albedo that varies two: one that scatters, and one that absorbs the rest.
+    """Return a volume; for a varying albedo two: one that scatters, and one that absorbs the rest.
 
-    `names` are those of the objects of all parts, by their number.
+    `names` are those of the objects of all parts, by part number.
     """
     shape, box = _haze_shape(haze, meshes, names)
     if haze.density is None and haze.brightness is None:
@@ -125,7 +125,7 @@ def _volume(
 def _haze_shape(
     haze: Haze, meshes: Meshes, names: Mapping[int, str]
 ) -> tuple[dict[str, Any], Floats]:
-    """What a scene file says of where a volume is, and the box of its density (4, 4)."""
+    """Return the extent of a volume in a scene file, and the box of its density (4, 4)."""
     box = np.eye(4)
     even = haze.density is None and haze.brightness is None
     if haze.part is not None and (even or haze.mesh is not None):
@@ -152,9 +152,9 @@ def _haze_shape(
 def _objects(
     parts: Sequence[Part], matches: Sequence[Match]
 ) -> tuple[list[dict[str, Any]], Meshes, list[dict[str, Any]], dict[int, str]]:
-    """Rows of a scene file, one for all copies of a part, their meshes, and rows of area lamps.
+    """Return rows of a scene file, one for all copies of a part, meshes, and rows of area lamps.
 
-    And the name of each part's object, by its number.
+    It also returns the object name of each part by number.
     """
     groups: dict[Any, list[tuple[dict[str, Any], str, Floats]]] = {}
     numbers: dict[Any, list[int]] = {}
@@ -193,7 +193,7 @@ def _objects(
 
 
 def _names(row: Mapping[str, Any]) -> list[str]:
-    """Of a row's objects when they are loaded."""
+    """Return the names that a row's objects have when loaded."""
     copies = len(row.get("instances", ()))
     return [f"{row['name']}-{i}" for i in range(1, copies + 1)] or [row["name"]]
 
@@ -201,9 +201,9 @@ def _names(row: Mapping[str, Any]) -> list[str]:
 def _placeable(
     part: Part, stretched_meshes: dict[Any, trimesh.Trimesh]
 ) -> tuple[trimesh.Trimesh | Shape, float, Floats]:
-    """A part as a scene file can place it: with one scale and a rigid pose (4, 4).
+    """Return a part that a scene file can place, with one scale and a rigid pose (4, 4).
 
-    Where its own pose does more, the mesh takes up the stretch, once for all parts that share both.
+    Any other stretch is applied to the mesh, once for all parts that share both.
     """
     geometry, pose = part.geometry, part.to_world.copy()
     if not isinstance(geometry, trimesh.Trimesh) and (result := stretched(geometry, pose)):
@@ -233,7 +233,7 @@ def _row(copies: list[tuple[dict[str, Any], str, Floats]], taken: set[str]) -> d
 
 def _pose_row(pose: Floats) -> dict[str, Any]:
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # at 90° of pitch there are many solutions
+        warnings.simplefilter("ignore", UserWarning)  # the solution is not unique at 90° of pitch
         angles = Rotation.from_matrix(pose[:3, :3]).as_euler("xyz", degrees=True)
     row: dict[str, Any] = {}
     if not np.allclose(pose_matrix(angles, (0, 0, 0))[:3, :3], np.eye(3), atol=EXACT):
@@ -253,13 +253,13 @@ def _shape_row(geometry: Any) -> dict[str, Any]:
 
 
 def _rounded(values: Iterable[float], digits: int) -> list[float]:
-    """Rounded numbers, whole ones as such."""
+    """Round numbers, and convert whole ones to int."""
     rounded = (round(float(value), digits) + 0.0 for value in values)
     return [int(value) if value == int(value) else value for value in rounded]
 
 
 def _unique_name(name: str, copies: int, taken: set[str]) -> str:
-    """A name, with a number where it is taken; copies are called name-1, name-2, … when loaded."""
+    """Return a name, numbered if taken; copies are named name-1, name-2, … when loaded."""
     plain = re.sub(r"\s+", " ", re.sub(r"[^\w .:/+-]", " ", name)).strip()[:MAX_NAME] or "object"
     number = 1
     while True:

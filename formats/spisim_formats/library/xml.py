@@ -1,4 +1,4 @@
-"""XML without document types: no entities to expand, no files to fetch."""
+"""XML without document types, so that no entities are expanded and no files fetched."""
 
 import math
 import re
@@ -12,11 +12,11 @@ from defusedxml.ElementTree import fromstring
 
 from reconstruction.base.errors import InputError, LimitError
 
-#: Elements within elements; defusedxml has no limit, and what walks or writes a tree recurses.
+#: Limit on nesting, because tree functions recurse and defusedxml has none.
 MAX_DEPTH = 200
 
 NAME = r"[^\W\d][\w.-]*"
-#: None of its parts looks beyond the next `<`, or all the way to the end more than once.
+#: Runs in linear time: no part looks beyond the next `<`, or to the end more than once.
 TOKEN = re.compile(
     r"(?P<doctype><!DOCTYPE)"
     r"|(?P<ignored><!--.*?(?:-->|\Z)|<\?.*?(?:\?>|\Z))"
@@ -25,19 +25,19 @@ TOKEN = re.compile(
     r"|(?P<text>[^<]+|<)",
     re.DOTALL,
 )
-#: A name, and what may follow it: a value in quotes, or without.
+#: A name, and an optional value with or without quotes.
 ATTRIBUTE = re.compile(r"""([^\s=/"'<>]+)(?:\s*=\s*("[^"]*"|'[^']*'|[^\s"'<>]+))?""")
-#: What XML has no characters for, and what begins no entity of its own.
+#: Characters not allowed in XML, and ampersands that begin no entity.
 NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 LOOSE = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#\d+|#x[0-9A-Fa-f]+);)")
 
 
 class BadXML(InputError):
-    """A file that is not well-formed, which a lenient reader may mend."""
+    """A file is not well-formed; a lenient reader may repair it."""
 
 
 def parse_xml(data: bytes, path: Path) -> Element:
-    """Root element; InputError for what is no XML, nested too deeply, or has a document type."""
+    """Return the root element. Raises InputError if malformed, too deep, or with a DOCTYPE."""
     try:
         root: Element = fromstring(data, forbid_dtd=True)
     except DTDForbidden:
@@ -56,7 +56,7 @@ def parse_xml(data: bytes, path: Path) -> Element:
 
 
 def parse_lenient_xml(data: bytes, path: Path, note: Callable[[str], None]) -> Element:
-    """As `parse_xml`, for what other programs' parsers overlook; a note tells what was mended."""
+    """Parse as `parse_xml`, but repair what other parsers tolerate, with a note."""
     try:
         return parse_xml(data, path)
     except BadXML as error:
@@ -67,12 +67,11 @@ def parse_lenient_xml(data: bytes, path: Path, note: Callable[[str], None]) -> E
 
 
 def mended(data: bytes) -> str:
-    """XML with its texts and attributes put right, as far as that needs no guess.
+    """Repair the texts and attributes of XML as far as that needs no guess.
 
-    Put right are `&` and `<` that begin nothing, characters that XML does not have, attributes
-    without quotes or value, or given twice, dashes in comments, a declaration that is not the first
-    thing, prefixes that stand for nothing, and names with two colons. Elements that are not closed
-    stay so: where a file was cut off nobody knows what it held.
+    It repairs stray `&` and `<`, forbidden characters, attributes without quotes or value or given
+    twice, dashes in comments, a late declaration, undefined prefixes, and names with two colons.
+    Unclosed elements remain, because the content of a truncated file is unknown.
     """
     text = TOKEN.sub(_sound, NOT_XML.sub("", _decoded(data)))
     used = set(re.findall(rf"[<\s/]({NAME}):[A-Za-z_]", text))
@@ -82,7 +81,7 @@ def mended(data: bytes) -> str:
 
 
 def _decoded(data: bytes) -> str:
-    """Text by its mark or declaration, else UTF-8."""
+    """Decode text by its byte order mark or declaration, else as UTF-8."""
     if data.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         return data.decode("utf-16", errors="replace")
     declared = re.match(rb"[^<]*<\?xml[^>]*encoding\s*=\s*[\"']([\w.-]+)", data)
@@ -99,7 +98,7 @@ def _sound(token: re.Match[str]) -> str:
         case "text":
             return _escaped(token[0])
         case "ignored":
-            return "\n" * token[0].count("\n")  # so that messages count lines right
+            return "\n" * token[0].count("\n")  # keeps line numbers correct
     return token[0]
 
 
@@ -118,7 +117,7 @@ def _sound_tag(tag: str) -> str:
 
 
 def _plain(name: str) -> str:
-    """A name with one colon at most."""
+    """Return a name with at most one colon."""
     prefix, colon, rest = name.replace("::", ".").partition(":")
     return f"{prefix}{colon}{rest.replace(':', '.')}"
 
@@ -128,7 +127,7 @@ def _escaped(text: str) -> str:
 
 
 def numbers(text: str | None, count: int, what: str) -> list[float]:
-    """Finite numbers in a text, split at spaces or commas; InputError unless there are `count`."""
+    """Return finite numbers in a text, separated by spaces or commas; InputError unless `count`."""
     try:
         values = [float(word) for word in (text or "").replace(",", " ").split()]
     except ValueError:

@@ -1,4 +1,4 @@
-"""Mesh files: Wavefront OBJ with its materials, STL, PLY and OFF, by trimesh."""
+"""Mesh files: Wavefront OBJ with its materials, STL, PLY and OFF, read with trimesh."""
 
 from spisim_formats.format import SceneFormat, lazily
 

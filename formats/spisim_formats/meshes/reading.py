@@ -1,4 +1,4 @@
-"""OBJ, STL, PLY and OFF files through trimesh."""
+"""OBJ, STL, PLY and OFF files, read with trimesh."""
 
 import io
 import re
@@ -25,21 +25,21 @@ from spisim_formats.library.files import Folders, displayed, read_bytes
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.textures import Texture
 
-#: What trimesh's text parsers let NumPy say of a file that breaks off or holds other than numbers.
+#: NumPy's message when trimesh parses a truncated file or invalid numbers.
 CUT_SHORT = "string or file could not be read to its end"
-#: What texts of Unicode other than UTF-8 begin with.
+#: Byte order marks of Unicode other than UTF-8.
 MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
-#: What may stand between `map_Kd` and the name of a picture: words, or up to three numbers.
+#: Options between `map_Kd` and the file name: words, or up to three numbers.
 MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
-#: Groups of an OBJ file that become objects; some programs number faces by more of them.
+#: Maximum groups of an OBJ file that become objects; some programs have one per face.
 MAX_GROUPS = 1000
 
 Color: TypeAlias = tuple[float, float, float]
 
 
 def read_obj(path: Path, folders: Folders) -> Content:
-    """Parts of an OBJ file, one per object and material."""
+    """Read the parts of an OBJ file, one per object and material."""
     text = _text(path)
     check_obj_indices(text.encode(), str(path))
     _refuse_relative_indices(text, path)
@@ -50,7 +50,7 @@ def read_obj(path: Path, folders: Folders) -> Content:
             return content
     colors, textures = _material_library(text, path, folders, content)
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
-    # trimesh keeps the name of a material only where a library describes it.
+    # trimesh keeps the name of a material only if a library defines it.
     library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
     described = _grouped(re.sub(r"^mtllib.*$", "", text, flags=re.M))
     scene = _trimesh(
@@ -71,7 +71,7 @@ def read_obj(path: Path, folders: Folders) -> Content:
 
 
 def read_stl(path: Path, folders: Folders) -> Content:
-    """The solids of an STL file; it has no materials."""
+    """Read the solids of an STL file; it has no materials."""
     data = read_bytes(path)
     is_text = data[:5].lower() == b"solid" and b"\0" not in data[:1024]
     if not is_text and len(data) >= 84:
@@ -85,7 +85,7 @@ def read_stl(path: Path, folders: Folders) -> Content:
 
 
 def read_ply(path: Path, folders: Folders) -> Content:
-    """The mesh of a PLY file; it has no materials."""
+    """Read the mesh of a PLY file; it has no materials."""
     data = read_bytes(path)
     if not data.startswith(b"ply"):
         raise InputError(f"{path}: cannot be read as PLY: it does not begin with ply")
@@ -106,7 +106,7 @@ def read_ply(path: Path, folders: Folders) -> Content:
 
 
 def read_off(path: Path, folders: Folders) -> Content:
-    """The mesh of an OFF file; it has no materials."""
+    """Read the mesh of an OFF file; it has no materials."""
     return _without_materials(read_bytes(path), path)
 
 
@@ -146,7 +146,7 @@ def _text(path: Path) -> str:
 
 
 def _grouped(text: str) -> str:
-    """The text with its groups as objects, as far as it has no objects of its own."""
+    """Turn groups into objects, if the text has no objects of its own."""
     groups = len(re.findall(r"^g[ \t]+\S", text, re.M))
     if re.search(r"^o[ \t]", text, re.M) or groups > MAX_GROUPS:
         return text
@@ -154,7 +154,7 @@ def _grouped(text: str) -> str:
 
 
 def _refuse_relative_indices(text: str, path: Path) -> None:
-    """trimesh counts negative indices from the end of the file; they are meant from the line."""
+    """Reject negative indices, which trimesh counts from the end of the file, not from the line."""
     first = re.search(r"^f\s.*(?<![\d.])-\d", text, re.M)
     if first and re.search(r"^v\s", text[first.start() :], re.M):
         raise InputError(
@@ -166,7 +166,7 @@ def _refuse_relative_indices(text: str, path: Path) -> None:
 def _material_library(
     text: str, path: Path, folders: Folders, content: Content
 ) -> tuple[dict[str, Color], dict[str, Texture]]:
-    """Colours and textures of the materials of an OBJ file's libraries; notes what is missing."""
+    """Return colours and textures of an OBJ file's material libraries; note missing files."""
     colors: dict[str, Color] = {}
     textures: dict[str, Texture] = {}
     for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
@@ -190,7 +190,7 @@ def _material_library(
                 what = f"{library.name}: texture"
                 if result := content.texture(name, library.parent, folders, what):
                     textures[current] = replace(result, fits=name == words[1].strip())
-        for material in pictured:  # exporters leave Kd black or white beside a picture
+        for material in pictured:  # exporters leave Kd black or white beside a texture
             colors.pop(material, None)
     return colors, textures
 

@@ -1,4 +1,4 @@
-"""Scene files of Mitsuba 3, parsed by Mitsuba; nothing in them is instantiated."""
+"""Scene files of Mitsuba 3, parsed by Mitsuba without instantiating anything."""
 
 from spisim_formats.format import SceneFormat, lazily
 

@@ -1,4 +1,4 @@
-"""What bsdfs of Mitsuba say of a surface, as rows of a scene file's materials: red, as its light.
+"""Mitsuba's bsdfs as materials of a scene file, using red values.
 
 https://mitsuba.readthedocs.io/en/stable/src/generated/plugins_bsdfs.html
 """
@@ -16,11 +16,11 @@ from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, make_bsdf
 from spisim.scene.materials import WAVELENGTH_NM, at_wavelength
 from spisim_formats.library.metals import WAVELENGTHS_NM, metal
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture, linear_red
 from spisim_formats.mitsuba.elements import Node
 
-#: Mitsuba's names of what is clear, and their refractive indices.
+#: Mitsuba's names of dielectrics, and their refractive indices.
 INDICES = MappingProxyType({
     "vacuum": 1.0, "helium": 1.000036, "hydrogen": 1.000132, "air": 1.000277,
     "carbon dioxide": 1.00045, "water": 1.333, "acetone": 1.36, "ethanol": 1.361,
@@ -31,16 +31,16 @@ INDICES = MappingProxyType({
 })  # fmt: skip
 GLASS, COAT, AIR = "bk7", "polypropylene", "air"
 WRAPPERS = ("twosided", "mask", "bumpmap", "normalmap")
-#: Lobes of `principled` that nothing here has.
+#: Unsupported lobes of `principled`.
 LOBES = ("anisotropic", "clearcoat", "sheen", "spec_trans", "flatness", "spec_tint")
-#: Of a metal, whose two parts are above zero; a mirror at every angle has a real part of zero.
+#: Minimum parts of a metal's index; a real part of zero is a perfect mirror.
 MIN_INDEX = 1e-6
-#: Bsdfs in one another.
+#: Maximum nesting of bsdfs.
 MAX_DEPTH = 8
 #: Pixels of a checkerboard.
 SIDE = 1024
 
-#: Properties that may be pictures, and the fields of a material that they are.
+#: Properties that may be textures, and their fields of a material.
 PICTURED = {
     "reflectance": "reflectance",
     "diffuse_reflectance": "reflectance",
@@ -49,14 +49,15 @@ PICTURED = {
 }
 
 Fields: TypeAlias = dict[str, Any]
-#: The picture that a node names.
+#: Finds the texture that a node names.
 Pictures: TypeAlias = Callable[[Node], Texture | None]
 
 
-def source_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
-    """The material that a bsdf tells of; None for one that nothing here is like.
+def source_surface(node: Node, flips: bool, pictures: Pictures) -> SourceMaterial | None:
+    """Return the material of a bsdf; None if nothing here is like it.
 
-    `flips` tells that the shape's texture coordinates have v down, `pictures` find those of nodes.
+    `flips` tells that the shape's texture coordinates have v down, and `pictures` finds textures of
+    nodes.
     """
     try:
         fields, odd = _fields(node)
@@ -68,11 +69,11 @@ def source_surface(node: Node, flips: bool, pictures: Pictures) -> Told | None:
         }
     except InputError:
         return None
-    return Told(fields, result, odd)
+    return SourceMaterial(fields, result, odd)
 
 
 def _check(fields: Fields) -> None:
-    """InputError unless a material can be made of them."""
+    """Raise InputError unless the fields are physically possible."""
     names = ("bsdf", "source", "reflectance", "opacity")
     parameters = {
         name: at_wavelength(name, value, WAVELENGTH_NM) if isinstance(value, dict) else value
@@ -85,7 +86,7 @@ def _check(fields: Fields) -> None:
 
 
 def _fields(node: Node, depth: int = 0) -> tuple[Fields, tuple[str, ...]]:
-    """A row's fields, and what of the bsdf is not in them."""
+    """Return a row's fields, and the properties of the bsdf that are lost."""
     if node.type in WRAPPERS:
         inner = next((each for each in node.children if each.kind == "bsdf"), None)
         if inner is None or depth > MAX_DEPTH:
@@ -132,7 +133,7 @@ def _clear(node: Node) -> tuple[Fields, tuple[str, ...]]:
 
 
 def _metal(node: Node) -> tuple[Fields, tuple[str, ...]]:
-    """A metal by its numbers, by its name as at 1550 nm, or a mirror."""
+    """Return a metal by its numbers, by its name as at 1550 nm, or a mirror."""
     name, fraction = node.value("material", "none"), _number(node, "specular_reflectance", 1.0)
     numbers = "eta" in node.properties or "k" in node.properties
     if name == "none" and not numbers and node.type == "conductor":
@@ -210,7 +211,7 @@ def _index(value: Any) -> float:
 
 
 def _number(node: Node, name: str, default: float) -> float:
-    """Red, or a number; of a texture, which stands beside it, nothing."""
+    """Return red, or a number; nothing for a texture, which is handled separately."""
     value: Any = node.properties.get(name, default)
     if isinstance(value, Node) and value.type in ("checkerboard", "bitmap"):
         return 0.0
@@ -224,7 +225,7 @@ def _number(node: Node, name: str, default: float) -> float:
 
 
 def _textures(node: Node) -> dict[str, Node]:
-    """By what they are a picture of; InputError for one of anything else."""
+    """Return textures by field. Raises InputError if one is of any other property."""
     result: dict[str, Node] = {}
     for each in (node, *(child for child in node.children if child.kind == "bsdf")):
         for name, value in each.properties.items():
@@ -239,7 +240,7 @@ def _textures(node: Node) -> dict[str, Node]:
 
 
 def _picture(node: Node, flips: bool, pictures: Pictures) -> NDArray[np.float32]:
-    """A texture (h, w) over the unit square of its coordinates, the top row first."""
+    """Return a texture (h, w) over the unit square of its coordinates, the top row first."""
     to_uv = node.value("to_uv", np.eye(4))
     if node.type == "bitmap":
         texture = pictures(node)

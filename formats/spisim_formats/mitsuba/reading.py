@@ -18,7 +18,7 @@ from spisim.scene.shapes import check_triangles
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Part, Shape, Surface, translation
 from spisim_formats.library.files import Folders
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 from spisim_formats.meshes.reading import read_obj, read_ply
 from spisim_formats.mitsuba.bsdf import source_surface
@@ -28,25 +28,24 @@ from spisim_formats.mitsuba.parsing import parse
 from spisim_formats.mitsuba.serialized import read_serialized
 
 MESHES = {"obj": read_obj, "ply": read_ply}
-#: What Mitsuba calls metals, as words; others are bare conductors.
+#: Words for Mitsuba's metals; others are bare conductors.
 METALS = {"Al": "aluminium", "Zn": "zinc", "Cr": "chrome", "Cu": "copper"}
-#: Shapes of Mitsuba that have no counterpart here.
+#: Unsupported shapes of Mitsuba.
 LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsmesh")
-#: Shapes that others refer to, and that show nothing by themselves.
+#: Shapes that only others refer to.
 GROUP = "shapegroup"
-#: The colours of a surface's body, not of its gloss.
+#: Colours of a surface's diffuse part.
 BODY = ("reflectance", "diffuse_reflectance", "base_color")
-#: Of a rotation and a scale; Mitsuba's texts have about six digits.
+#: Tolerance of rotation and scale; Mitsuba writes about six digits.
 BOX_TOLERANCE = 1e-4
 
 
-@np.errstate(all="ignore")  # poses are checked to be finite in the end
+@np.errstate(all="ignore")  # poses are checked later to be finite
 def read_mitsuba(path: Path, folders: Folders) -> Content:
-    """Parts of a Mitsuba scene; up is that of the sensor's `lookat`, else z.
+    """Read the parts of a Mitsuba scene; up is that of the sensor's `lookat`, else z.
 
-    Shapes that cannot be read, or refer to what is not there, are left out, and noted. Raises
-    InputError where nothing is left, for includes in a circle, and for what Mitsuba's own parser
-    refuses.
+    Shapes that cannot be read or have dangling references are left out with a note. Raises
+    InputError if nothing is left, for circular includes, and for what Mitsuba's parser rejects.
     """
     content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
     source = read_source(path, folders)
@@ -72,10 +71,10 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
-        self._surfaces: dict[tuple[int, bool], Callable[[], Told | None]] = {}
+        self._surfaces: dict[tuple[int, bool], Callable[[], SourceMaterial | None]] = {}
 
     def add(self, node: Node, parent: Floats) -> None:
-        """What a shape shows, where all that it is in stands at `parent`."""
+        """Add the parts of a shape, where `parent` is the pose of its group."""
         to_world = parent @ node.value("to_world", np.eye(4))
         if node.type == "instance":
             for group in (each for each in node.children if each.type == GROUP):
@@ -122,7 +121,7 @@ class _Shapes:
             self._content.add(Part(name, geometry, to_world @ part.to_world, surface, radiance))
 
     def _parts(self, node: Node, kind: str, name: str) -> list[Part]:
-        """Geometry of a shape in its own coordinates."""
+        """Return the geometry of a shape in its own coordinates."""
         if kind in MESHES or kind == "serialized":
             return self._mesh(node, kind)
         if kind in SIMPLE:
@@ -132,7 +131,7 @@ class _Shapes:
         raise InputError(f"{node.what}: shape {kind[:80]!r} is not supported: {candidate}")
 
     def file(self, node: Node) -> Path:
-        """The file that a node names; InputError where it is missing or may not be read."""
+        """Return the file that a node names. Raises InputError if it is missing or forbidden."""
         beside, *more = self._source.positions
         return self._folders.find(node.value("filename", ""), beside, node.what, more)
 
@@ -154,9 +153,9 @@ class _Shapes:
         return self._files[key]
 
     def _surface(self, shape: Node) -> Surface | None:
-        """What the bsdf of a shape says: its id, its colour, its type and those within it.
+        """Return what the bsdf of a shape gives: its id, colour, type and nested types.
 
-        None for a null bsdf, which light does not notice.
+        None for a null bsdf, which does not affect light.
         """
         outer = next((each for each in shape.children if each.kind == "bsdf"), None)
         if outer is None:
@@ -182,19 +181,19 @@ class _Shapes:
         words = (*(METALS[name] for name in metals if name in METALS), *types)
         body = next((textures[name] for name in BODY if textures.get(name)), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
-        reported = self._reported(outer, flips)
+        source = self._source_material(outer, flips)
         color = colors[0] if colors else None
-        return Surface(names[0] if names else None, color, words, body, reported)
+        return Surface(names[0] if names else None, color, words, body, source)
 
-    def _reported(self, bsdf: Node, flips: bool) -> Callable[[], Told | None]:
-        """Once for all shapes that share it."""
+    def _source_material(self, bsdf: Node, flips: bool) -> Callable[[], SourceMaterial | None]:
+        """Return one material for all shapes that share a bsdf."""
         key = id(bsdf), flips
         if key not in self._surfaces:
             self._surfaces[key] = cache(partial(source_surface, bsdf, flips, self._texture))
         return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:
-        """The picture of a texture; Mitsuba lays it on its own way, so that only its mean fits."""
+        """Return the image of a texture, of which only the mean fits Mitsuba's mapping."""
         key = id(node)
         if key not in self._textures:
             beside, *more = self._source.positions
@@ -207,7 +206,7 @@ class _Shapes:
 
 
 def _as_box(part: Part, to_world: Floats) -> Floats | None:
-    """Pose (4, 4) of a cube of edge 1 about the origin that is this part, or None if it is none."""
+    """Return the pose (4, 4) of a unit cube about the origin that equals this part, or None."""
     mesh = shapes.as_mesh(part.geometry)
     low, high = mesh.bounds
     corner = np.isclose(mesh.vertices, low, atol=1e-6 * mesh.scale) | np.isclose(
@@ -223,7 +222,7 @@ def _as_box(part: Part, to_world: Floats) -> Floats | None:
 
 
 def _nested(outer: Node) -> list[Node]:
-    """A bsdf and those within it, each once."""
+    """Return a bsdf and all nested ones, each once."""
     result, given = [outer], {outer}
     for bsdf in result:
         for inner in bsdf.children:
@@ -253,7 +252,7 @@ SIMPLE: dict[str, Callable[[Node], tuple[Shape | trimesh.Trimesh, Floats]]] = {
 
 
 def _take_sensor(node: Node, content: Content) -> None:
-    """The pose of a sensor, and which axis the first one's `lookat` holds to be up."""
+    """Read the pose of a sensor, and the up axis of the first one's `lookat`."""
     first = not content.cameras
     content.cameras.append(node.value("to_world", np.eye(4)))
     up = node.value("up", np.zeros(3))

@@ -1,4 +1,4 @@
-"""SDFormat: models and worlds of Gazebo, which are written with sensors, too."""
+"""SDFormat: models and worlds of Gazebo; written ones may have sensors."""
 
 from spisim_formats.format import SceneFormat, lazily
 

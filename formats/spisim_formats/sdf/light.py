@@ -1,8 +1,7 @@
 """Lights of a Gazebo world: the first directional one is the sun, all others are lamps.
 
-Gazebo's light has no unit. A sun of intensity and colour 1 is taken for the sun of a clear day at
-noon, and `ambient` light of 1 for all of a clear sky; a `sky` alone is a clear one. Lamps keep
-their numbers.
+Gazebo's light has no unit. A sun of intensity and colour 1 is taken as the noon sun on a clear day,
+and `ambient` light of 1 as a clear sky, as is a `sky` alone. Lamps keep their numbers.
 """
 
 from collections.abc import Sequence
@@ -14,14 +13,14 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from spisim_formats.library.attenuation import at_a_metre, number_or
 from spisim_formats.library.content import Content, Daylight, Glow
+from spisim_formats.library.units import at_a_metre, number_or
 from spisim_formats.library.xml import numbers
 
-#: SDFormat's factors of 1 / (c + l d + q d²) where a file leaves one out, and its range.
+#: SDFormat's default factors of 1 / (c + l d + q d²), and its default range.
 ATTENUATION = (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
 MAX_RANGE_M = 10.0
-#: A range beyond this ends no light that matters.
+#: A longer range is irrelevant.
 FAR_M = 100.0
 SUN_KLX, SKY_KLX = 100.0, 20.0
 #: Fields of a lamp and units, by the type of a light.
@@ -34,7 +33,7 @@ LAMPS = {
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A light as it stands in the file, its pose (4, 4) in what holds it, and what to call it."""
+    """A light element, its pose (4, 4) in its parent, and its name in messages."""
 
     element: Element
     pose: Floats
@@ -49,7 +48,7 @@ class Light:
 def take_lights(
     lights: Sequence[Light], scene: Element | None, content: Content, what: str
 ) -> None:
-    """Daylight and lamps of a world, from its lights and its `<scene>`."""
+    """Read daylight and lamps of a world, from its lights and its `<scene>`."""
     suns = [light for light in lights if light.kind == "directional"]
     content.daylight = _daylight(suns[0] if suns else None, scene, content, what)
     for light in lights:
@@ -58,7 +57,7 @@ def take_lights(
 
 
 def lamp(light: Light, content: Content) -> list[Glow]:
-    """The lamp that a light is, told in a note, or none."""
+    """Convert a light to a lamp, with a note; none if unsupported or dark."""
     element, what = light.element, light.what
     if light.kind not in LAMPS:
         content.note(f"{what}: lights of type {light.kind!r:.80} are left out")
@@ -77,7 +76,7 @@ def lamp(light: Light, content: Content) -> list[Glow]:
         )
         falloff = number_or(spot.findtext("falloff") if spot is not None else None, 0.0, what)
         why += f"; its edge has the power {falloff:.4g} there, 1 here" if falloff != 1 else ""
-        cutoff = min(90.0, float(np.degrees(outer)) / 2)  # told from side to side
+        cutoff = min(90.0, float(np.degrees(outer)) / 2)  # given from side to side
         cone = {"cutoff_deg": cutoff,
                 "beam_deg": min(max(0.0, float(np.degrees(inner)) / 2), cutoff)}  # fmt: skip
     if not strength > 0 or not cone.get("cutoff_deg", 1) > 0:
@@ -92,7 +91,7 @@ def lamp(light: Light, content: Content) -> list[Glow]:
 
 
 def moved(glow: Glow, pose: Floats) -> Glow:
-    """A lamp of something that stands at a pose (4, 4)."""
+    """Return a lamp of something that stands at a pose (4, 4)."""
     position, direction = glow.position, glow.direction
     if position is not None:
         position = pose[:3, :3] @ position + pose[:3, 3]
@@ -116,18 +115,18 @@ def _daylight(
 
 
 def _attenuation(element: Element, what: str) -> tuple[float, str]:
-    """As `at_a_metre`, with SDFormat's defaults, and how far a light is to reach."""
+    """Return the result of `at_a_metre` with SDFormat's defaults, and the range of a light."""
     row = element.find("attenuation")
     if row is None:
         return 1.0, ""
-    reported = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
-    factor, why = at_a_metre(*reported)
+    factors = (number_or(row.findtext(tag), given, what) for tag, given in ATTENUATION)
+    factor, why = at_a_metre(*factors)
     reach = number_or(row.findtext("range"), MAX_RANGE_M, what)
     return factor, why + (f"; it ends at {reach:.4g} m there" if reach < FAR_M else "")
 
 
 def _strength(element: Element, what: str) -> float:
-    """Intensity times the mean of its colour; 0 for one that is off."""
+    """Return intensity times the mean of its colour; 0 if it is off."""
     if (element.findtext("light_on") or "true").strip().lower() in ("false", "0"):
         return 0.0
     text = element.findtext("intensity") or "1"
@@ -136,7 +135,7 @@ def _strength(element: Element, what: str) -> float:
 
 
 def _direction(light: Light) -> Floats:
-    """Of a light that is turned by its pose."""
+    """Return the direction of a light, rotated by its pose."""
     text = light.element.findtext("direction") or "0 0 -1"
     direction = light.pose[:3, :3] @ np.array(numbers(text, 3, f"{light.what}: direction"))
     length = float(np.linalg.norm(direction))
@@ -153,7 +152,7 @@ def _sky_klx(scene: Element | None, what: str) -> float:
 
 
 def _brightness(color: str | None, default: float, what: str) -> float:
-    """Mean of red, green and blue, from 0 to 1."""
+    """Return the mean of red, green and blue, from 0 to 1."""
     if color is None or not color.strip():
         return default
     count = max(3, min(4, len(color.split())))

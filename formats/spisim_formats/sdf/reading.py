@@ -1,6 +1,6 @@
-"""Gazebo worlds and models (SDFormat .sdf, .world): what their visuals show.
+"""Gazebo worlds and models (SDFormat .sdf, .world): their visuals.
 
-A parser of its own: there is no maintained Python package of libsdformat.
+It is a parser of its own, because there is no maintained Python package of libsdformat.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from spisim_formats.sdf.visual import Visuals
 
 MAX_INCLUDE_DEPTH = 16
 MAX_INCLUDES = 5000
-#: Of a file, today and before SDFormat 1.3.
+#: Root elements, today and before SDFormat 1.3.
 ROOTS = ("sdf", "gazebo")
-#: Elements of worlds and models that show something and are not read, and what to call them.
+#: Visible elements of worlds and models that are not read, and their names.
 LEFT_OUT = {
     "actor": "actors are left out",
     "population": "populations are left out",
@@ -34,12 +34,12 @@ LEFT_OUT = {
 }
 
 
-@np.errstate(all="ignore")  # poses are checked to be finite in the end
+@np.errstate(all="ignore")  # poses are checked later to be finite
 def read_sdf(path: Path, folders: Folders) -> Content:
-    """Parts of the visuals of a world or model, metres, z up, moving joints as they stand.
+    """Read the visuals of a world or model, in metres, z up, with joints at rest.
 
-    What of it cannot be read, or refers to what is not there, is left out, and noted. Raises
-    InputError where nothing is left, and for what includes itself.
+    Elements that cannot be read or have dangling references are left out with a note. Raises
+    InputError if nothing is left, and for circular includes.
     """
     content = Content(unit_why="SDFormat is in metres", up_why="Gazebo has z up")
     reader = _Reader(folders, Visuals(folders, content))
@@ -61,7 +61,7 @@ def read_sdf(path: Path, folders: Folders) -> Content:
 
 @dataclass(frozen=True)
 class _Scope:
-    """Where an element stands: its file, the chain of files that included it, its name."""
+    """The context of an element: its file, the chain of including files, its name."""
 
     path: Path
     chain: tuple[Path, ...]
@@ -81,14 +81,14 @@ class _Model:
     glows: list[Glow] = field(default_factory=list)
 
     def show(self, pose: Floats, content: Content) -> None:
-        """Add all parts and lamps to the content, the model being at a pose."""
+        """Add all parts and lamps to the content, with the model at a pose."""
         content.glows += [moved(glow, pose) for glow in self.glows]
         for part in self.parts:
             content.add(Part(part.name, part.geometry, pose @ part.to_world, part.surface))
 
 
-#: A model, its pose, what that is relative to, and the frame of the model that is placed there.
-_Placed: TypeAlias = tuple[_Model, Floats, str, str]
+#: A model, its pose, the reference frame, and the frame of the model at that pose.
+_PosedModel: TypeAlias = tuple[_Model, Floats, str, str]
 
 
 class _Reader:
@@ -109,7 +109,7 @@ class _Reader:
         return root
 
     def models(self, parent: Element, frames: Frames, scope: _Scope) -> list[tuple[_Model, Floats]]:
-        """Models right below a world or model, included ones too, with their poses in it.
+        """Return the models of a world or model, including included ones, with their poses in it.
 
         Their frames, and those that the parent defines itself, are added to `frames`.
         """
@@ -122,10 +122,10 @@ class _Reader:
             name = (child.findtext("uri") if is_include else child.get("name")) or ""
             inside = scope.within(child.tag, name.strip())
             with self._content.leaving_out(inside.what):
-                placed = self._include(child, scope) if is_include else self._nested(child, inside)
-                if placed is None:
+                posed = self._include(child, scope) if is_include else self._nested(child, inside)
+                if posed is None:
                     continue
-                model, pose, relative_to, placement = placed
+                model, pose, relative_to, placement = posed
                 pose = pose @ np.linalg.inv(model.frames.pose(placement))
                 frames.add(model.name, pose, relative_to, model.frames)
                 if is_include and child.get("merge", "").lower() in ("true", "1"):
@@ -138,7 +138,7 @@ class _Reader:
                 poses.append((model, frames.pose(model.name)))
         return poses
 
-    def _nested(self, element: Element, scope: _Scope) -> _Placed:
+    def _nested(self, element: Element, scope: _Scope) -> _PosedModel:
         model = self._model(element, scope)
         pose, relative_to = read_pose(element.find("pose"), scope.what)
         return model, pose, relative_to, element.get("placement_frame", "")
@@ -169,7 +169,7 @@ class _Reader:
     def lights(
         self, parent: Element, frames: Frames, scope: _Scope, within: str = ""
     ) -> list[Light]:
-        """Lights of a world or link, which is frame `within`, with their poses."""
+        """Return the lights of a world or link, which is frame `within`, with their poses."""
         result = []
         for element in parent.findall("light"):
             what = scope.within("light", element.get("name", "")).what
@@ -217,8 +217,8 @@ class _Reader:
             "relative to that"
         )
 
-    def _include(self, element: Element, scope: _Scope) -> _Placed | None:
-        """The model that an `<include>` names; None for an actor or a light."""
+    def _include(self, element: Element, scope: _Scope) -> _PosedModel | None:
+        """Return the model that an `<include>` names; None for an actor or a light."""
         uri = (element.findtext("uri") or "").strip()
         what = f"{scope.what}: include {displayed(uri)}"
         self._includes += 1
@@ -240,22 +240,22 @@ class _Reader:
             if light is None:
                 self._content.note("actors that are included are left out")
                 return None
-            placed = light if element.find("pose") is None else element
-            pose, _ = read_pose(placed.find("pose"), what)
+            posed = light if element.find("pose") is None else element
+            pose, _ = read_pose(posed.find("pose"), what)
             self.included_lights.append(Light(light, pose, what))
             return None
         name = (element.findtext("name") or included.get("name") or "").strip()
         model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))
         model.name = name
-        placed = included if element.find("pose") is None else element
-        pose, relative_to = read_pose(placed.find("pose"), what)
+        posed = included if element.find("pose") is None else element
+        pose, relative_to = read_pose(posed.find("pose"), what)
         placement = (element.findtext("placement_frame") or "").strip()
-        if not placement and placed is included:
+        if not placement and posed is included:
             placement = included.get("placement_frame", "")
         return model, pose, relative_to, placement
 
     def _model_file(self, result: Path, what: str) -> Path:
-        """The SDF file of a model folder, as its model.config says; a file is itself."""
+        """Return the SDF file of a model folder according to model.config; a file is itself."""
         if not result.is_dir():
             return result
         config, names = result / "model.config", {}

@@ -1,7 +1,7 @@
-"""An instrument as Gazebo simulates sensors: a depth camera and four lidar rays (SDFormat 1.9).
+"""An instrument as sensors simulated by Gazebo: a depth camera and four lidar rays (SDFormat 1.9).
 
-What Gazebo shows with them is geometry alone: no fog, no noise of a single pixel. It is there to
-develop what comes behind, with the messages and places of the real thing.
+Gazebo simulates only their geometry: no fog, and no noise of a single-pixel camera. They serve to
+develop downstream software with the messages and poses of the real instrument.
 """
 
 import math
@@ -16,7 +16,7 @@ from spisim.scene.assemble import OPTICAL_FROM_BODY
 
 MODEL = "spisim_drone"
 NEAREST_M, FARTHEST_M = 0.1, 100.0
-#: Systems of Gazebo (gz-sim 8 and later) that a world with sensors needs: file and class.
+#: Systems of Gazebo (gz-sim 8 and later) for a world with sensors: file and class.
 SYSTEMS = {
     "physics": "Physics",
     "user-commands": "UserCommands",
@@ -26,10 +26,10 @@ SYSTEMS = {
 
 
 def sensor_elements(instrument: Instrument, drone_pose: Floats) -> list[Element]:
-    """Elements of a world: the systems that sensors need, and a model that carries them.
+    """Return elements of a world: the systems for sensors, and a model that carries them.
 
     `drone_pose` (4, 4) is world from optical frame. The camera has the projector's field and
-    pixels, each ray a laser's direction, up to where its range is told; topics are those of
+    pixels, and each ray a laser's direction, up to its unambiguous range. Topics are those of
     `reconstruction.exports.ros`.
     """
     systems = [
@@ -69,7 +69,7 @@ def _add_ray(
 ) -> None:
     azimuth, elevation = direction_deg
     sensor = _sensor(link, f"spot_{number}", "gpu_lidar", rate_hz, f"camera/spot_{number}/scan")
-    # of SDFormat: a pitch above zero looks down, a yaw above zero to the left
+    # SDFormat: positive pitch looks down, positive yaw to the left
     turn = [0.0, -math.radians(elevation), -math.radians(azimuth)]
     SubElement(sensor, "pose").text = _numbers([0.0, 0.0, 0.0, *turn])
     SubElement(sensor, "gz_frame_id").text = f"spot_{number}"

@@ -1,6 +1,6 @@
-"""What one `<visual>` of SDFormat shows: its geometry and what it says of its material."""
+"""Geometry and material of a `<visual>` of SDFormat."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from pathlib import Path
 from xml.etree.ElementTree import Element
@@ -9,6 +9,7 @@ import numpy as np
 import trimesh
 
 from reconstruction.base.errors import InputError, naming, nearest
+from spisim.base.config.files import grey_picture
 from spisim.scene.shapes import check_triangles
 from spisim_formats.format import readers
 from spisim_formats.library import shapes
@@ -23,21 +24,20 @@ from spisim_formats.library.content import (
 )
 from spisim_formats.library.files import Folders
 from spisim_formats.library.metallic import Metallic
-from spisim_formats.library.source_material import Told
+from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 from spisim_formats.library.units import to_metres
 from spisim_formats.library.xml import numbers
-from spisim_formats.sdf.heightmap import heightmap
 
-#: What pictures are of, and those that are left out.
+#: Texture elements by property, and those that are left out.
 MAPS = {"albedo_map": "base", "metalness_map": "metal", "roughness_map": "roughness"}
 MORE_MAPS = {"normal_map": "bumps are", "emissive_map": "own light is"}
-#: Geometries that Gazebo knows and that are not read.
+#: Geometries of Gazebo that are not read.
 LEFT_OUT = ("polyline", "image", "empty")
 
 
 class Visuals:
-    """Reads visuals; a mesh file that several of them show is read once."""
+    """Reads visuals; a mesh file used by several is read once."""
 
     def __init__(self, folders: Folders, content: Content) -> None:
         self.content = content
@@ -46,7 +46,7 @@ class Visuals:
         self._faults: dict[Path, InputError] = {}
 
     def read(self, visual: Element, path: Path, what: str) -> list[Part]:
-        """Parts of a visual in its own frame; its geometry may come from files beside `path`."""
+        """Return the parts of a visual in its own frame; files are searched beside `path`."""
         if _number(visual, "transparency", 0.0, what) >= 1:
             self.content.note(f"{what}: is fully transparent and left out")
             return []
@@ -101,10 +101,10 @@ class Visuals:
         return [Part("terrain", mesh, translation(start), ground)]
 
     def _load(self, path: Path, what: str) -> list[Part]:
-        """Parts of a mesh file in metres.
+        """Return the parts of a mesh file in metres.
 
-        As in Gazebo, a unit counts, but the axes stay as they stand in the file: z is up in
-        Gazebo's meshes, whatever up_axis says (gz-common, AssimpLoader).
+        As in Gazebo, a unit applies, but the axes stay as they are in the file, because Gazebo's
+        meshes have z up whatever up_axis says (gz-common, AssimpLoader).
         """
         suffix = path.suffix.lower()
         given = readers(meshes_alone=True)
@@ -128,7 +128,7 @@ class Visuals:
         return self._files[path]
 
     def _surface(self, visual: Element, path: Path, what: str) -> Surface | None:
-        """What a visual says of its material, or None where it says nothing."""
+        """Return the material of a visual, or None without one."""
         material = visual.find("material")
         if material is None:
             return None
@@ -138,7 +138,7 @@ class Visuals:
             for element in material.iter()
             if element.tag.endswith("_map") and element.text and element.text.strip()
         ]
-        result = {
+        textures = {
             tag: self.content.texture(name, path.parent, self._folders, f"{what}: texture")
             for tag, name in named
         }
@@ -147,27 +147,27 @@ class Visuals:
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
         name = script.rpartition("/")[2] or None
-        reported = _reported(visual, color, result, what)
-        return Surface(name, None if named else color, words, result.get("albedo_map"), reported)
+        source = _source(visual, color, textures, what)
+        return Surface(name, None if named else color, words, textures.get("albedo_map"), source)
 
 
-def _reported(
+def _source(
     visual: Element,
     color: tuple[float, float, float] | None,
-    result: dict[str, Texture | None],
+    textures: dict[str, Texture | None],
     what: str,
-) -> Callable[[], Told | None] | None:
-    """What makes a surface by metalness and roughness, where a visual has one."""
+) -> Callable[[], SourceMaterial | None] | None:
+    """Return a function for the material by metalness and roughness, if a visual has them."""
     metal = visual.find("material/pbr/metal")
-    read = {name: result[tag] for tag, name in MAPS.items() if tag in result}
+    read = {name: textures[tag] for tag, name in MAPS.items() if tag in textures}
     if metal is None or None in read.values():
         return None
-    # a map alone says all; without either, SDFormat's default
+    # a texture alone replaces the number; without either, SDFormat's default
     fraction, roughness = (
-        _number(metal, tag, 1.0 if f"{tag}_map" in result else 0.5, what)
+        _number(metal, tag, 1.0 if f"{tag}_map" in textures else 0.5, what)
         for tag in ("metalness", "roughness")
     )
-    odd = tuple(f"its {reported} left out" for tag, reported in MORE_MAPS.items() if tag in result)
+    odd = tuple(f"its {title} left out" for tag, title in MORE_MAPS.items() if tag in textures)
     surface = Metallic(
         1.0 if color is None else color[0],
         fraction,
@@ -176,13 +176,13 @@ def _reported(
         pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
         odd=odd,
     )
-    return cache(surface.reported)
+    return cache(surface.source_material)
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
-    """The parts of one name, centred if asked for."""
+    """Return the parts of one name, centred if asked for."""
     name = (submesh.findtext("name") or "").strip()
-    # trimesh calls groups of OBJ by their names and those of their materials
+    # trimesh names groups of OBJ by their names and their materials
     chosen = [part for part in parts if part.name in (name, f"{name}_{part.surface.name}")]
     if not chosen:
         candidate = nearest(name, dict.fromkeys(part.name for part in parts))
@@ -199,7 +199,7 @@ def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:
 
 
 def _facing(plane: Element, what: str) -> np.ndarray:
-    """Pose (4, 4) that turns z to the normal of a plane."""
+    """Return the pose (4, 4) that turns z to the normal of a plane."""
     normal = np.array(numbers(plane.findtext("normal") or "0 0 1", 3, f"{what}: normal"))
     if not np.linalg.norm(normal) > 0:
         raise InputError(f"{what}: the normal of the plane is zero")
@@ -222,7 +222,7 @@ def _number(element: Element, tag: str, default: float, what: str) -> float:
 
 
 def _lengths(element: Element, tag: str, default: str, what: str) -> list[float]:
-    """Numbers of an element, or SDFormat's default where it is not there."""
+    """Return numbers of an element, or SDFormat's default if it is missing."""
     text = default if element.find(tag) is None else element.findtext(tag)
     return numbers(text, len(default.split()), f"{what}: {element.tag}: {tag}")
 
@@ -242,3 +242,31 @@ SHAPES: dict[str, Callable[[Element, str], trimesh.Trimesh | Shape]] = {
 }
 FROM_FILES = {"mesh": Visuals._mesh, "heightmap": Visuals._heightmap}
 AVAILABLE = (*SHAPES, *FROM_FILES, *LEFT_OUT)
+
+
+#: Maximum vertices along each edge.
+MAX_VERTICES = 1025
+
+
+def heightmap(path: Path, size: Sequence[float]) -> trimesh.Trimesh:
+    """Return a surface over a rectangle about the origin, `size` metres in x, y, z, from a PNG.
+
+    https://gazebosim.org/api/sim/8/, "Heightmaps": black is lowest, white is the size's z above it,
+    and the top of the image is north (+y). Raises InputError for an invalid size or image.
+    """
+    if not min(size[:2]) > 0 or not size[2] != 0:
+        raise InputError(f"size should be positive; found {', '.join(map(str, size))}")
+    heights = grey_picture(path)
+    if min(heights.shape) < 2:
+        raise InputError(f"{path.name!r} has one row or column of heights")
+    rows, columns = (
+        np.unique(np.linspace(0, count - 1, min(count, MAX_VERTICES)).round().astype(int))
+        for count in heights.shape
+    )
+    x = (columns / (heights.shape[1] - 1) - 0.5) * size[0]
+    y = (0.5 - rows / (heights.shape[0] - 1)) * size[1]
+    points = np.stack([*np.meshgrid(x, y), heights[np.ix_(rows, columns)] * size[2]], axis=-1)
+    number = np.arange(len(rows) * len(columns)).reshape(len(rows), len(columns))
+    a, b, c, d = number[:-1, :-1], number[:-1, 1:], number[1:, :-1], number[1:, 1:]
+    faces = np.concatenate([np.stack([a, c, b], axis=-1), np.stack([b, c, d], axis=-1)])
+    return trimesh.Trimesh(points.reshape(-1, 3), faces.reshape(-1, 3), process=False)

@@ -1,4 +1,4 @@
-"""Scenes as worlds of Gazebo: SDFormat 1.9, a static model and an OBJ file for each object."""
+"""Write scenes as Gazebo worlds: SDFormat 1.9, a static model and an OBJ file for each object."""
 
 from collections.abc import Collection, Iterable, Sequence
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -17,12 +17,10 @@ SUN = "sun"
 def sdf_files(
     scene: Scene, folder: str, further: Sequence[Element] = ()
 ) -> tuple[bytes, dict[str, bytes]]:
-    """The world file of a scene, and its meshes and materials by their names in `folder`.
+    """Return the world file of a scene, and its meshes and materials by their names in `folder`.
 
-    The world has the `further` elements too.
-
-    Poses are those of the middle of each object's bounds; daylight is what an import makes of it.
-    Names that SDFormat refuses are changed.
+    `further` elements are added to the world. Poses are those of the centres of the objects'
+    bounds; daylight is the inverse of an import. Names that SDFormat forbids are changed.
     """
     root = Element("sdf", version="1.9")
     taken = {SUN, *(element.get("name", "") for element in further)}
@@ -46,7 +44,7 @@ def sdf_files(
 
 
 def _allowed_name(name: str, taken: Collection[str]) -> str:
-    """As SDFormat has names: without ``::``, not a reserved one, unique among those beside it."""
+    """Return a name allowed by SDFormat: without ``::``, not reserved, unique among siblings."""
     allowed = name.replace("::", "_")
     if allowed == "world" or (allowed.startswith("__") and allowed.endswith("__")):
         allowed = f"scene {allowed}"
@@ -66,7 +64,7 @@ def _add_daylight(world: Element, ambient: Ambient) -> None:
 
 
 def _obj(thing: SceneObject) -> bytes:
-    """An object about the middle of its bounds; numbers are exact."""
+    """Return an object about the centre of its bounds, with exact numbers."""
     points = thing.mesh.vertices - thing.mesh.bounds.mean(axis=0)
     look = trimesh.visual.TextureVisuals(uv=getattr(thing.mesh.visual, "uv", None))
     bare = trimesh.Trimesh(points, thing.mesh.faces, process=False, visual=look)

@@ -1,7 +1,7 @@
-"""URDF robots (.urdf): what their links show, joints in their zero positions.
+"""URDF robots (.urdf): visuals of their links, with joints in zero position.
 
-https://wiki.ros.org/urdf/XML. Visuals are those of SDFormat in other words and are read as such:
-attributes become elements.
+https://wiki.ros.org/urdf/XML. Visuals are converted to SDFormat, whose elements are URDF's
+attributes.
 """
 
 from pathlib import Path
@@ -19,12 +19,12 @@ from spisim_formats.library.xml import numbers, parse_lenient_xml
 from spisim_formats.sdf.visual import Visuals
 
 
-@np.errstate(all="ignore")  # poses are checked to be finite in the end
+@np.errstate(all="ignore")  # poses are checked later to be finite
 def read_urdf(path: Path, folders: Folders) -> Content:
-    """Parts of the visuals of a robot, metres, z up, all joints at zero.
+    """Read the visuals of a robot, in metres, z up, with all joints at zero.
 
-    What of it cannot be read, or refers to what is not there, is left out, and noted. Raises
-    InputError where nothing is left.
+    Elements that cannot be read or have dangling references are left out with a note. Raises
+    InputError if nothing is left.
     """
     content = Content(unit_why="URDF is in metres", up_why="ROS has z up (REP 103)")
     root = parse_lenient_xml(read_bytes(path), path, content.note)
@@ -49,21 +49,21 @@ def read_urdf(path: Path, folders: Folders) -> Content:
 
 
 def _frames(root: Element, path: Path, content: Content) -> Frames:
-    """Links by their names; what no joint places stands at the origin."""
+    """Return links by name; those without a joint are at the origin."""
     frames = Frames("world", path.name)
-    placed: dict[str, tuple[Floats, str] | None] = {}
+    poses: dict[str, tuple[Floats, str] | None] = {}
     for joint in root.findall("joint"):
         what = f"{path.name}: joint {displayed(joint.get('name', ''))}"
         parent, child = joint.find("parent"), joint.find("child")
         moved = "" if child is None else child.get("link", "")
-        placed[moved] = None  # nobody knows where it is, unless all goes well
+        poses[moved] = None  # unknown unless the joint can be read
         with content.leaving_out(what):
             if parent is None or child is None:
                 raise InputError(f"{what}: needs a parent and a child")
-            placed[moved] = (_origin(joint, what), parent.get("link", ""))
+            poses[moved] = (_origin(joint, what), parent.get("link", ""))
     for link in root.findall("link"):
         name = link.get("name", "")
-        pose = placed.get(name, (np.eye(4), ""))
+        pose = poses.get(name, (np.eye(4), ""))
         if name != "world" and pose is not None:
             with content.leaving_out(f"{path.name}: link {displayed(name)}"):
                 frames.add(name, *pose)
@@ -79,7 +79,7 @@ def _origin(element: Element, what: str) -> Floats:
 
 
 def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
-    """A visual of SDFormat without a pose."""
+    """Return a visual of SDFormat without a pose."""
     made = Element("visual")
     geometry = SubElement(made, "geometry")
     for shape in visual.findall("geometry/*"):
@@ -89,13 +89,13 @@ def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
     material = visual.find("material")
     if material is not None:
         name = material.get("name", "")
-        reported = SubElement(made, "material")
-        SubElement(SubElement(reported, "script"), "name").text = name
+        material = SubElement(made, "material")
+        SubElement(SubElement(material, "script"), "name").text = name
         described = material if material.find("color") is not None else colors.get(name, material)
         color = described.find("color")
         if color is not None:
-            SubElement(reported, "diffuse").text = color.get("rgba", "")
+            SubElement(material, "diffuse").text = color.get("rgba", "")
         texture = described.find("texture")
         if texture is not None:
-            SubElement(reported, "albedo_map").text = texture.get("filename", "")
+            SubElement(material, "albedo_map").text = texture.get("filename", "")
     return made

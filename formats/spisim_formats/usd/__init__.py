@@ -1,4 +1,4 @@
-"""OpenUSD, as text, binary and package, by Pixar's library."""
+"""OpenUSD, as text, binary and package, read with Pixar's library."""
 
 from spisim_formats.format import SceneFormat, lazily
 

@@ -1,4 +1,4 @@
-"""Lamps of OpenUSD stages (UsdLux), whose numbers are kept: radiances, as Blender writes them.
+"""Lamps of OpenUSD stages (UsdLux), whose numbers are used as radiances, as Blender writes them.
 
 https://openusd.org/release/user_guides/schemas/usdLux/usdLux_toc.html
 """
@@ -17,17 +17,17 @@ from spisim_formats.library.content import Content, Glow, Part, Surface
 from spisim_formats.library.files import Folders, displayed
 from spisim_formats.library.surround import read_linear_red, surround
 
-#: What a panel of light is without its light.
+#: Material of a light panel that is off.
 BLACK = (0.0, 0.0, 0.0)
-#: Turns y to z.
+#: Rotates y to z.
 Z_POLE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 DOMES = ("DomeLight", "DomeLight_1")
-#: Lights of a stage that shine down their own -z: a mesh's triangles here face +z.
+#: Lights that shine along their own -z, whereas triangles here face +z.
 DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 def read_lamp(prim: Any, to_world: Floats, content: Content, folders: Folders) -> list[Glow]:
-    """The lamp that a light is, told in a note; none where it gives no light, or is unknown."""
+    """Convert a light to a lamp, with a note; none if it gives no light, or is unknown."""
     kind, what = str(prim.GetTypeName()), f"lamp {displayed(prim.GetName())}"
     if kind not in MAKERS and kind not in DOMES:
         content.note(f"{what} is left out: {kind} is not read")
@@ -39,11 +39,11 @@ def read_lamp(prim: Any, to_world: Floats, content: Content, folders: Folders) -
     if kind in DOMES:
         return _dome(prim, strength, to_world, content, folders, what)
     try:
-        glow, reported = MAKERS[kind](prim, strength, to_world)
+        glow, amount = MAKERS[kind](prim, strength, to_world)
     except InputError as error:
         content.note(f"{what} is left out: {error}")
         return []
-    content.note(f"{what} has no unit; as watts {reported}")
+    content.note(f"{what} has no unit; as watts {amount}")
     return [glow]
 
 
@@ -54,7 +54,7 @@ def _strength(prim: Any) -> float:
 
 
 def _get(prim: Any, name: str, default: Any) -> Any:
-    """An input of a light, under its name of today or that before 2021."""
+    """Return an input of a light by its present name or that before 2021."""
     for each in (f"inputs:{name}", name):
         attribute = prim.GetAttribute(each)
         if attribute and (value := attribute.Get()) is not None:
@@ -67,7 +67,7 @@ def _is_normalized(prim: Any) -> bool:
 
 
 def _sphere(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
-    """A point as bright from afar; a spot where it has a cone."""
+    """Convert a sphere to a point of equal radiant intensity, or a spot if it has a cone."""
     scale = float(np.abs(np.linalg.det(to_world[:3, :3])) ** (1 / 3))
     radius = scale * float(_get(prim, "radius", 0.5))
     intensity = strength / 4 if _is_normalized(prim) else strength * np.pi * radius**2
@@ -83,7 +83,7 @@ def _sphere(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
 
 
 def _distant(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
-    """From a disc in the sky, or all of it where that is asked for."""
+    """Convert a distant disc, to all of the sky if requested."""
     angle = np.radians(float(_get(prim, "angle", 0.53)))
     disc = np.pi * np.sin(min(angle, np.pi) / 2) ** 2
     irradiance = strength if _is_normalized(prim) or not disc > 0 else strength * disc
@@ -103,7 +103,7 @@ def _disk(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
 
 
 def _cylinder(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
-    """About x, open at both ends."""
+    """Convert a cylinder about x, open at both ends."""
     half = float(_get(prim, "length", 1.0)) / 2
     start, stop = np.array([[-half, 0, 0], [half, 0, 0]])
     mesh = shapes.tube(start, stop, float(_get(prim, "radius", 0.5)), "it")
@@ -111,7 +111,7 @@ def _cylinder(prim: Any, strength: float, to_world: Floats) -> tuple[Glow, str]:
 
 
 def _panel(prim: Any, mesh: trimesh.Trimesh, strength: float, to_world: Floats) -> tuple[Glow, str]:
-    """A black surface that shines."""
+    """Convert a panel to a black surface that emits."""
     area = float(mesh.copy().apply_transform(to_world).area)
     radiance = strength / area if _is_normalized(prim) and area > 0 else strength
     part = Part(prim.GetName(), mesh, to_world, Surface(None, BLACK), radiance)
@@ -121,7 +121,7 @@ def _panel(prim: Any, mesh: trimesh.Trimesh, strength: float, to_world: Floats) 
 def _dome(
     prim: Any, strength: float, to_world: Floats, content: Content, folders: Folders, what: str
 ) -> list[Glow]:
-    """All around, the same or by a picture as OpenEXR lays them: y up, its middle at z."""
+    """Convert a uniform dome, or one with an environment map in OpenEXR's layout."""
     name = prim.GetName()
     fields = {"type": "environment", "radiance_w_per_m2_sr": strength}
     asset = _get(prim, "texture:file", None)
@@ -143,7 +143,7 @@ def _dome(
 
 
 def _upright(prim: Any, to_world: Floats) -> Floats:
-    """The pose of a dome whose pole is y, be it told or the stage's; OpenUSD 24.03 and later."""
+    """Return the pose of a dome whose pole is y or the stage's up (OpenUSD 24.03 and later)."""
     from pxr import UsdGeom
 
     if str(prim.GetTypeName()) == "DomeLight":

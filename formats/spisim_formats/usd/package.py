@@ -1,7 +1,7 @@
-"""Packages of OpenUSD (.usdz): stored archives, looked through before the library opens one.
+"""Packages of OpenUSD (.usdz): stored archives, checked before the library opens them.
 
-https://openusd.org/release/spec_usdz.html: files are neither compressed nor encrypted, so that
-what is in a package is no larger than it.
+https://openusd.org/release/spec_usdz.html: files are neither compressed nor encrypted, so the
+content is no larger than the package.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ ENCRYPTED = 1
 
 
 def check_package(path: Path) -> None:
-    """InputError for what is no package, and for files that leave it or are compressed."""
+    """Raise InputError unless it is a package of uncompressed files inside it."""
     try:
         with zipfile.ZipFile(path) as package:
             files = package.infolist()
@@ -39,7 +39,7 @@ def check_package(path: Path) -> None:
 
 
 def read_from_package(name: str) -> bytes | None:
-    """Bytes of `package.usdz[file]`, of packages in packages, too; None where there are none."""
+    """Return bytes of `package.usdz[file]`, also in nested packages; None if missing."""
     from pxr import Ar
 
     asset = Ar.GetResolver().OpenAsset(Ar.ResolvedPath(name))

@@ -1,7 +1,7 @@
-"""OpenUSD (.usd, .usda, .usdc, .usdz): meshes, shapes, instances, materials, by Pixar's library.
+"""OpenUSD (.usd, .usda, .usdc, .usdz): meshes, shapes, instances, materials, with Pixar's library.
 
-Needs the extra `usd`. Layers that a stage is composed of are found by the library; those outside of
-the folders that may be read are refused before a prim is looked at.
+It needs the extra `usd`. The library finds the layers of a stage; those outside of the allowed
+folders are rejected before any prim is read.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ from spisim_formats.usd.package import check_package
 from spisim_formats.usd.surfaces import read_surface
 
 MAX_LAYERS = 1000
-#: Cameras look along their -z, x to the right.
+#: Cameras look along -z, with x to the right.
 LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 AXES: dict[str, Axis] = {"X": "x", "Y": "y", "Z": "z"}
-#: Turns that take a shape about z to one about another axis.
+#: Rotations from a shape about z to one about another axis.
 ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
 
 
 def read_usd(path: Path, folders: Folders) -> Content:
-    """Parts of a stage as it stands at its first time; what cannot be read is left out, and noted.
+    """Read the parts of a stage at its start time; unreadable ones are left out with a note.
 
-    Raises InputError for what is no stage, or is composed of layers outside of the folders.
+    Raises InputError if it is not a stage, or has layers outside of the folders.
     """
     read_bytes(path)
     try:
         from pxr import Usd, UsdGeom, UsdUtils
     except ImportError:
         raise InputError(f"{path}: OpenUSD needs a library: install `spisim[usd]`") from None
-    reported = UsdUtils.CoalescingDiagnosticDelegate()  # which keeps to itself what it would print
+    diagnostics = UsdUtils.CoalescingDiagnosticDelegate()  # captures what it would print
     if path.suffix.lower() == ".usdz":
         check_package(path)
     content = Content()
@@ -70,16 +70,16 @@ def read_usd(path: Path, folders: Folders) -> Content:
         content.unit_m, content.unit_why = unit_m, f"metersPerUnit of the stage: {unit_m:g}"
         content.up, content.up_why = AXES[axis], f"upAxis: {axis}"
         _Stage(stage, content, folders).read()
-        if reported.TakeUncoalescedDiagnostics():
+        if diagnostics.TakeUncoalescedDiagnostics():
             content.note(f"{path.name}: OpenUSD doubts some of what it says")
         return content
 
 
 def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]:
-    """The layers of a stage, the first one its own, kept open as they are to be composed.
+    """Return the layers of a stage, its own first, kept open until they are composed.
 
-    What one of them refers to and is missing or cannot be read, such as MaterialX where the library
-    lacks it, is taken out of it, in memory alone. InputError for one outside of the folders.
+    References of a layer that are missing or unreadable, such as MaterialX if the library lacks it,
+    are removed in memory only. Raises InputError for one outside of the folders.
     """
     from pxr import Ar, Sdf
 
@@ -113,7 +113,7 @@ def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]
 
 
 def _opens(name: str) -> bool:
-    """Whether the library reads a layer."""
+    """Return whether the library reads a layer."""
     from pxr import Sdf, Tf
 
     try:
@@ -134,7 +134,7 @@ class _Stage:
         self._surfaces: dict[str, Surface] = {}
 
     def read(self) -> None:
-        """Add all that is shown, instances included."""
+        """Add all visible content, instances included."""
         from pxr import Usd, UsdGeom
 
         walk = iter(Usd.PrimRange(self._stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()))
@@ -160,7 +160,7 @@ class _Stage:
         )
 
     def _pose(self, prim: Any) -> Floats:
-        """To the world; USD's vectors are rows."""
+        """Return the pose in the world; USD's vectors are rows."""
         return np.array(self._poses.GetLocalToWorldTransform(prim)).T
 
     def _add(self, prim: Any, to_world: Floats) -> None:
@@ -184,7 +184,7 @@ class _Stage:
             self._content.add(Part(name, geometry, to_world, self._surface(bound)))
 
     def _surface(self, material: Any) -> Surface:
-        """Once for all that it is bound to."""
+        """Return one surface for all that it is bound to."""
         key = "" if material is None else str(material.GetPath())
         if key not in self._surfaces:
             self._surfaces[key] = Surface(material.GetName() if key else None)
@@ -202,7 +202,7 @@ class _Stage:
             raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
         roots = [self._stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetTargets()]
         own = self._pose(prim)
-        # instances take the prototype's own transform along; what is below it stands relative to it
+        # instances include the prototype's own transform, to which its descendants are relative
         for number, matrix in zip(numbers, poses, strict=False):
             root = roots[number]
             undo = np.linalg.inv(self._pose(root))
@@ -212,7 +212,7 @@ class _Stage:
 
 
 def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
-    """Triangles of a mesh, those of subsets with a material of their own apart."""
+    """Return triangles of a mesh; subsets with their own material are separate."""
     from pxr import UsdGeom, UsdShade
 
     made = UsdGeom.Mesh(prim)
@@ -253,7 +253,7 @@ def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
 
 
 def _fans(counts: Any, corners: Any) -> tuple[Any, Any]:
-    """Triangles (t, 3) of polygons about their first corners, and the polygon of each."""
+    """Return triangles (t, 3) of polygons about their first corners, and the polygon of each."""
     starts = np.cumsum(counts) - counts
     each = np.maximum(counts - 2, 0)
     owners = np.repeat(np.arange(len(counts)), each)
@@ -281,7 +281,7 @@ def _simple(
 
 
 def _about(prim: Any, geometry: trimesh.Trimesh | Shape) -> trimesh.Trimesh:
-    """A shape about z turned to the prim's axis."""
+    """Rotate a shape about z to the prim's axis."""
     axis = str(prim.GetAttribute("axis").Get())
     turn = trimesh.transformations.euler_matrix(*(np.pi / 2 * np.array(ABOUT[axis])))
     return shapes.as_mesh(geometry).copy().apply_transform(turn)

@@ -1,4 +1,4 @@
-"""What OpenUSD's preview surfaces say: names, colours, pictures, metalness and roughness.
+"""OpenUSD's preview surfaces: names, colours, textures, metalness and roughness.
 
 https://openusd.org/release/spec_usdpreviewsurface.html
 """
@@ -19,19 +19,19 @@ from spisim_formats.library.textures import Texture
 from spisim_formats.usd.package import read_from_package
 
 KIND, PICTURE, COORDINATES = "UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarReader_float2"
-#: The primvar that meshes' coordinates are read from.
+#: Primvar of the meshes' texture coordinates.
 PRIMVAR = "st"
 CHANNELS = {"rgb": 0, "r": 0, "g": 1, "b": 2, "a": 3}
-#: What else a surface may have, and what it is without.
+#: Further properties of a surface, and their defaults.
 LEFT_OUT = {"normal": "bumps are", "displacement": "bumps are", "emissiveColor": "own light is",
             "clearcoat": "clear coat is"}  # fmt: skip
-#: Its inputs, what they are called here, and their defaults; of a colour, red.
+#: Inputs, their names here, and their defaults, using red of colours.
 INPUTS = {"diffuseColor": ("base", 0.18), "metallic": ("metal", 0.0),
           "roughness": ("roughness", 0.5), "opacity": ("opacity", 1.0)}  # fmt: skip
 
 
 def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
-    """Of a material's prim, or of None; notes pictures that are missing."""
+    """Return the surface of a material's prim, or of None; note missing textures."""
     from pxr import UsdShade
 
     if material is None:
@@ -73,11 +73,11 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
         pictures=pictures,
         odd=tuple(dict.fromkeys(odd)),
     )
-    return replace(surface, reported=cache(made.reported))
+    return replace(surface, source=cache(made.source_material))
 
 
 def _source(shader: Any, name: str) -> Any:
-    """The attribute that an input gets its value from; None for an input that is not there."""
+    """Return the attribute that drives an input; None if the input is missing."""
     given = shader.GetInput(name)
     result = given.GetValueProducingAttributes() if given else []
     return result[0] if result else None
@@ -91,13 +91,13 @@ def _is_picture(source: Any) -> bool:
 
 
 def _red(source: Any, default: float) -> float:
-    """Of a value; the default where it has none, or is a picture."""
+    """Return red of a value; the default if it has none, or is a texture."""
     value = None if source is None or _is_picture(source) else source.Get()
     return default if value is None else float(np.ravel(value)[0])
 
 
 def _is_there(shader: Any, name: str) -> bool:
-    """Whether an input is a picture, or a number other than its default, 0 or straight up."""
+    """Return whether an input is a texture, or a number other than 0 or straight up."""
     source = _source(shader, name)
     if source is None or _is_picture(source):
         return source is not None
@@ -106,7 +106,7 @@ def _is_there(shader: Any, name: str) -> bool:
 
 
 def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, int, float] | None:
-    """The picture and channel that an output is of, and its scale; None where it is not read."""
+    """Return texture and channel of an output, and its scale; None if unsupported."""
     from pxr import UsdShade
 
     shader = UsdShade.Shader(source.GetPrim())
@@ -129,7 +129,7 @@ def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, 
 
 
 def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
-    """The picture of a name, which may be that of a file in a package."""
+    """Return the texture of a name, which may be that of a file in a package."""
     package, bracket, inner = name.partition("[")
     if not bracket:
         return content.texture(name, folders.roots[0], folders, "texture")
@@ -143,7 +143,7 @@ def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
 
 
 def _fits(texture: Any) -> bool:
-    """Whether a picture lies as the coordinates of the mesh say."""
+    """Return whether a texture uses the mesh's texture coordinates."""
     from pxr import UsdShade
 
     position = _source(texture, "st")

@@ -1,1 +1,1 @@
-"""What families share: shapes, ground, plants, houses, vehicles, people and things on sites."""
+"""Shared parts of families: shapes, ground, plants, houses, vehicles, people and site equipment."""

@@ -1,6 +1,7 @@
-"""What closes a scene outdoors at the far end, so that every beam ends somewhere."""
+"""Backdrops and daylight of outdoor scenes; a backdrop ends every beam."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -12,9 +13,9 @@ from spisim_worlds.parts.shapes import block, rod, union
 def add_backdrop(
     builder: SceneBuilder, kind: str, x_m: float, axis_z_m: float, rng: np.random.Generator
 ) -> None:
-    """Ground, and a backdrop of this kind across the x axis at `x_m`.
+    """Add ground, and a backdrop of this kind across the x axis at `x_m`.
 
-    `axis_z_m` is the height at which the line of sight meets it; what there is to see is there.
+    `axis_z_m` is the height at which the line of sight meets it, where its details are.
     """
     ground = {"hedge": "soil-field"}.get(kind, "asphalt")
     builder.rectangle("ground", ground, (60, 60), (x_m - 10, 0, 0))
@@ -46,7 +47,7 @@ def _brick_wall(builder: SceneBuilder, x: float, axis_z: float, rng: np.random.G
 
 
 def _hedge(builder: SceneBuilder, x: float, axis_z: float, rng: np.random.Generator) -> None:
-    """Two staggered rows of bushes as high as needed, on trunks."""
+    """Add two staggered rows of bushes on trunks, as high as needed."""
     height = axis_z + 0.25 * x
     leaf = rng.uniform(0.07, 0.14)
     shape, foliage = clipped_bush(rng, (1.7, 2.1, height), leaf, 1000)
@@ -91,3 +92,15 @@ _BACKDROPS: dict[str, Callable[[SceneBuilder, float, float, np.random.Generator]
 }
 #: Kinds of backdrops.
 BACKDROPS = tuple(_BACKDROPS)
+
+
+def outdoors(rng: np.random.Generator) -> dict[str, Any]:
+    """Return fields of a builder: an overcast sky, or equally often the sun 15° to 60° high."""
+    overcast = rng.random() < 0.5
+    azimuth, elevation = rng.uniform(0, 2 * np.pi), np.radians(rng.uniform(15, 60))
+    sun_klx, overcast_klx, blue_klx = rng.uniform(20, 90), rng.uniform(1, 15), rng.uniform(8, 18)
+    if overcast:
+        return {"sky_klx": float(overcast_klx)}
+    level = np.cos(elevation) * np.array([np.cos(azimuth), np.sin(azimuth)])
+    direction = (*level.tolist(), -float(np.sin(elevation)))
+    return {"sun_klx": float(sun_klx), "sun_direction": direction, "sky_klx": float(blue_klx)}

@@ -16,7 +16,7 @@ def hull(length: float, beam: float, freeboard: float, draught: float) -> Mesh:
         sheer = freeboard * (1 + 0.35 * max(0.0, 2 * s) ** 2)
         x = s * length
         half = wide * beam / 2
-        # A bow rakes forward and flares: its foot is narrower and farther back than its deck.
+        # The bow rakes forward and flares: its foot is narrower and farther back than its deck.
         rake = 0.06 * length * max(0.0, 2 * s) ** 3
         y = half * np.array([0.0, 0.75, 0.95, 1.0, 1.0])
         z = np.array([-draught, -draught, -0.5 * draught, 0.2 * freeboard, sheer])

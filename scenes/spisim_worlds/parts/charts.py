@@ -4,13 +4,13 @@ import numpy as np
 
 from spisim_worlds.parts.shapes import Mesh, alike, block, union
 
-#: Of the pattern in front of its board.
+#: Distance of the pattern in front of its board.
 RELIEF_M = 0.004
 THICK_M = 0.03
 
 
 def chart(rng: np.random.Generator, kind: str, width: float, height: float) -> tuple[Mesh, Mesh]:
-    """Board of a size in metres, and the pattern on it."""
+    """Return a board of a size in metres, and the pattern on it."""
     board = block((THICK_M, width, height), (THICK_M / 2, 0, 0))
     cells = _CELLS[kind](rng) - (0.5, 0.5, 0, 0)
     cells[:, 2:] = np.maximum(cells[:, 2:], 0.01)
@@ -22,7 +22,7 @@ def chart(rng: np.random.Generator, kind: str, width: float, height: float) -> t
 
 
 def _bars(rng: np.random.Generator) -> np.ndarray:
-    """Upright or level bars that get narrower; middle and size (n, 4) of each."""
+    """Return middle and size (n, 4) of upright or level bars that get narrower."""
     widths = 0.5 ** np.linspace(2.5, 5.5, 9)
     at = np.cumsum(2 * widths) - widths
     at = at / at.max() * 0.9
@@ -57,7 +57,7 @@ def _lines(rng: np.random.Generator) -> np.ndarray:
 
 
 def _patches(rng: np.random.Generator) -> np.ndarray:
-    """A few rectangles anywhere."""
+    """Return a few random rectangles."""
     n = int(rng.integers(1, 7))
     size = rng.uniform(0.08, 0.45, (n, 2))
     return np.hstack([size / 2 + rng.random((n, 2)) * (1 - size), size])

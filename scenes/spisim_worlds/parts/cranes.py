@@ -1,4 +1,4 @@
-"""Cranes of a quay, as tall as asked, and a place on each to look at."""
+"""Cranes of a quay of any height, each with a point to look at."""
 
 from collections.abc import Callable
 
@@ -68,7 +68,7 @@ def _tower_crane(
 def _portal_crane(
     builder: SceneBuilder, rng: np.random.Generator, tall: float, rails_m: float
 ) -> dict[str, Floats]:
-    """A bridge on legs that run on rails, so far to both sides."""
+    """Add a bridge on legs that run on rails to both sides."""
     x, wide = rng.uniform(-20, 20), rng.uniform(10, 22)
     y0, y1 = -1.5 - wide, -1.5
     legs = [
@@ -117,16 +117,11 @@ def _jib_crane(
 def _no_crane(
     builder: SceneBuilder, rng: np.random.Generator, tall: float, rails_m: float
 ) -> dict[str, Floats]:
-    """Nothing to look at."""
+    """Add nothing."""
     return {}
 
 
 CRANES: dict[
     str, Callable[[SceneBuilder, np.random.Generator, float, float], dict[str, Floats]]
-] = {
-    "tower": _tower_crane,
-    "portal": _portal_crane,
-    "jib": _jib_crane,
-    "none": _no_crane,
-}
-"""By name: into a builder, from a height and half the length of rails, both in m."""
+] = {"tower": _tower_crane, "portal": _portal_crane, "jib": _jib_crane, "none": _no_crane}
+"""Functions by name that add a crane, given its height and half the length of rails in m."""

@@ -18,7 +18,7 @@ DOOR_M = (1.0, 2.15)
 class Front:
     """Bays side by side, each with one window per storey, or a door on the ground floor.
 
-    `start_m` is where the first bay begins along x, `door_bays` says which have a door.
+    `start_m` is where the first bay begins along x, and `door_bays` are those with a door.
     """
 
     start_m: float
@@ -46,7 +46,7 @@ class Front:
 def add_front(
     builder: SceneBuilder, front: Front, y: float, wall: str, frame: str, rng: np.random.Generator
 ) -> None:
-    """The front at `y`, in materials of wall and frames, some windows with curtains or open."""
+    """Add a front at `y` in materials of wall and frames, with some windows curtained or open."""
     at = (0.0, y, 0.0)
     builder.mesh("front", wall, _wall(front), at)
     builder.mesh("rooms", "plasterboard", _rooms(front), at)
@@ -89,7 +89,7 @@ def _wall(front: Front) -> Mesh:
 
 
 def _around_door(x: float, width: float, head: float) -> list[Mesh]:
-    """What closes the opening of a window down to the ground around a door."""
+    """Close the opening of a floor-length window around a door."""
     side = (width - DOOR_M[0]) / 2
     parts = [_upright(x, DOOR_M[0], DOOR_M[1], head)] if head > DOOR_M[1] else []
     if side > 0:
@@ -98,12 +98,12 @@ def _around_door(x: float, width: float, head: float) -> list[Mesh]:
 
 
 def _upright(x: float, width: float, low: float, high: float) -> Mesh:
-    """Piece of wall around x."""
+    """Return a piece of wall around x."""
     return block((width, WALL_M, high - low), (x, WALL_M / 2, (low + high) / 2))
 
 
 def _rooms(front: Front) -> Mesh:
-    """Floors, back wall and walls between the rooms, every second bay."""
+    """Add floors, a back wall, and walls between the rooms in every second bay."""
     length = front.bays * front.bay_m
     centre = front.start_m + length / 2
     height = front.storeys * STOREY_M

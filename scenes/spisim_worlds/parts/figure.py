@@ -1,6 +1,7 @@
-"""A person put together from limbs, in any posture.
+"""People in any posture, and grazing animals.
 
-About 1.77 m tall and facing -x; `Side` holds the joints of the right (-1) or left (1) half.
+A person is about 1.77 m tall and faces -x; `Side` holds the joints of the right (-1) or left (1)
+half. Animals stand on z = 0 along x, with the head towards +x; lengths in metres.
 """
 
 from collections.abc import Sequence
@@ -10,7 +11,7 @@ import numpy as np
 from trimesh.creation import icosphere
 
 from reconstruction.base.arrays import Floats
-from spisim_worlds.parts.shapes import Mesh, Point, lathe, limb, moved, union
+from spisim_worlds.parts.shapes import Mesh, Point, lathe, limb, moved, tube, union
 
 UPPER_ARM_M, FOREARM_M, HAND_M = 0.28, 0.24, 0.09
 THIGH_M, SHIN_M = 0.38, 0.4
@@ -18,7 +19,7 @@ TORSO = [
     (0, 0.84), (0.15, 0.86), (0.165, 0.93), (0.14, 1.05), (0.15, 1.2),
     (0.175, 1.36), (0.165, 1.43), (0.11, 1.48), (0.06, 1.5), (0, 1.5),
 ]  # fmt: skip
-#: Chests are not round: depth and width relative to the profile's radius.
+#: Depth and width of the chest relative to the profile's radius.
 FLAT = (0.68, 1.08, 1)
 
 
@@ -40,9 +41,9 @@ class Side:
 
 @dataclass(frozen=True)
 class Arm:
-    """`raised_deg` from hanging (0) to straight up (180); the forearm is raised by `bent_deg` more.
+    """Angles of an arm: `raised_deg` from hanging (0) to straight up (180), and `bent_deg` further.
 
-    Both turn in the plane that is `forward_deg` from sideways (0) to straight ahead (90).
+    Both are in the plane `forward_deg` from sideways (0) to straight ahead (90).
     """
 
     raised_deg: float
@@ -52,7 +53,7 @@ class Arm:
 
 @dataclass(frozen=True)
 class Leg:
-    """`forward_deg` of the thigh from straight down, and how far the knee bends the shin back."""
+    """Angles of a leg: `forward_deg` of the thigh from straight down, and the bend of the knee."""
 
     forward_deg: float = 0.0
     bent_deg: float = 0.0
@@ -60,7 +61,7 @@ class Leg:
 
 
 def resting(side: int) -> Side:
-    """Joints of someone who stands with the arms a little bent."""
+    """Return joints of a person who stands with slightly bent arms."""
     x, y, z = -0.17, 0.22 * side, 1.06
     return Side(
         shoulder=(0, 0.2 * side, 1.4),
@@ -77,7 +78,7 @@ def resting(side: int) -> Side:
 
 
 def posed(side: int, arm: Arm, leg: Leg) -> Side:
-    """Joints by angles; the hip stays where it is, so the feet may end above or below z = 0."""
+    """Return joints by angles; the hip is fixed, so the feet may end above or below z = 0."""
     shoulder, hip = np.array([0, 0.2 * side, 1.4]), np.array([0, 0.09 * side, 0.86])
     elbow = shoulder + UPPER_ARM_M * _arm_direction(side, arm.raised_deg, arm.forward_deg)
     forearm = _arm_direction(side, arm.raised_deg + arm.bent_deg, arm.forward_deg)
@@ -107,12 +108,12 @@ def clothes(sides: Sequence[Side]) -> Mesh:
 
 
 def jacket(sides: Sequence[Side]) -> Mesh:
-    """What is worn above the belt."""
+    """Clothes above the belt."""
     return union([_chest(), *(part for side in sides for part in _sleeves(side))])
 
 
 def trousers(sides: Sequence[Side]) -> Mesh:
-    """What is worn below, boots included."""
+    """Clothes below the belt, including boots."""
     return union([part for side in sides for part in _trouser_leg(side)])
 
 
@@ -125,7 +126,7 @@ def skin(sides: Sequence[Side]) -> Mesh:
 
 
 def nose() -> Mesh:
-    """What tells the front of a head from its back."""
+    """The nose, which distinguishes the front of a head."""
     return limb((-0.105, 0, 1.655), (-0.125, 0, 1.625), 0.014)
 
 
@@ -187,3 +188,35 @@ def _leg_direction(side: int, forward_deg: float, apart_deg: float) -> Floats:
     forward, apart = np.radians((forward_deg, apart_deg))
     down = np.array([-np.sin(forward), 0, -np.cos(forward)])
     return np.asarray(np.cos(apart) * down + np.sin(apart) * np.array([0, side, 0]))
+
+
+#: Length of the body, height of the back, half the width.
+SIZES = {"cows": (1.5, 1.4, 0.36), "sheep": (0.75, 0.75, 0.24), "horses": (1.5, 1.6, 0.33)}
+COATS = {"cows": "leather", "sheep": "cotton-terry", "horses": "hair-dark"}
+
+
+def animal(rng: np.random.Generator, kind: str) -> Mesh:
+    """Return an animal that grazes, or has its head up."""
+    long, tall, thick = SIZES[kind]
+    belly = tall - thick
+    trunk = limb((-long / 2 + thick, 0, belly), (long / 2 - thick, 0, belly), thick)
+    legs = []
+    for x in (-long / 2 + 0.8 * thick, long / 2 - 0.8 * thick):
+        for y in (-0.55 * thick, 0.55 * thick):
+            knee = (x + rng.uniform(-0.06, 0.06), y, 0.45 * belly)
+            widths = thick * np.array([0.32, 0.2, 0.16])
+            legs.append(tube([(x, y, belly), knee, (x, y, 0)], widths, 7))
+    neck = np.array([long / 2 - 0.4 * thick, 0, belly + 0.3 * thick])
+    if rng.random() < 0.5:
+        head = neck + np.array([0.35 * tall, 0, -0.6 * belly])
+        nose = head + np.array([0.12 * tall, 0, -0.1 * tall])
+    else:
+        head = neck + np.array([0.3 * tall, 0, 0.25 * tall])
+        nose = head + np.array([0.2 * tall, 0, -0.08 * tall])
+    front = [limb(neck, head, 0.42 * thick), limb(head, nose, 0.3 * thick)]
+    ears = []
+    for s in (-1, 1):
+        root, tip = (head + thick * np.array([0, s * y, z]) for y, z in ((0.2, 0.2), (0.5, 0.35)))
+        ears.append(limb(root, tip, 0.08 * thick))
+    tail = tube([(-long / 2, 0, belly + 0.5 * thick), (-long / 2 - 0.1, 0, belly * 0.5)], 0.025, 5)
+    return union([trunk, *legs, *front, *ears, tail])

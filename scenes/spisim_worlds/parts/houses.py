@@ -1,4 +1,4 @@
-"""Houses, barns and halls as they are seen from outside and from far; lengths in metres."""
+"""Houses, barns and halls as seen from outside and from afar; lengths in metres."""
 
 from typing import NamedTuple
 
@@ -50,7 +50,7 @@ def add_houses(
     positions: list[tuple[float, float, float]],
     name: str = "house",
 ) -> None:
-    """A house of its own kind at every place (x, y, z), turned any way."""
+    """Add a different house at every position (x, y, z), turned at random."""
     for number, position in enumerate(positions, 1):
         flat = rng.random() < 0.2
         made = house(

@@ -19,8 +19,10 @@ def boom(
     chord_m: float,
     corners: Floats = SQUARE,
 ) -> Mesh:
-    """Straight lattice between two points: chords of radius `chord_m` at the corners of a square or
-    triangle of half a width at either end, battens and crossing diagonals in every panel.
+    """Return a straight lattice between two points.
+
+    Chords of radius `chord_m` are at the corners of a square or triangle, given half its width at
+    either end, with battens and crossing diagonals in every panel.
     """
     axis = np.asarray(end, float) - np.asarray(start, float)
     along = axis / np.linalg.norm(axis)

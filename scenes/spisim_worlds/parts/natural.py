@@ -1,4 +1,4 @@
-"""Things without edges: stones, lumps, clipped bushes; lengths in metres."""
+"""Objects without straight edges: stones, lumps, clipped bushes; lengths in metres."""
 
 import numpy as np
 from trimesh.creation import icosahedron, icosphere
@@ -10,7 +10,7 @@ from spisim_worlds.parts.shapes import Mesh, Point, alike
 
 
 def scattered_rocks(rng: np.random.Generator, positions: Floats, sizes: Floats) -> Mesh:
-    """Broken stones at places (n, 3), of sizes (n,), each of a shape and turned its own way."""
+    """Return broken stones at positions (n, 3), of sizes (n,), each of its own shape."""
     one = icosahedron()
     n = len(positions)
     stretch = sizes[:, None] * rng.uniform((0.8, 0.6, 0.4), (1.2, 1.0, 0.8), (n, 3)) / 2

@@ -1,6 +1,6 @@
-"""Where things go: angles seen by the drone, ground with relief.
+"""Positions of objects: angles seen by the drone, and ground with relief.
 
-Angles are those of a drone that looks along x: to the left and up are positive.
+The drone looks along x; angles to the left and up are positive.
 """
 
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ from reconstruction.base.arrays import Floats
 from spisim_worlds.parts.shapes import Mesh, grid_mesh
 
 Range = tuple[float, float]
-#: How much deeper than the slope demands a foot goes: the ground's triangles cut its curves.
+#: Extra depth of a foot on a slope, because triangles cut the curves of the ground.
 DEEPER = 1.2
 
 
 def aside(ahead_m: float, angle_deg: float) -> float:
-    """How far beside (or above) the line of sight something `ahead_m` is seen at an angle."""
+    """Return the offset from the line of sight of an object `ahead_m` seen at an angle."""
     return float(ahead_m * np.tan(np.radians(angle_deg)))
 
 
@@ -25,8 +25,8 @@ def aside(ahead_m: float, angle_deg: float) -> float:
 class Ground:
     """Rolling ground, z = 0 on average, that rises to a bank ahead.
 
-    Waves have `numbers` (n, 2) in rad/m, `phases` (n,) and together stay within `relief_m`. The
-    bank starts `bank_start_m` ahead and rises by `bank_slope` to about `bank_height_m`.
+    Waves with `numbers` (n, 2) in rad/m and `phases` (n,) sum to at most `relief_m`. The bank
+    starts `bank_start_m` ahead and rises by `bank_slope` to about `bank_height_m`.
     """
 
     relief_m: float
@@ -37,7 +37,7 @@ class Ground:
     bank_height_m: float = 5.0
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Height at places, of the shape of `x` and `y`."""
+        """Return the height at positions, of the shape of `x` and `y`."""
         x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
         waves = np.cos(np.stack([x, y], axis=-1) @ self.numbers.T + self.phases)
         bank = np.clip(self.bank_slope * (x - self.bank_start_m), 0, self.bank_height_m)
@@ -46,11 +46,11 @@ class Ground:
         return np.asarray(self.relief_m * wave + bank * (1 + wave / 2), float)
 
     def on(self, x: float, y: float, sunk_m: float = 0.0) -> tuple[float, float, float]:
-        """A place on the ground, or so much below it."""
+        """Return a point on the ground, or below it by a depth."""
         return (x, y, float(self.height(x, y)) - sunk_m)
 
     def below(self, x: float, y: float, sunk_m: float, foot_m: float) -> tuple[float, float, float]:
-        """A place so much below the ground, or lower, so that all of a round foot is in it."""
+        """Return a point below the ground, so deep that all of a round foot is in it."""
         turn = np.linspace(0, 2 * np.pi, 16, endpoint=False)
         rim = self.height(x + foot_m * np.cos(turn), y + foot_m * np.sin(turn))
         height = float(self.height(x, y))
@@ -62,7 +62,7 @@ class Ground:
         return grid_mesh(np.stack([*grid, self.height(*grid)], axis=-1))
 
     def path(self, middle: ArrayLike, width_m: float, above_m: float) -> Mesh:
-        """Strip along points (n, 2) on the ground, a little above it."""
+        """Return a strip along points (n, 2), slightly above the ground."""
         points = np.asarray(middle, float)
         along = np.gradient(points, axis=0)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)

@@ -14,7 +14,7 @@ from spisim_worlds.parts.shapes import Mesh, tube, union
 
 #: Thinnest twig.
 TWIG_RADIUS_M = 0.0015
-#: Of a trunk at its foot, relative to its radius.
+#: Widening of a trunk at its foot, relative to its radius.
 FLARE = 1.35
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -44,7 +44,7 @@ def grow(
     levels: int,
     children: int = 4,
 ) -> list[Limb]:
-    """A branch, and branches from it, `levels` deep, each half as long and as thick."""
+    """Return a branch with branches `levels` deep, each half as long and as thick."""
     points = 6 if levels else 4
     steps = wander(rng, unit(direction), points - 1, 0.18) * (length_m / (points - 1))
     path = np.vstack([np.zeros(3), steps.cumsum(axis=0)]) + np.asarray(start, float)
@@ -69,7 +69,7 @@ def tree(
     lowest_m: float,
     reach_m: float,
 ) -> list[Limb]:
-    """Trunk on z = 0 with branches from `lowest_m` up, the lowest `max_range_m` long."""
+    """Return a trunk on z = 0 with branches from `lowest_m` up, the lowest `reach_m` long."""
     lean = rng.normal(0, 0.04, 3) * (1, 1, 0)
     steps = wander(rng, unit(UP + lean), 8, 0.04) * (height_m / 8)
     path = np.vstack([np.zeros(3), steps.cumsum(axis=0)])
@@ -85,7 +85,7 @@ def tree(
 
 
 def bush(rng: np.random.Generator, height_m: float, stems: int, twigs: int) -> list[Limb]:
-    """Stems out of one place on the ground, each with as many twigs."""
+    """Return stems from one point on the ground, each with as many twigs."""
     limbs: list[Limb] = []
     for _ in range(stems):
         out = unit(UP + rng.uniform(0.1, 0.9) * aside_of(rng, UP))
@@ -95,12 +95,12 @@ def bush(rng: np.random.Generator, height_m: float, stems: int, twigs: int) -> l
 
 
 def wood(limbs: Sequence[Limb]) -> Mesh:
-    """Limbs as tubes; the thicker the rounder."""
+    """Return limbs as tubes; thicker ones are rounder."""
     return union([tube(limb.path, limb.radii, _sections(limb)) for limb in limbs])
 
 
 def leaves(rng: np.random.Generator, limbs: Sequence[Limb], size_m: float, per_limb: int) -> Mesh:
-    """Leaves, diamonds of about `size_m`, along the outer part of the thinnest limbs."""
+    """Return leaves, diamonds of about `size_m`, along the outer part of the thinnest limbs."""
     twigs = [limb for limb in limbs if limb.radii[0] < 0.008]
     positions, along = [], []
     for twig in twigs:
@@ -112,9 +112,9 @@ def leaves(rng: np.random.Generator, limbs: Sequence[Limb], size_m: float, per_l
 
 
 def blades(rng: np.random.Generator, positions: Floats, along: Floats, size_m: float) -> Mesh:
-    """A leaf per place (n, 3) that points roughly `along` (n, 3), away from it and any way round.
+    """Return a leaf per position (n, 3) that points roughly `along` (n, 3), away from it.
 
-    Two triangles each, folded a little at the midrib.
+    Each has two triangles, slightly folded at the midrib.
     """
     n = len(positions)
     sizes = size_m * rng.uniform(0.6, 1.3, (n, 1))
@@ -147,13 +147,13 @@ def tuft(rng: np.random.Generator, height_m: float, stalks: int) -> Mesh:
 
 
 def wander(rng: np.random.Generator, direction: Floats, steps: int, spread: float) -> Floats:
-    """Unit steps (steps, 3) of a walk that starts in a direction and changes it at random."""
+    """Return unit steps (steps, 3) of a random walk that starts in a direction."""
     walk = direction + np.vstack([np.zeros(3), rng.normal(0, spread, (steps - 1, 3))]).cumsum(0)
     return _units(walk)
 
 
 def aside_of(rng: np.random.Generator, direction: Floats) -> Floats:
-    """Unit vector across a direction, any way round."""
+    """Return a random unit vector across a direction."""
     while True:
         across = np.cross(direction, rng.normal(0, 1, 3))
         if np.linalg.norm(across) > 0.1:
@@ -161,7 +161,7 @@ def aside_of(rng: np.random.Generator, direction: Floats) -> Floats:
 
 
 def unit(vector: ArrayLike) -> Floats:
-    """The vector (3,) with length 1."""
+    """Return a vector (3,) scaled to length 1."""
     values = np.asarray(vector, float)
     return np.asarray(values / np.linalg.norm(values))
 

@@ -1,7 +1,7 @@
-"""Things that stand about in scenes, as triangles.
+"""Objects that stand about in scenes, as triangles.
 
-Every object stands on z = 0, centred on the z axis unless said otherwise, in metres; x points away
-from whoever looks at its front. Parts may overlap: only their outer surface is ever seen.
+Every object stands on z = 0, centred on the z axis unless stated otherwise, in metres; x points
+away from a viewer of its front. Parts may overlap, because only the outer surface is visible.
 """
 
 import numpy as np
@@ -164,7 +164,7 @@ def add_worker(
     clothes: str = "polyester-fabric",
     hat: str = "polypropylene",
 ) -> None:
-    """Someone who stands there in a hard hat, in cloth and a hat of these materials."""
+    """Add a standing person in a hard hat, with these materials of cloth and hat."""
     builder.mesh("overall", clothes, worker_clothes(), at, turn)
     builder.mesh("skin", "skin", worker_skin(), at, turn)
     builder.mesh("hard hat", hat, worker_hat(), at, turn)

@@ -1,4 +1,4 @@
-"""Ropes, cables and nets: things too thin for the eye of a drone; lengths in metres."""
+"""Ropes, cables and nets, which are thin for a drone's camera; lengths in metres."""
 
 from collections.abc import Sequence
 
@@ -23,7 +23,7 @@ def lying(
     knots = np.asarray(corners, float)
     knots[1:-1] += rng.uniform(-sway, sway, (len(knots) - 2, 2))
     path = np.empty((points, 3))
-    # A cubic through the corners would overshoot; smoothing the polygon over a few points does not.
+    # Unlike a cubic through the corners, the smoothed polygon does not overshoot.
     fine = np.linspace(0, len(knots) - 1, points)
     for axis in (0, 1):
         straight = np.interp(fine, np.arange(len(knots)), knots[:, axis])
@@ -34,7 +34,7 @@ def lying(
 
 
 def net(corners: Sequence[Point], mesh: float, diameter: float, sag: float) -> Mesh:
-    """Knotted net within corners (4, 3), in turn; every cord across hangs through by `sag`."""
+    """Return a knotted net within corners (4, 3), in order, whose cords across sag by `sag`."""
     low, high, high_far, low_far = (np.asarray(corner, float) for corner in corners)
     across = _steps(low, low_far, mesh)
     up = _steps(low, high, mesh)
@@ -49,5 +49,5 @@ def net(corners: Sequence[Point], mesh: float, diameter: float, sag: float) -> M
 
 
 def _steps(start: Floats, end: Floats, mesh: float) -> Floats:
-    """Fractions of the way between two corners at which a cord crosses."""
+    """Return the fractions between two corners at which a cord crosses."""
     return np.linspace(0, 1, 1 + max(2, round(float(np.linalg.norm(end - start)) / mesh)))

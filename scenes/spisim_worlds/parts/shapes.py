@@ -1,4 +1,4 @@
-"""Solids that props are put together from, as triangles; lengths in metres."""
+"""Solids as triangles, from which props are built; lengths in metres."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any, TypeAlias
@@ -15,7 +15,7 @@ Mesh: TypeAlias = trimesh.Trimesh
 
 
 def block(size: Point, centre: Point) -> Mesh:
-    """Box with its centre somewhere."""
+    """Return a box with this centre."""
     return moved(box(size), centre)
 
 
@@ -38,9 +38,9 @@ def lathe(profile: Iterable[Point], sections: int) -> Mesh:
 
 
 def prism(profile: Sequence[Point], width: float) -> Mesh:
-    """Solid of a side view, (x, z) listed anticlockwise, `width` wide along y, centred on y = 0.
+    """Return a solid from its side view, (x, z) anticlockwise, `width` wide, centred on y = 0.
 
-    The mean of the points has to see all of them.
+    All its points must be visible from their mean.
     """
     outline = np.asarray(profile, float)
     points = np.vstack([outline, outline.mean(axis=0)])
@@ -86,14 +86,14 @@ def union(parts: Sequence[Mesh]) -> Mesh:
 
 
 def alike(corners: Floats, faces: NDArray[np.int64]) -> Mesh:
-    """Many solids with the same triangles as one mesh: corners (n, v, 3) of each, faces (f, 3)."""
+    """Return many solids with the same triangles as one mesh: corners (n, v, 3), faces (f, 3)."""
     n, v, _ = corners.shape
     every = faces + v * np.arange(n)[:, None, None]
     return Mesh(corners.reshape(-1, 3), every.reshape(-1, 3), process=False)
 
 
 def spread(mesh: Mesh, positions: ArrayLike, turns_deg: ArrayLike, scales: ArrayLike) -> Mesh:
-    """Copies of a solid as one mesh: at places (n, 3), turned about z and scaled, (n,) or one."""
+    """Return copies of a solid as one mesh, at positions (n, 3), turned about z and scaled."""
     at = np.asarray(positions, float)
     turn = np.radians(np.broadcast_to(np.asarray(turns_deg, float), len(at)))
     scale = np.broadcast_to(np.asarray(scales, float), len(at))
@@ -104,7 +104,7 @@ def spread(mesh: Mesh, positions: ArrayLike, turns_deg: ArrayLike, scales: Array
 
 
 def bars(segments: Sequence[Any] | Floats, radius: float, sections: int = 4) -> Mesh:
-    """Straight bars between pairs of points (n, 2, 3), as of a lattice, as one mesh."""
+    """Return straight bars between pairs of points (n, 2, 3) as one mesh."""
     ends = np.asarray(segments, float)
     along = ends[:, 1] - ends[:, 0]
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -121,10 +121,11 @@ def bars(segments: Sequence[Any] | Floats, radius: float, sections: int = 4) -> 
 
 
 def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
-    """Round tube along points, closed at both ends: wires, pipes, branches.
+    """Return a round closed tube along points, for wires, pipes and branches.
 
-    `path` (n, 3), `radii` one for all or one per point. Rings lie across the bisectors of the bends
-    and are carried along without twist (Wang et al. 2008, double reflection, here by rotations).
+    `path` is (n, 3), and `radii` one value or one per point. Rings are perpendicular to the
+    bisectors of the bends and carried along without twist (Wang et al. 2008, double reflection,
+    here by rotations).
     """
     points = np.asarray(path, float)
     radius = np.broadcast_to(np.asarray(radii, float), (len(points),))
@@ -147,8 +148,9 @@ def tube(path: ArrayLike, radii: ArrayLike, sections: int = 8) -> Mesh:
 
 
 def loft(rings: Floats) -> Mesh:
-    """Closed surface through rings of corners (n, k, 3), each counter-clockwise seen from its far
-    side: from where the next one is.
+    """Return a closed surface through rings of corners (n, k, 3).
+
+    Each ring is counter-clockwise as seen from the next one.
     """
     n, k, _ = rings.shape
     vertices = np.vstack([rings.reshape(-1, 3), rings[[0, -1]].mean(axis=1)])
@@ -156,7 +158,7 @@ def loft(rings: Floats) -> Mesh:
 
 
 def _tube_faces(rings: int, sections: int) -> NDArray[np.int64]:
-    """Triangles, facing out, of rings of vertices followed by the centres of both ends."""
+    """Return triangles, facing out, of rings of vertices followed by the centres of both ends."""
     ring = np.arange(sections)
     following = (ring + 1) % sections
     start = sections * np.arange(rings - 1)[:, None]

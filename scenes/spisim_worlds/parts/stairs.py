@@ -1,6 +1,6 @@
 """Stairs other than two flights about a landing: winding in a shaft, or straight.
 
-Each adds itself to a builder and tells where a drone may fly in it and what it looks at; lengths in
+Each adds itself to a builder and returns the azimuth and the target of the drone; lengths in
 metres.
 """
 
@@ -22,7 +22,7 @@ from spisim_worlds.parts.shapes import (
 )  # fmt: skip
 
 SLAB_M, RAILING_M = 0.16, 0.95
-#: What is on walls.
+#: Fixtures on walls.
 PLATES = ("steel-painted", "paint-white", "rubber-black", "wood-dry", "glass-painted-back")
 
 
@@ -55,12 +55,12 @@ def add_winding(
     builder.mesh("floor and ceiling", walls, union(ends))
     _winding_rails(builder, rng, well, outer, rise, angle, count)
     at = float(rng.uniform(0.25, 0.6)) * count
-    position, radius = at * angle, well + rng.uniform(0.4, 0.6) * (outer - well)
+    azimuth, radius = at * angle, well + rng.uniform(0.4, 0.6) * (outer - well)
     eye = np.array(
-        [radius * np.cos(position), radius * np.sin(position), at * rise + rng.uniform(1.2, 1.6)]
+        [radius * np.cos(azimuth), radius * np.sin(azimuth), at * rise + rng.uniform(1.2, 1.6)]
     )
-    along = way * np.array([-np.sin(position), np.cos(position), 0]) * rng.choice([-1, 1])
-    inward = -np.array([np.cos(position), np.sin(position), 0])
+    along = way * np.array([-np.sin(azimuth), np.cos(azimuth), 0]) * rng.choice([-1, 1])
+    inward = -np.array([np.cos(azimuth), np.sin(azimuth), 0])
     mix = rng.uniform(-0.3, 1.0)
     aim = eye + along + mix * inward + np.array([0, 0, rng.uniform(-0.75, 0.6)])
     return eye, aim
@@ -69,7 +69,7 @@ def add_winding(
 def _plates(
     builder: SceneBuilder, rng: np.random.Generator, positions: Floats, turns_deg: Floats, name: str
 ) -> None:
-    """Signs, boxes, grilles and patches on walls: at places (n, 3), each facing its own -x."""
+    """Add signs, boxes, grilles and patches on walls at positions (n, 3), facing their own -x."""
     for number, material in enumerate(PLATES):
         own = slice(number, None, len(PLATES))
         if not len(positions[own]):
@@ -116,7 +116,7 @@ def _winding_rails(
 
 
 def _wedge(inner: float, outer: float, start: float, angle: float, top: float, deep: float) -> Mesh:
-    """One step between two radii, `deep` thick, a little longer than its share of the turn."""
+    """Return one step between two radii, `deep` thick, slightly longer than its turn."""
     turn = np.linspace(start, start + 1.12 * angle, 4)
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     outline = np.vstack([inner * ring, outer * ring[::-1]])

@@ -1,4 +1,4 @@
-"""Land from the drone's feet to the horizon, at no cost: a grid whose cells grow with distance.
+"""Land from the drone's feet to the horizon at little cost: a grid that coarsens with distance.
 
 The drone is above the origin and looks along x; lengths in metres.
 """
@@ -16,10 +16,10 @@ from spisim_worlds.parts.shapes import Mesh, grid_mesh
 
 Range = tuple[float, float]
 Relief = Callable[[Floats, Floats], Floats]
-#: How far land and water reach. Seen from 30 m above, their edge is 0.2° below the horizon; single
-#: precision still tells millimetres there.
+#: Extent of land and water. From 30 m above, their edge is 0.2° below the horizon; single
+#: precision still resolves millimetres there.
 HORIZON_M = 8000.0
-#: By how much a line of the grid is farther from the next one than from the last.
+#: Ratio of successive distances between grid lines.
 GROWTH = 1.14
 
 
@@ -32,7 +32,7 @@ class Terrain:
     z_m: Floats
 
     def height(self, x: ArrayLike, y: ArrayLike) -> Floats:
-        """Height of the mesh itself at places, so that what stands there neither floats nor sinks.
+        """Return the height of the mesh itself, so that objects on it neither float nor sink.
 
         `x`, `y` and the heights have the same shape.
         """
@@ -43,15 +43,15 @@ class Terrain:
         return np.where(u >= v, a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d))
 
     def on(self, x: float, y: float, sunk_m: float = 0.0) -> tuple[float, float, float]:
-        """A place on the ground, or so much below it."""
+        """Return a point on the ground, or below it by a depth."""
         return (float(x), float(y), float(self.height(x, y)) - sunk_m)
 
     def positions(self, x: ArrayLike, y: ArrayLike, sunk_m: float = 0.0) -> Floats:
-        """Places (n, 3) on the ground, or so much below it."""
+        """Return points (n, 3) on the ground, or below it by a depth."""
         return np.stack([x, y, self.height(x, y) - sunk_m], axis=-1)
 
     def draped(self, path: ArrayLike, width_m: float, above_m: float = 0.02) -> Mesh:
-        """Strip along points (n, 2), a little above the ground: a road, a ditch, a furrow."""
+        """Return a strip along points (n, 2), slightly above the ground: a road, a furrow."""
         points = np.asarray(path, float)
         along = np.gradient(points, axis=0)
         across = np.stack([-along[:, 1], along[:, 0]], axis=1)
@@ -73,7 +73,7 @@ class Terrain:
         kinds: NDArray[np.int64] | None = None,
         name: str = "ground",
     ) -> None:
-        """The land, cell by cell of the kind of material that `kinds` (n - 1, m - 1) says."""
+        """Add the land, with the kind of material of each cell given by `kinds` (n - 1, m - 1)."""
         whole = grid_mesh(np.stack([*np.meshgrid(self.x_m, self.y_m, indexing="ij"), self.z_m], -1))
         of_face = np.zeros(len(whole.faces), int) if kinds is None else np.tile(kinds.ravel(), 2)
         for number, material in enumerate(materials):
@@ -85,8 +85,9 @@ class Terrain:
 
 
 def terrain(relief: Relief, near: tuple[Range, Range], step_m: float) -> Terrain:
-    """Land of a relief, with a grid of `step_m` within the near limits of x and y, ever coarser
-    beyond, to the horizon.
+    """Return land of a relief out to the horizon.
+
+    The grid has `step_m` within the near limits of x and y, and is ever coarser beyond.
     """
     x, y = (_graded(limits, step_m) for limits in near)
     grid = np.meshgrid(x, y, indexing="ij")
@@ -127,8 +128,8 @@ def add_shore(
 ) -> Terrain:
     """Add land of some kinds (n - 1, m - 1) of material, and water up to a level.
 
-    At 1550 nm water is opaque and reflects 2 %: its body absorbs what its surface lets in. Returns
-    the land with the water's surface as what one stands on.
+    At 1550 nm water is opaque and reflects 2 %, because its body absorbs the transmitted light.
+    Returns the land including the water's surface, as ground for objects.
     """
     flooded = Terrain(land.x_m, land.y_m, np.maximum(land.z_m, level_m))
     z = flooded.z_m
@@ -141,7 +142,7 @@ def add_shore(
 def patchwork(
     rng: np.random.Generator, land: Terrain, kinds: int, size_m: float, count: int = 150
 ) -> NDArray[np.int64]:
-    """A kind (n - 1, m - 1) for each cell: fields around random places, larger when farther."""
+    """Return a kind (n - 1, m - 1) for each cell: random fields, larger with distance."""
     steps, angles = rng.uniform(0, 7, count), rng.uniform(-np.pi, np.pi, count)
     ahead = rng.random(count) < 0.6
     angles[ahead] /= 6
@@ -152,12 +153,12 @@ def patchwork(
 
 
 def _log_polar(log_radius: Floats, angle: Floats) -> Floats:
-    """Points (..., 3) whose distances are those of the logarithms of radii, and of angles."""
+    """Return points (..., 3) from logarithms of radii, and angles."""
     return np.stack([log_radius, np.cos(angle), np.sin(angle)], axis=-1)
 
 
 def _cell(lines: Floats, at: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Number of the cell that each place is in, and how far into it, from 0 to 1."""
+    """Return the cell of each position, and the fractional position within it."""
     i = np.clip(np.searchsorted(lines, at, side="right") - 1, 0, len(lines) - 2)
     return i, (at - lines[i]) / (lines[i + 1] - lines[i])
 

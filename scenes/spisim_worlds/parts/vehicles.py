@@ -79,7 +79,7 @@ def _add_cabin(
     at: Point,
     turn: Point,
 ) -> None:
-    """Panes between four corners of a side view (x, z), and pillars along them."""
+    """Add panes between four corners of a side view (x, z), and pillars along them."""
     half = np.where(np.array(outline)[:, 1] > 1.2, half_top, HALF_WIDTH_M - 0.03)
     left = np.array([(x, w, z) for (x, z), w in zip(outline, half, strict=True)])
     right = left * (1, -1, 1)

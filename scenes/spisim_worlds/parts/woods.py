@@ -1,4 +1,4 @@
-"""Trees from ten metres on, and woods as they look from afar; lengths in metres."""
+"""Trees from ten metres on, and woods as seen from afar; lengths in metres."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -13,18 +13,18 @@ from spisim_worlds.parts.plants import blades
 from spisim_worlds.parts.shapes import Mesh, bars, grid_mesh, lathe, moved, spread, union
 from spisim_worlds.parts.terrain import Terrain
 
-#: Trees nearer than this have leaves as they are, but no more than so many trees.
+#: Trees nearer than this have leaves of natural size, up to this number of trees.
 NEAR_M, MAX_NEAR = 14.0, 3
 #: Woods farther than this are part of the hills.
 FARTHEST_M = 4000.0
-#: Kinds of the trees that are copied.
+#: Kinds of trees to copy.
 COPIED = 3
-#: Leaves of a tree near by and of one farther off, and their size.
+#: Leaves of near and of far trees, and their size.
 FINE, COARSE = (6000, 0.13), (800, 0.4)
 
 
 class Tree(NamedTuple):
-    """A tree 1 m high on z = 0, and what its foliage is."""
+    """A tree 1 m high on z = 0, and its foliage."""
 
     wood: Mesh
     foliage: Mesh
@@ -82,14 +82,14 @@ def dead(rng: np.random.Generator, *_: object) -> Tree:
 
 
 def _crown(rng: np.random.Generator, size: Floats, leaf: float, leaves: int) -> Mesh:
-    """Leaves within an ellipsoid, most of them outside; a body inside hides what is behind."""
+    """Return leaves within an ellipsoid, most of them outside; a body inside blocks the view."""
     out = rng.normal(size=(leaves, 3))
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     deep = rng.uniform(0.55, 1.05, (leaves, 1))
     return union([blob(rng, 0.5 * size, 0.2, 1), blades(rng, out * deep * size / 2, out, leaf)])
 
 
-#: Each grows one with so many leaves, of a size relative to its height, of a material.
+#: Functions that grow a tree, given number, relative size and material of its leaves.
 TREES: dict[str, Callable[[np.random.Generator, int, float, str], Tree]] = {
     "broad-leaved": broad_leaved,
     "conifer": conifer,
@@ -107,8 +107,10 @@ def add_wood(
     positions: ArrayLike,
     height_m: float,
 ) -> None:
-    """Trees of some kinds at places (n, 3), of about a height; those within `NEAR_M` of the drone
-    have leaves of their own, of a natural size; the others are copies, and their leaves are larger.
+    """Add trees of some kinds at positions (n, 3), of about a height.
+
+    Those within `NEAR_M` of the drone have individual leaves of natural size; the others are copies
+    with larger leaves.
     """
     at = np.asarray(positions, float).reshape(-1, 3)
     heights = height_m * rng.uniform(0.65, 1.25, len(at))
@@ -131,9 +133,9 @@ def add_wood(
 def tree_line(
     rng: np.random.Generator, land: Terrain, path: ArrayLike, height_m: float, deep_m: float
 ) -> Mesh:
-    """The edge of a wood along points (n, 2), and its tops behind: to the left of the path.
+    """Add the edge of a wood along points (n, 2), and its tops behind, to the left of the path.
 
-    Crowns stand out as they do from afar: by more than they are deep.
+    Crowns protrude by more than their depth, as seen from afar.
     """
     corners = np.asarray(path, float)
     lengths = np.concatenate([[0], np.linalg.norm(np.diff(corners, axis=0), axis=1).cumsum()])
@@ -162,7 +164,7 @@ def add_far_woods(
     nearest_m: float,
     heading_deg: float = 0.0,
 ) -> None:
-    """Strips of wood here and there ahead, the farther the longer."""
+    """Add strips of wood ahead at random, longer with distance."""
     strips = []
     for distance in nearest_m * (FARTHEST_M / nearest_m) ** rng.uniform(0, 1, count):
         angle = np.radians(heading_deg + rng.uniform(-14, 14))
@@ -184,7 +186,7 @@ def scattered_tufts(
     far_m: float,
     height_m: float,
 ) -> Mesh:
-    """Tufts of grass ahead, as dense in view near by as far off; each of nine blades."""
+    """Add tufts of grass ahead, of constant density in view, with nine blades each."""
     positions = in_view(rng, land, count, near_m, far_m)
     n = np.arange(9)
     lean = rng.uniform(-0.5, 0.5, (count, 9, 2))
@@ -207,7 +209,7 @@ def in_view(
     half_deg: float = 14.0,
     heading_deg: float = 0.0,
 ) -> Floats:
-    """Random places (n, 3) on the land ahead, within an angle to both sides of a heading."""
+    """Return random positions (n, 3) on the land ahead, within an angle of a heading."""
     distance = near_m * (far_m / near_m) ** rng.random(count)
     angle = np.radians(heading_deg + rng.uniform(-half_deg, half_deg, count))
     return land.positions(distance * np.cos(angle), distance * np.sin(angle))

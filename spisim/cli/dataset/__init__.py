@@ -1,4 +1,4 @@
-"""`spisim dataset`: make many captures, see how far they are, check, show and pass them on."""
+"""`spisim dataset`: make many captures, monitor, verify, view and export them."""
 
 from pathlib import Path
 from typing import Any
@@ -12,10 +12,10 @@ EXAMPLE = "spisim dataset plan.yaml -o out/fog"
 
 
 class PlanOrCommand(TyperGroup):
-    """Subcommands; a plan in place of one is run."""
+    """Subcommands; a plan instead of one is run."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the word `run` in front of a plan, or of an option that is none of the group's."""
+        """Insert the word `run` before a plan, or before an option that is not the group's."""
         if args and args[0] not in self.commands and args[0] not in ctx.help_option_names:
             first = Path(args[0])
             if args[0].startswith("-") or first.suffix in {".yaml", ".yml"} or first.is_file():

@@ -1,4 +1,4 @@
-"""What samples cost, and what differs between them, in tables."""
+"""Tables of the cost of samples, and of their differing parameters."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ if TYPE_CHECKING:
     from spisim.dataset.preview import Preview
     from spisim.dataset.records import Record
 
-#: Compiling that is worth a line.
+#: Minimum compile time to report.
 MIN_COMPILING_S = 1.0
 
 
 def print_preview(preview: Preview) -> None:
-    """Print the first samples of a plan, and what all would cost."""
+    """Print the first samples of a plan, and the estimated cost of all."""
     _print_samples(preview)
     results.print()
     table = word_table("scene", "weather", "of all", "made", "median, s", "90 %, s", "max, s")
     for each in preview.costs:
-        reported = _seconds(each.cost) if each.cost else ("0", "", "", "")
-        table.add_row(each.group.scene, each.group.weather, f"{each.fraction:.0%}", *reported)
+        cells = _seconds(each.cost) if each.cost else ("0", "", "", "")
+        table.add_row(each.group.scene, each.group.weather, f"{each.fraction:.0%}", *cells)
     table.add_row("all", "", "100%", *_seconds(preview.cost))
     print_table(table)
     for index, reason in preview.failures.items():
@@ -38,14 +38,14 @@ def print_preview(preview: Preview) -> None:
     )
     if preview.compiling_s >= MIN_COMPILING_S:
         results.print(
-            f"The samples made compiled kernels for {short_time(preview.compiling_s)} besides: "
-            "later samples of their kind read these from disk",
+            f"The pilot also compiled kernels for {short_time(preview.compiling_s)}; later samples "
+            "load these from disk",
             soft_wrap=True,
         )
 
 
 def print_slowest(records: Sequence[Record], common: Mapping[str, Any]) -> None:
-    """Print the slowest samples, and their parameters except those that all have in common."""
+    """Print the slowest samples, with those parameters that differ."""
     table = word_table("slowest, s", "compiling, s", "sample", "parameters")
     for record in records:
         own = {name: value for name, value in record.parameters.items() if name not in common}
@@ -56,18 +56,18 @@ def print_slowest(records: Sequence[Record], common: Mapping[str, Any]) -> None:
 
 
 def listed(parameters: Mapping[str, Any]) -> str:
-    """Names and values in one line."""
+    """Return names and values in one line."""
     return ", ".join(f"{name}: {_brief(value)}" for name, value in parameters.items())
 
 
 def _print_samples(preview: Preview) -> None:
     from spisim.dataset.records import flat
 
-    rows = [dict(flat(sample.parameters)) for sample in preview.displayed]
+    rows = [dict(flat(sample.parameters)) for sample in preview.first]
     common = {k: v for k, v in rows[0].items() if all(k in row and row[k] == v for row in rows)}
     if common:
         results.print(f"   all  {listed(common)}", soft_wrap=True)
-    for sample, row in zip(preview.displayed, rows, strict=True):
+    for sample, row in zip(preview.first, rows, strict=True):
         own = {name: value for name, value in row.items() if name not in common}
         line = f"{sample.index:6}  {sample.scene_name}  {listed(own)}"
         results.print(line.rstrip(), soft_wrap=True)

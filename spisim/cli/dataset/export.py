@@ -1,4 +1,4 @@
-"""`spisim dataset export`: samples for programs that do not read this folder."""
+"""`spisim dataset export`: samples for programs that do not read data sets."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,7 @@ import typer
 
 from ..console import messages, print_json, results
 from ..options import Json, number_option
-from .arguments import Folder
+from .running import Folder
 
 EXAMPLE = "spisim dataset export out/fog -o shards --shard-size 500"
 
@@ -34,15 +34,14 @@ def command(
         ),
     ] = "webdataset",
     formats: Annotated[
-        bool,
-        typer.Option("--formats", callback=_list, is_eager=True, help="List all formats."),
+        bool, typer.Option("--formats", callback=_list, is_eager=True, help="List all formats.")
     ] = False,
     shard_size: Annotated[
-        int, number_option(1, 10**6, "Samples in each shard, where there are any.")
+        int, number_option(1, 10**6, "Samples per shard, if the format has shards.")
     ] = 1000,
     json: Json = False,
 ) -> None:
-    """Write the finished samples in another format; as shards they are read as one stream.
+    """Write the finished samples in another format; shards can be streamed.
 
     Equal data sets give byte-equal files.
     """

@@ -1,4 +1,4 @@
-"""`spisim dataset pack`: the arrays of a data set in files that training reads fast."""
+"""`spisim dataset pack`: pack the arrays of a data set for fast training."""
 
 from pathlib import Path
 from typing import Annotated
@@ -7,7 +7,7 @@ import typer
 
 from ..console import print_json, progress_bar, say
 from ..options import Bar, Json
-from .arguments import Folder
+from .running import Folder
 
 EXAMPLE = "spisim dataset pack out/fog -o fog-pack --array buckets --array depth_m.anchored"
 
@@ -35,7 +35,7 @@ def command(
         packed = pack_dataset(data, output, array or (), advance)
     assert packed.pack is not None
     arrays = packed.pack.index.arrays
-    size_bytes = sum(reported.bytes for reported in arrays.values())
+    size_bytes = sum(entry.bytes for entry in arrays.values())
     if json:
         print_json({"samples": len(packed), "arrays": list(arrays), "bytes": size_bytes})
     else:

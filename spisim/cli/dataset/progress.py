@@ -1,4 +1,4 @@
-"""How far a data set is: a bar on terminals, lines elsewhere."""
+"""Progress of a data set: a bar on terminals, lines elsewhere."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
 
 Update = Callable[["State"], None]
 
-#: Between two lines.
+#: Time between lines.
 EVERY_S = 30.0
 
 
 @contextmanager
-def displayed(wanted: bool | None) -> Iterator[Update]:
-    """A bar on terminals, else a line now and then; always a bar or nothing where that is asked."""
+def progress_display(wanted: bool | None) -> Iterator[Update]:
+    """Display a bar on terminals, else lines; or a bar or nothing if requested."""
     kinds = {None: bar if messages.is_terminal else lines, True: bar, False: silence}
     with kinds[wanted]() as update:
         yield update
@@ -30,23 +30,23 @@ def displayed(wanted: bool | None) -> Iterator[Update]:
 
 @contextmanager
 def bar() -> Iterator[Update]:
-    """A bar that moves, with rate, failures and time left."""
+    """A bar with rate, failures and remaining time."""
     columns = (
         TextColumn("Samples"),
         BarColumn(),
         MofNCompleteColumn(),
-        TextColumn("{task.fields[told]}", markup=False),
+        TextColumn("{task.fields[rate]}", markup=False),
     )
     with Progress(*columns, console=messages, transient=True, disable=False) as progress:
-        task = progress.add_task("", total=None, reported="")
+        task = progress.add_task("", total=None, rate="")
         yield lambda state: progress.update(
-            task, total=state.samples, completed=state.samples - state.missing, reported=rate(state)
+            task, total=state.samples, completed=state.samples - state.missing, rate=rate(state)
         )
 
 
 @contextmanager
 def lines() -> Iterator[Update]:
-    """A line now and then."""
+    """A line from time to time."""
     last = time.monotonic()
 
     def update(state: State) -> None:
@@ -61,12 +61,12 @@ def lines() -> Iterator[Update]:
 
 @contextmanager
 def silence() -> Iterator[Update]:
-    """Nothing."""
+    """No output."""
     yield lambda state: None
 
 
 def rate(state: State) -> str:
-    """Rate of this run, failures and time left."""
+    """Return rate of this run, failures and remaining time."""
     failed = f", {state.failed} failed" if state.failed else ""
     if not state.made:
         return failed
@@ -75,7 +75,7 @@ def rate(state: State) -> str:
 
 
 def short_time(seconds: float) -> str:
-    """A duration as a person says it: 40 s, 12 min, 3.5 h, 2.1 days."""
+    """Format a duration, as 40 s, 12 min, 3.5 h, 2.1 days."""
     for limit, unit, name in ((120, 1, "s"), (7200, 60, "min"), (172_800, 3600, "h")):
         if seconds < limit:
             return f"{seconds / unit:.3g} {name}"

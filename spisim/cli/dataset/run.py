@@ -1,4 +1,4 @@
-"""`spisim dataset run`: a plan becomes many captures."""
+"""`spisim dataset run`: make the captures of a plan."""
 
 from __future__ import annotations
 
@@ -13,10 +13,9 @@ from reconstruction.base.errors import InputError
 
 from ..console import print_json, say
 from ..options import Bar, Json, number_option
-from .arguments import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers
 from .costs import print_preview
-from .progress import displayed
-from .running import executors, explained
+from .progress import progress_display
+from .running import Dask, Deep, RetryFailed, SpaceTimeout, Timeout, Workers, executors, explained
 
 if TYPE_CHECKING:
     from spisim.dataset.planned import PlannedSet
@@ -33,7 +32,7 @@ def command(
     ] = None,
     workers: Workers = None,
     samples: Annotated[
-        int | None, number_option(1, 10**7, "Instead of the plan's number of samples.")
+        int | None, number_option(1, 10**7, "Number of samples, instead of the plan's.")
     ] = None,
     retry_failed: RetryFailed = False,
     deep: Deep = False,
@@ -59,10 +58,9 @@ def command(
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Make the captures of a plan in a folder; run again, it makes those that are missing.
+    """Make the captures of a plan in a folder; running it again makes missing ones.
 
-    Exit status: 0 all done, 1 some samples failed, 2 input that cannot be used, 3 no space left,
-    130 interrupted.
+    Exit status: 0 all done, 1 some samples failed, 2 unusable input, 3 disk full, 130 interrupted.
     """
     from reconstruction.base.files import require_folder
     from spisim.dataset.folder import Layout, has_its_content, has_its_size
@@ -84,15 +82,15 @@ def command(
         raise InputError("--output DIR is missing")
     folder = output.absolute()
     require_folder(folder)
-    retained = Layout(folder).plan
-    if samples is not None and retained.exists() and retained.samefile(plan):
-        raise InputError(f"--samples would change {plan}: change it there, or give it another name")
+    stored = Layout(folder).plan
+    if samples is not None and stored.exists() and stored.samefile(plan):
+        raise InputError(f"--samples would change {plan}: change it there, or rename it")
     if pilot is not None:
         _estimate(planned, folder, executor, workers, pilot, json, progress)
         return
     check(planned)
-    activate()  # before every process finds out by itself that light cannot be traced
-    with explained(), displayed(progress) as update:
+    activate()  # fails once here rather than in every process
+    with explained(), progress_display(progress) as update:
         state = run_dataset(
             planned,
             folder,
@@ -116,18 +114,18 @@ def _estimate(
     json: bool,
     progress: bool | None,
 ) -> None:
-    from spisim.dataset.preview import PILOT, preview
+    from spisim.dataset.preview import PILOT_SAMPLES, preview
     from spisim.dataset.workers import default_workers
     from spisim.transport.backend import activate
 
     activate()
-    with explained(), displayed(progress) as update:
+    with explained(), progress_display(progress) as update:
         result = preview(
             planned,
             folder,
             executor,
             workers or default_workers(),
-            pilot=pilot or PILOT,
+            pilot=pilot or PILOT_SAMPLES,
             progress=update,
         )
     if json:
@@ -149,4 +147,4 @@ def _tell(folder: Path, state: State, json: bool) -> None:
         say(f"sample {index} failed: {reason}")
     say(f"{state.done} of {state.samples} samples are done in {folder}, {state.failed} failed")
     if failures:
-        say(f"Their tracebacks are in {folder / 'errors'}; --retry-failed tries them again")
+        say(f"Their tracebacks are in {folder / 'errors'}; retry with --retry-failed")

@@ -1,31 +1,58 @@
-"""What commands that make samples share: by whom they are made, and how the command ends."""
+"""Arguments and execution shared by commands that make or read data sets."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from reconstruction.base.errors import InputError
 
 from ..console import say
+from ..options import number_option
 from ..outputs import resumed
+
+Folder = Annotated[
+    Path, typer.Argument(metavar="DIR", help="Folder of a data set.", show_default=False)
+]
+Workers = Annotated[int | None, number_option(1, 4096, "Processes; by default one per core.")]
+RetryFailed = Annotated[
+    bool, typer.Option("--retry-failed", help="Retry samples that failed before.")
+]
+Deep = Annotated[
+    bool,
+    typer.Option(
+        "--deep", help="Read all existing files, and make samples with damaged ones again."
+    ),
+]
+Dask = Annotated[
+    str | None,
+    typer.Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, instead of processes."),
+]
+Timeout = Annotated[
+    int, number_option(1, 10**6, "Time limit of a sample in a local process, in seconds.")
+]
+SpaceTimeout = Annotated[
+    int, number_option(0, 10**7, "Time to wait for space on a full disk, in seconds.")
+]
+
 
 if TYPE_CHECKING:
     from spisim.dataset.workers import Executor, Make
 
-#: Exit status of a run that waited for space in vain.
+#: Exit status of a run that ran out of disk space.
 OUT_OF_SPACE = 3
 
 
 def executors(
     workers: int | None, dask: str | None, timeout_s: float
 ) -> Callable[[Make], Executor]:
-    """Executors of what is to be made: processes, or the workers of a cluster.
+    """Return executors: local processes, or the workers of a cluster.
 
-    Raises InputError where both are asked for.
+    Raises InputError if both are requested.
     """
     from spisim.dataset.dask import DaskExecutor
     from spisim.dataset.sample import Maker
@@ -47,7 +74,7 @@ def executors(
 
 @contextmanager
 def explained() -> Iterator[None]:
-    """Message of runs that are interrupted; message and exit status of those without space."""
+    """Explain interruptions and full disks; the latter set the exit status."""
     from spisim.dataset.runner import OutOfSpace
 
     try:

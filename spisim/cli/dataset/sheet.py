@@ -1,4 +1,4 @@
-"""`spisim dataset sheet`: a data set at a glance."""
+"""`spisim dataset sheet`: an overview page of a data set."""
 
 from pathlib import Path
 from typing import Annotated
@@ -8,7 +8,7 @@ import typer
 from ..console import print_json, progress_bar, say
 from ..options import Bar, Json, Overwrite, number_option
 from ..outputs import output as named
-from .arguments import Folder
+from .running import Folder
 
 EXAMPLE = "spisim dataset sheet out/fog -o fog.html --limit 50"
 
@@ -16,12 +16,14 @@ EXAMPLE = "spisim dataset sheet out/fog -o fog.html --limit 50"
 def command(
     folder: Folder,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="PAGE", help="HTML file.")],
-    limit: Annotated[int, number_option(1, 10_000, "Most samples, evenly chosen.")] = 100,
+    limit: Annotated[
+        int, number_option(1, 10_000, "Maximum number of samples, evenly chosen.")
+    ] = 100,
     overwrite: Overwrite = False,
     json: Json = False,
     progress: Bar = None,
 ) -> None:
-    """Write one page with image, estimated and true depth, parameters and error of each sample."""
+    """Write a page with image, estimated and true depth, parameters and error of each sample."""
     from reconstruction.base.files import require_outputs
     from spisim.dataset import open as open_data_set
     from spisim.report.contact_sheet import write_contact_sheet

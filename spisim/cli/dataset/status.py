@@ -1,18 +1,18 @@
-"""`spisim dataset status`: how far a data set is."""
+"""`spisim dataset status`: progress of a data set."""
 
 from ..console import print_json, results
 from ..options import Json
 from ..tables import plain_table, print_table
-from .arguments import Folder
 from .costs import print_slowest
+from .running import Folder
 
 EXAMPLE = "spisim dataset status out/fog"
 
 
 def command(folder: Folder, json: Json = False) -> None:
-    """Tell how many samples are done, failed and missing, how fast it goes, and why some failed.
+    """Report how many samples are done, failed and missing, the rate, and the reasons of failures.
 
-    May be asked at any time: a run that is under way is not disturbed.
+    It can be run at any time, also during a run.
     """
     from dataclasses import asdict
 
@@ -28,13 +28,13 @@ def command(folder: Folder, json: Json = False) -> None:
     results.print(f"  done     {status.done}")
     results.print(f"  failed   {status.failed}")
     results.print(f"  missing  {status.missing}")
-    results.print(f"  rate     {f'{rate:.3g} samples a minute{left}' if rate else 'not known'}")
+    results.print(f"  rate     {f'{rate:.3g} samples per minute{left}' if rate else 'unknown'}")
     results.print(f"  disk     {status.disk_bytes / 1e6:.1f} MB")
     results.print(f"  run      {f'process {status.runner}' if status.runner else 'none'}")
     if cost := status.cost:
         results.print(
             f"  cost     median {cost.median_s:.2f} s, 90 % within {cost.p90_s:.2f} s, "
-            f"at most {cost.max_s:.2f} s, compiling excepted",
+            f"at most {cost.max_s:.2f} s, without compiling",
             soft_wrap=True,
         )
         results.print()

@@ -1,19 +1,19 @@
-"""`spisim dataset verify`: whether its files are those that were written."""
+"""`spisim dataset verify`: verify that all files are as written."""
 
 import typer
 
 from ..console import messages, print_json, progress_bar, say, warn
 from ..options import Bar, Json
 from ..tables import plain_table, print_table
-from .arguments import Folder
+from .running import Folder
 
 EXAMPLE = "spisim dataset verify out/fog"
 
 
 def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
-    """Read all files and compare them with the manifest: exit status 1 if anything is wrong.
+    """Read all files and compare them with the manifest; exit status 1 if anything is wrong.
 
-    Tells what is missing, damaged, of another plan, or not known to the manifest.
+    Reports files that are missing, damaged, of another plan, or not in the manifest.
     """
     from dataclasses import asdict
 
@@ -23,7 +23,7 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
 
     runner = holder(Layout(folder).lock)
     if runner:
-        warn([f"process {runner} is making samples: its latest may be named extra or unfinished"])
+        warn([f"process {runner} is making samples; its latest may appear as extra or unfinished"])
     with progress_bar("Reading", progress) as advance:
         findings = verify(folder, advance)
     if json:
@@ -33,7 +33,7 @@ def command(folder: Folder, json: Json = False, progress: Bar = None) -> None:
         for each in findings:
             table.add_row(each.file, each.problem, each.detail)
         print_table(table)
-        messages.print(f"{len(findings)} files are not as they should be.")
+        messages.print(f"{len(findings)} files have problems.")
     else:
         say(f"All files of {folder} are as they were written.")
     if findings:

@@ -21,4 +21,4 @@ for name, module in COMMANDS.items():
 
 @app.callback()
 def _group() -> None:
-    """Without it, Typer makes a group of one command that command itself."""
+    """Keep Typer from replacing a group of one command by that command."""

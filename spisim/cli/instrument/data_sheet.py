@@ -1,4 +1,4 @@
-"""What a data sheet says of an instrument: questions with defaults and units."""
+"""Questions about an instrument that data sheets answer, with defaults and units."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from typing import Any, NamedTuple
 
 from reconstruction.base.errors import InputError, nearest
 
-#: Which parts of an instrument there are.
+#: Parts of an instrument.
 IMAGE, RANGES, BOTH = "image", "ranges", "both"
 METHODS = "cw", "pulsed", "dtof"
-#: Part that a method of time of flight takes unless another is named.
+#: Default detector of each method of time of flight.
 USUAL_PARTS = {"dtof": "ingaas-spad"}
 
 
 class Question(NamedTuple):
-    """What a data sheet answers: its words, its default, the smallest and the largest number."""
+    """A question with its text, default, minimum and maximum."""
 
     text: str
     default: float | int | str
@@ -26,11 +26,11 @@ class Question(NamedTuple):
     of: str = BOTH
 
     def asked(self, answers: Mapping[str, Any]) -> bool:
-        """Whether an instrument with these answers has what it is about."""
+        """Whether it applies to an instrument with these answers."""
         return self.of == BOTH or answers["makes"] in (BOTH, self.of)
 
     def checked(self, name: str, answer: Any) -> float | int | str:
-        """The answer in the type of the default; InputError for one that is not allowed."""
+        """Return the answer in the type of the default. Raises InputError if it is not allowed."""
         if isinstance(self.default, str):
             allowed = _allowed(name)
             if str(answer) not in allowed:
@@ -77,7 +77,7 @@ QUESTIONS: dict[str, Question] = {
 
 @cache
 def detector_parts() -> dict[str, dict[str, Any]]:
-    """Sensors of instrument files by part."""
+    """Return sensors of instrument files by part."""
     from spisim.base.config import load_yaml, read_text
     from spisim.instrument.model import DETECTOR_PARTS
 
@@ -92,14 +92,14 @@ def _allowed(name: str) -> list[str]:
 
 
 def default_of(name: str, answers: Mapping[str, Any]) -> float | int | str:
-    """Answer to a question that is not answered, after those before it."""
+    """Return the default of a question, given the answers before it."""
     if name == "range_part":
         return USUAL_PARTS.get(answers["modulation"], QUESTIONS[name].default)
     return QUESTIONS[name].default
 
 
 def is_asked(name: str, answers: Mapping[str, Any]) -> bool:
-    """Whether a question is one about an instrument with these answers."""
+    """Return whether a question applies to an instrument with these answers."""
     if not QUESTIONS[name].asked(answers):
         return False
     if name in ("frequency_hz", "pulse_s"):
@@ -111,10 +111,9 @@ def is_asked(name: str, answers: Mapping[str, Any]) -> bool:
 
 
 def completed(answers: Mapping[str, Any]) -> dict[str, Any]:
-    """Answers to all questions about the instrument: those given, and defaults.
+    """Return answers to all applicable questions: given ones, and defaults.
 
-    Raises InputError for an answer that is not allowed, or to a question about something that the
-    instrument does not have.
+    Raises InputError for an answer that is not allowed or does not apply.
     """
     available: dict[str, Any] = {}
     for name, question in QUESTIONS.items():
@@ -124,7 +123,7 @@ def completed(answers: Mapping[str, Any]) -> dict[str, Any]:
             available[name] = question.checked(name, answer)
         elif given is not None:
             raise InputError(
-                f"{name} {given}: not one of an instrument that {_described(available)}"
+                f"{name} {given}: does not apply to an instrument that {_described(available)}"
             )
     return available
 

@@ -1,4 +1,4 @@
-"""Instrument files from data sheets, with converters that hold the light of a white wall."""
+"""Instrument files from data sheets, with converters scaled to a white wall."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from spisim.instrument import Instrument
 
 from .sheet_text import instrument_text
 
-#: What converters have to hold: a white wall near by, in the sun.
+#: The brightest target of the converters: a near white wall in the sun.
 BRIGHTEST = Target(1.0, reflectance=1.0, illuminance_klx=100.0)
-#: Of the range, for noise and the offset.
+#: Fraction of the range; the rest is for noise and offset.
 HEADROOM = 1.1
 
 
 def new_instrument_text(answers: Mapping[str, Any], source: str = "instrument") -> str:
-    """Commented YAML of an instrument from the answers of a data sheet (`data_sheet.completed`).
+    """Return the commented YAML of an instrument from answers (`data_sheet.completed`).
 
-    Raises InputError, naming ``source``, for answers that do not fit together.
+    Raises InputError, naming ``source``, for answers that contradict each other.
     """
     draft = parse_model(instrument_text(answers), Instrument, source)
     text = instrument_text(answers, _full_scale(draft))
@@ -30,7 +30,7 @@ def new_instrument_text(answers: Mapping[str, Any], source: str = "instrument") 
 
 
 def _full_scale(instrument: Instrument) -> dict[str, float]:
-    """Primary electrons of the brightest reading, of each detector, in two digits."""
+    """Return primary electrons of the brightest reading of each detector, to two digits."""
     scales = {}
     if instrument.images:
         link = bucket_link(instrument, BRIGHTEST)
@@ -38,7 +38,9 @@ def _full_scale(instrument: Instrument) -> dict[str, float]:
         scales["detector"] = float(light)
     if instrument.ranges:
         spots, time_s = spot_link(instrument, BRIGHTEST), instrument.ranging.tof.reading.steady_s
-        peak_per_s = 2 * spots.echo_per_s + spots.steady_per_s  # a tap in phase has twice the mean
+        peak_per_s = (
+            2 * spots.echo_per_s + spots.steady_per_s
+        )  # a tap in phase collects twice the mean
         scales["tof.detector"] = float(peak_per_s.max() * time_s)
     return {name: _rounded_up(HEADROOM * light) for name, light in scales.items()}
 

@@ -1,4 +1,4 @@
-"""`spisim instrument new`: an instrument file from what data sheets say."""
+"""`spisim instrument new`: an instrument file from data sheets."""
 
 import sys
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ EXAMPLE = "spisim instrument new -o mine.yaml --makes image --array-power-w 2 --
 
 
 def _option(name: str) -> Any:
-    """An option that answers a question; its value is checked with all others."""
+    """Return the option of a question; its value is checked with all others."""
     question = QUESTIONS[name]
     return typer.Option(
         f"--{name.replace('_', '-')}",
@@ -55,14 +55,14 @@ def command(
     range_part: Annotated[str | None, _option("range_part")] = None,
     range_adc_bits: Annotated[str | None, _option("range_adc_bits")] = None,
     defaults: Annotated[
-        bool, typer.Option("--defaults", help="Ask nothing: defaults for what no option tells.")
+        bool, typer.Option("--defaults", help="Ask nothing: use defaults where no option is given.")
     ] = False,
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
     """Write an instrument file from data sheets, and its budget beside it.
 
-    Without --defaults it asks on a terminal what no option tells.
+    Without --defaults, it asks on a terminal for whatever no option gives.
     """
     from .full_scale import new_instrument_text
 
@@ -82,12 +82,12 @@ def command(
 
 
 def _asked(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Answers to all questions: those of options, and for all others the user's."""
+    """Return answers to all questions, from options or from the user."""
     answers: dict[str, Any] = {}
     for name, question in QUESTIONS.items():
         if not is_asked(name, answers):
             if given[name] is not None:
-                answers[name] = given[name]  # is refused with all others
+                answers[name] = given[name]  # rejected later with all others
             continue
         answers[name] = given[name]
         while answers[name] is None:

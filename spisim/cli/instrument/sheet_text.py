@@ -1,4 +1,4 @@
-"""Commented YAML of an instrument, from the answers of a data sheet."""
+"""Commented YAML of an instrument from the answers of a data sheet."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from reconstruction.base.errors import InputError
 
 from .data_sheet import IMAGE, QUESTIONS, RANGES, detector_parts
 
-#: Full scale before it is known how much light there is.
+#: Full scale before the light is known.
 UNKNOWN_ELECTRONS = 1e15
-#: Distance of the spots' photodiodes from where the lasers leave.
+#: Distance of the spots' photodiodes from the laser exits.
 ASIDE_M = 0.01
-#: Windows of pulses, with that of the background and a gap after them.
+#: Windows per pulse, including that of the background and a gap.
 PULSED_WINDOWS = 4
-#: Bins of a histogram, width of a bin over that of the pulse, and longest dead time.
+#: Bins of a histogram, bin width relative to the pulse, and maximum dead time.
 BINS, BINS_PER_PULSE, DEAD_TIME_S = 800, 10, 1e-6
-#: Of the light of a frame's patterns, the part of a period in which the detector collects.
+#: Fraction of a pattern period in which the detector integrates.
 COLLECTING = 0.9
 
 Answers = Mapping[str, Any]
@@ -28,24 +28,11 @@ Answers = Mapping[str, Any]
 def instrument_text(
     answers: Answers, full_scale: Mapping[str, float] = MappingProxyType({})
 ) -> str:
-    """YAML of an instrument file.
+    """Return the YAML of an instrument file.
 
-    Parameters
-    ----------
-    answers : mapping
-        To all questions, as of `data_sheet.completed`.
-    full_scale : mapping
-        Primary electrons that fill the converters of ``"detector"`` and ``"tof.detector"``; far
-        too many where it is not known yet.
-
-    Returns
-    -------
-    str
-
-    Raises
-    ------
-    InputError
-        If a part is not made for the wavelength.
+    `answers` are as of `data_sheet.completed`. `full_scale` gives the primary electrons that fill
+    the converters of ``"detector"`` and ``"tof.detector"``; far too many before the light is known.
+    Raises InputError if a part is not made for the wavelength.
     """
     center, half = answers["wavelength_nm"], answers["filter_width_nm"] / 2
     blocks = [
@@ -113,7 +100,7 @@ def _ranges(answers: Answers, full_scale: float) -> list[str]:
 
 
 def _light(answers: Answers, time_s: float) -> tuple[str, float]:
-    """Fields of the method for a frame of this time, and the bandwidth that it needs."""
+    """Return fields of the method for this frame time, and the bandwidth that it needs."""
     method = answers["modulation"]
     if method == "cw":
         frequency_hz = answers["frequency_hz"]
@@ -151,15 +138,9 @@ def _light(answers: Answers, time_s: float) -> tuple[str, float]:
 
 
 def _sensor(
-    answers: Answers,
-    of: str,
-    full_scale: float,
-    *,
-    noise: float,
-    bandwidth_hz: float,
-    indent: int,
+    answers: Answers, of: str, full_scale: float, *, noise: float, bandwidth_hz: float, indent: int
 ) -> str:
-    """Sensor by part, and amplifier and converter of one that integrates charge."""
+    """Return the sensor by part, and amplifier and converter if it integrates charge."""
     name = answers[f"{of}_part"]
     part = detector_parts()[name]
     low, high = part["band_nm"]
@@ -185,7 +166,7 @@ def _sensor(
 
 
 def _directions(spots: int, field_deg: float) -> list[tuple[float, float]]:
-    """Of four the centres of the field's quarters; of others a ring through these, or one ahead."""
+    """Return centres of the field's quarters for four spots, else a ring or straight ahead."""
     if spots == 1:
         return [(0.0, 0.0)]
     if spots == 4:
@@ -197,7 +178,7 @@ def _directions(spots: int, field_deg: float) -> list[tuple[float, float]]:
 
 
 def _aside(direction: tuple[float, float]) -> tuple[float, float]:
-    """Position of the photodiode of a spot; y is down."""
+    """Return the position of a spot's photodiode; y is down."""
     length = math.hypot(*direction)
     if length == 0:
         return ASIDE_M, 0.0
@@ -205,12 +186,12 @@ def _aside(direction: tuple[float, float]) -> tuple[float, float]:
 
 
 def _about(name: str) -> str:
-    """Comment on a field that a question is about."""
+    """Return the comment on a field with a question."""
     return f"  # {QUESTIONS[name].text}"
 
 
 def _number(value: Any) -> str:
-    """A number as YAML 1.1 reads it: with a point before an exponent, and a sign after it."""
+    """Format a number for YAML 1.1: a decimal point and a signed exponent."""
     if not isinstance(value, float):
         return str(value)
     text = f"{value:.6g}"

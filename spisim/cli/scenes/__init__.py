@@ -1,4 +1,4 @@
-"""`spisim scenes`: what is shipped, what can be drawn, and what they look like."""
+"""`spisim scenes`: list, view and draw scenes."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""`spisim scenes draw`: a scene of a family, as files to change."""
+"""`spisim scenes draw`: a scene of a family as editable files."""
 
 import shlex
 from pathlib import Path
@@ -31,8 +31,8 @@ def command(
 ) -> None:
     """Draw a scene: writes its file, and its meshes into a folder beside it.
 
-    To simulate a drawn scene, no files are needed: a scene file of two lines, "family: targets" and
-    "seed: 7", is drawn when it is loaded.
+    To simulate a drawn scene, a scene file of two lines, "family: targets" and "seed: 7", is
+    enough, because it is drawn when loaded.
     """
     from spisim.scene.drawn import draw
     from spisim.scene.load_context import LoadContext
@@ -41,7 +41,7 @@ def command(
     check_free(output, overwrite)
     fields = {"family": family, "seed": seed, "parameters": _parameters(settings or [])}
     drawn = draw(fields, LoadContext(Path(), "", f"family {family}"))
-    given = "".join(f" --set {shlex.quote(context)}" for context in settings or [])
+    given = "".join(f" --set {shlex.quote(assignment)}" for assignment in settings or [])
     header = f"# Drawn by `spisim scenes draw {family} --seed {seed}{given}`.\n"
     written = write_scene(output, drawn.fields, drawn.meshes, header)
     warn(written.warnings)
@@ -56,13 +56,13 @@ def command(
 def _parameters(settings: list[str]) -> dict[str, object]:
     from spisim.base.config import load_yaml
 
-    result = {}
-    for context in settings:
-        name, sign, value = context.partition("=")
+    parameters = {}
+    for assignment in settings:
+        name, sign, value = assignment.partition("=")
         if not sign:
-            raise InputError(f"--set {context}: should be NAME=VALUE")
+            raise InputError(f"--set {assignment}: should be NAME=VALUE")
         try:
-            result[name] = load_yaml(value, "--set")
+            parameters[name] = load_yaml(value, "--set")
         except InputError:
-            raise InputError(f"--set {context}: {value!r} is no number or word") from None
-    return result
+            raise InputError(f"--set {assignment}: {value!r} is not a valid value") from None
+    return parameters

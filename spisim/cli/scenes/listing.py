@@ -1,4 +1,4 @@
-"""`spisim scenes list`: what is shipped, and what can be drawn."""
+"""`spisim scenes list`: shipped scenes, and families to draw from."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ EXAMPLE = "spisim scenes list warehouse"
 def command(
     family: Annotated[
         str | None,
-        typer.Argument(metavar="FAMILY", help="Tell the parameters of this family instead."),
+        typer.Argument(metavar="FAMILY", help="List the parameters of this family instead."),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -78,7 +78,7 @@ def _summary(family: Family) -> dict[str, Any]:
 
 
 def _range(drawn: dict[str, Any]) -> str:
-    """A distribution in words."""
+    """Describe a distribution."""
     if "choice" in drawn:
         return ", ".join(drawn["choice"])
     (low, high) = drawn.get("uniform") or drawn["log_uniform"]

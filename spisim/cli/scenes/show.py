@@ -1,4 +1,4 @@
-"""`spisim scenes show`: a scene, looked at before anything is rendered."""
+"""`spisim scenes show`: view a scene without rendering it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def command(
     scene: SceneArgument,
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", metavar="PNG", help="Picture; SCENE.png without."),
+        typer.Option("--output", "-o", metavar="PNG", help="Image file; by default SCENE.png."),
     ] = None,
     instrument: InstrumentOption = "paper",
     fov: Annotated[
@@ -35,9 +35,9 @@ def command(
     overwrite: Overwrite = False,
     json: Json = False,
 ) -> None:
-    """Draw a scene from the drone, above and the right, with fields and spots; tell the distances.
+    """Draw a scene from the drone, above and the right, with fields and spots; list the distances.
 
-    A drawing in clear air, by ray casting: quick, and without light transport.
+    The drawing is in clear air, by ray casting: fast, without light transport.
     """
     from reconstruction.base.files import require_outputs
     from spisim.report.scene_view import Look, survey, write_look
@@ -47,37 +47,37 @@ def command(
     files = [named(picture, "scene view")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     carried = instrument_with(instrument)
-    position, oddities = scene_with(scene, carried.wavelength_nm)
-    caster = RayCaster.of(position)
-    result = survey(position, carried, caster)
-    write_look(picture, Look(position, carried, caster, result), fov)
-    problems = [] if result.problem is None else [f"scene {position.name!r}: {result.problem}"]
+    loaded, oddities = scene_with(scene, carried.wavelength_nm)
+    caster = RayCaster.of(loaded)
+    drawn = survey(loaded, carried, caster)
+    write_look(picture, Look(loaded, carried, caster, drawn), fov)
+    problems = [] if drawn.problem is None else [f"scene {loaded.name!r}: {drawn.problem}"]
     warn(problems)
     if json:
-        print_json({**result.summary(), "warnings": oddities + problems, "written": [picture]})
+        print_json({**drawn.summary(), "warnings": oddities + problems, "written": [picture]})
         return
-    _print(result)
+    _print(drawn)
     say(f"Wrote {picture}.")
 
 
-def _print(result: Survey) -> None:
+def _print(drawn: Survey) -> None:
     table = plain_table("distances", "m", "to")
-    table.add_row("nearest in the field", *_cells(result.nearest))
-    for k, spot in enumerate(result.spots):
+    table.add_row("nearest in the field", *_cells(drawn.nearest))
+    for k, spot in enumerate(drawn.spots):
         table.add_row(f"spot {k}", *_cells(spot))
-    table.add_row("farthest in the field", *_cells(result.farthest))
-    table.add_row("drone's clearance", f"{result.clearance_m:.3f}", "")
+    table.add_row("farthest in the field", *_cells(drawn.farthest))
+    table.add_row("drone's clearance", f"{drawn.clearance_m:.3f}", "")
     print_table(table)
-    for number, why in result.lost.items():
+    for number, why in drawn.lost.items():
         results.print(f"spot {number} {why}: it gives no range", style="yellow", soft_wrap=True)
-    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in result.extents_m)
-    media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in result.media)
+    size = " × ".join(f"{side:.0f}" if side >= 100 else f"{side:.3g}" for side in drawn.extents_m)
+    media = ", ".join(f"{medium['where']}: {medium['kind']}" for medium in drawn.media)
     results.print(
-        f"\n{result.name}: {result.objects} objects, {result.triangles:,} triangles, {size} m; "
+        f"\n{drawn.name}: {drawn.objects} objects, {drawn.triangles:,} triangles, {size} m; "
         f"{media or 'clear air'}",
         soft_wrap=True,
     )
-    for lamp in result.lamps:
+    for lamp in drawn.lamps:
         results.print(
             f"lamp {lamp['name']}: {lamp['type']}, {lamp['quantity']} {lamp['amount']:.4g} "
             f"{lamp['unit']}",

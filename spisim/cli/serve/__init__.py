@@ -1,4 +1,4 @@
-"""`spisim serve`: a simulated drone in place of a rig."""
+"""`spisim serve`: a simulated drone instead of a real camera."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
-#: Key poses that are kept; each takes a third of a megabyte at 64 x 64 pixels.
-RETAINED = 512
+#: Cached key poses; each takes a third of a megabyte at 64 x 64 pixels.
+CACHED = 512
 
 
 @with_weather
@@ -33,11 +33,13 @@ def command(
     scene: opt.SceneArgument,
     path: Annotated[
         str | None,
-        typer.Option("--path", metavar="FILE", help="Fly it; else as commands say. CSV or TUM."),
+        typer.Option(
+            "--path", metavar="FILE", help="Path to fly, CSV or TUM; without it, fly as commanded."
+        ),
     ] = None,
     pose: Annotated[
         str | None,
-        typer.Option(metavar="X,Y,Z[,YAW[,PITCH]]", help="Begin here, in m and degrees."),
+        typer.Option(metavar="X,Y,Z[,YAW[,PITCH]]", help="Initial pose, in m and degrees."),
     ] = None,
     instrument: opt.InstrumentOption = "paper",
     to: Annotated[
@@ -48,26 +50,27 @@ def command(
         ),
     ] = "tcp-listen://127.0.0.1:5800",
     commands: Annotated[
-        str | None,
-        typer.Option(metavar="SOURCE", help="Where commands come from, if not from there too."),
+        str | None, typer.Option(metavar="SOURCE", help="Source of commands, if not the same link.")
     ] = None,
     lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="A frame for each command, however long it takes.")
+        bool, typer.Option("--lockstep", help="Send one frame per command, however long it takes.")
     ] = False,
     light: Annotated[
-        Literal["traced", "surrogate"],
-        typer.Option(help="surrogate: a fast stand-in."),
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast.")
     ] = "traced",
     spp: opt.Spp = 64,
     spacing: Annotated[
         float,
         opt.real_option(
-            "Between key poses, where light is solved.", minimum=0.001, maximum=0.1, metavar="M"
+            "Distance between key poses, where light is solved.",
+            minimum=0.001,
+            maximum=0.1,
+            metavar="M",
         ),
     ] = 0.05,
     duration: Annotated[
         float | None,
-        opt.real_option("End after so long.", minimum=1e-6, maximum=1e6, metavar="SECONDS"),
+        opt.real_option("End after this time.", minimum=1e-6, maximum=1e6, metavar="SECONDS"),
     ] = None,
     gust: Annotated[
         list[str] | None,
@@ -78,9 +81,11 @@ def command(
     ] = None,
     record: Annotated[
         Path | None,
-        typer.Option(metavar="CAPTURE", help="Keep frames and truth, and beside them the path."),
+        typer.Option(metavar="CAPTURE", help="Record frames and truth, and beside them the path."),
     ] = None,
-    truths: Annotated[int, opt.number_option(1, 10**6, "Keep the truth of every Nth frame.")] = 12,
+    truths: Annotated[
+        int, opt.number_option(1, 10**6, "Record the truth of every Nth frame.")
+    ] = 12,
     frame: Annotated[
         str, typer.Option(help="What quaternions of the path turn: body or optical.")
     ] = "body",
@@ -94,7 +99,7 @@ def command(
     json: opt.Json = False,
     progress: opt.Bar = None,
 ) -> None:
-    """Send simulated frames as a rig does, and fly as the commands say that come back.
+    """Send simulated frames like a real camera, and fly as commanded.
 
     Light is solved at key poses, and interpolated between them; docs/live.md has the messages.
     """
@@ -111,18 +116,18 @@ def command(
         trajectory = None if path is None else load_trajectory(path, frame).faster(speed)
         of_path = None if trajectory is None else trajectory.weather
         carried = instrument_with(instrument, stated=stated or of_path)
-        position, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
         if trajectory is None:
-            flight = as_commanded(position, pose, gust or [], spacing)
+            flight = as_commanded(loaded, pose, gust or [], spacing)
         else:
-            flight = along(position, trajectory, spacing, at_once=lockstep)
+            flight = along(loaded, trajectory, spacing, at_once=lockstep)
         solve = solver(carried, light, spp=spp, seed=seed)
-        retained = max(RETAINED, flight.ahead)
+        retained = max(CACHED, flight.ahead)
         camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, retained=retained)
         _solve_ahead(camera, flight.ahead, progress)
         recording = None if record is None else FlightRecord(record, flight.scene, carried, truths)
-        reported: dict[str, Any] = {"spp": spp} if light == "traced" else {}
-        reported |= {"spacing_m": spacing, "lockstep": lockstep}
+        settings: dict[str, Any] = {"spp": spp} if light == "traced" else {}
+        settings |= {"spacing_m": spacing, "lockstep": lockstep}
         source = partial(provenance, flight.scene, carried, light, seed=seed)
         setup = camera.setup(at_rest(flight.scene, carried.frame_time_s))
         server = Server(
@@ -130,28 +135,28 @@ def command(
             flight.pilot,
             line,
             setup,
-            source(settings=reported),
+            source(settings=settings),
             maximum=None if duration is None else max(1, round(duration / carried.frame_time_s)),
             retained=(lambda shot: None) if recording is None else recording.add,
             say=say,
             states=tell,
         )
-        say(f"Sending {1 / carried.frame_time_s:.4g} frames a second to {to}.")
+        say(f"Sending {1 / carried.frame_time_s:.4g} frames per second to {to}.")
         written: list[Path] = []
         try:
             _run(server, to, lockstep=lockstep)
         finally:
             if recording is not None:
                 tally = {"tally": asdict(server.tally)}
-                written = recording.write(setup, source(settings=reported | tally))
+                written = recording.write(setup, source(settings=settings | tally))
     if recording is not None and recording.full:
-        oddities.append(f"the record is full: it has the first {MAX_FRAMES} frames")
+        oddities.append(f"the record is full after the first {MAX_FRAMES} frames")
         warn(oddities[-1:])
     report(server, written, oddities, json=json)
 
 
 def _check_record(record: Path | None, read: list[Path], *, overwrite: bool) -> None:
-    """Whether the record can be written."""
+    """Check that the record can be written."""
     from reconstruction.base.files import require_outputs
     from spisim.serving.record import record_outputs
 
@@ -160,7 +165,7 @@ def _check_record(record: Path | None, read: list[Path], *, overwrite: bool) -> 
 
 
 def _run(server: Server, to: str, *, lockstep: bool) -> None:
-    """Until the flight is over, or Ctrl-C; the other side is told that it is."""
+    """Run until the flight ends or Ctrl-C, and tell the other side."""
     from reconstruction.live.links import is_link
 
     with suppress(KeyboardInterrupt):
@@ -175,7 +180,7 @@ def _run(server: Server, to: str, *, lockstep: bool) -> None:
 
 
 def _solve_ahead(camera: Camera, ahead: int, progress: bool | None) -> None:
-    """Light at the first keys, of which no frame is late then."""
+    """Solve light at the first key poses, so that no frame there is late."""
     with progress_bar(f"Light at {ahead} key poses", progress) as advance:
         for number in range(ahead if ahead > 1 else 0):
             camera.lattice.at((number,))

@@ -1,4 +1,4 @@
-"""Where the drone flies: along a path, or as it is told from a pose on."""
+"""Flights of the drone: along a path, or as commanded from a pose."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
     from spisim.serving import Gust, Keys, Motion, Pilot
 
-#: Key poses of a path, all of which are kept where it is flown in time.
+#: Maximum key poses of a path flown in real time, all of which are cached.
 MAX_AHEAD = 2000
-#: How far a gust blows.
-FARTHEST_M = 100
+#: Maximum offset by a gust.
+MAX_GUST_M = 100
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A scene with its drone, who steers it, and where light is solved, `ahead` of it at first."""
+    """A scene with its drone, its control, and key poses, `ahead` of which are solved first."""
 
     scene: Scene
     keys: Keys
@@ -38,10 +38,10 @@ def check_options(
     *,
     json: bool,
 ) -> None:
-    """Those that exclude each other, or are given ``of_path`` without one."""
+    """Check options that exclude each other, or are ``of_path`` but given without a path."""
     for option, given in of_path.items():
         if given and path is None:
-            raise InputError(f"{option} goes with --path")
+            raise InputError(f"{option} needs --path")
     if json and to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")
     for option, value in (("--pose", pose), ("--gust", gust)):
@@ -50,7 +50,7 @@ def check_options(
 
 
 def along(scene: Scene, path: Trajectory, spacing_m: float, *, at_once: bool) -> Flight:
-    """Along a path; its light is solved ahead, but for frames that may take their time."""
+    """Fly along a path; its light is solved ahead, unless frames may take their time."""
     from spisim.scene import check_clear_path
     from spisim.serving import Follower, PathKeys
 
@@ -60,7 +60,7 @@ def along(scene: Scene, path: Trajectory, spacing_m: float, *, at_once: bool) ->
 
 
 def as_commanded(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:
-    """From a pose on, or the scene's own, as commands say."""
+    """Fly as commanded from a pose, by default the scene's own."""
     from spisim.serving import Drone, PoseKeys
 
     begun = scene if pose is None else _placed(scene, pose)
@@ -68,7 +68,7 @@ def as_commanded(scene: Scene, pose: str | None, gusts: list[str], spacing_m: fl
 
 
 def at_rest(scene: Scene, duration_s: float) -> Motion:
-    """Where a scene has its drone."""
+    """Return the drone of a scene at rest."""
     from scipy.spatial.transform import Rotation
 
     from spisim.serving import Motion
@@ -78,17 +78,17 @@ def at_rest(scene: Scene, duration_s: float) -> Motion:
 
 
 def _checked(ahead: int) -> int:
-    """Key poses of a path, all of which are kept."""
+    """Check the number of key poses of a path, all of which are cached."""
     if ahead > MAX_AHEAD:
         raise InputError(
-            f"the path has {ahead} key poses, at most {MAX_AHEAD} where it is flown in time: "
-            "tell a larger --spacing, a shorter path, or --lockstep"
+            f"the path has {ahead} key poses, at most {MAX_AHEAD} where it is flown in real time: "
+            "use a larger --spacing, a shorter path, or --lockstep"
         )
     return ahead
 
 
 def _placed(scene: Scene, text: str) -> Scene:
-    """A scene with the drone where an option says."""
+    """Return a scene with the drone at the pose of an option."""
     from spisim.scene import at_drone_state
     from spisim.scene.description import DroneState
 
@@ -101,10 +101,7 @@ def _placed(scene: Scene, text: str) -> Scene:
         ahead = cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)
         up = -cos(yaw) * sin(pitch), -sin(yaw) * sin(pitch), cos(pitch)
     moment = DroneState(
-        time_s=0.0,
-        position_m=position,
-        look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]),
-        up=up,
+        time_s=0.0, position_m=position, look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]), up=up
     )
     return at_drone_state(scene, moment)
 
@@ -115,10 +112,10 @@ def _gust(text: str) -> Gust:
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
     if start_s < 0 or not duration_s > 0:
         raise InputError(
-            f"--gust {text}: it should begin at 0 s or later, and it should last longer than 0 s"
+            f"--gust {text}: its start should be at least 0 s, and its duration above 0 s"
         )
-    if max(map(abs, (x, y, z))) > FARTHEST_M:
-        raise InputError(f"--gust {text}: it should blow the drone off by {FARTHEST_M} m at most")
+    if max(map(abs, (x, y, z))) > MAX_GUST_M:
+        raise InputError(f"--gust {text}: its offset should be at most {MAX_GUST_M} m")
     return Gust(start_s, duration_s, (x, y, z))
 
 

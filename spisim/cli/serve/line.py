@@ -1,4 +1,4 @@
-"""The link that frames leave by, and that commands come back by."""
+"""The link for frames, and back for commands."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def line_to(
     lockstep: bool,
     overwrite: bool,
 ) -> Line:
-    """The line, whose places are there to be used; commands come back where they can."""
+    """Open the link, and check that it is available; commands come back if it allows."""
     from reconstruction.base.files import Output, require_outputs
     from reconstruction.live.framing import MAGIC
     from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
@@ -41,6 +41,6 @@ def line_to(
     elif to == "-" and (steered or lockstep):
         source = source_at("-")
     if source is None and lockstep:
-        raise InputError(f"--lockstep needs commands, and {to} brings none: tell --commands")
+        raise InputError(f"--lockstep needs commands, and {to} cannot receive any: use --commands")
     lasting = to != "-" and is_link(to)
     return Line(outlet, source, lasting=lasting, say=say, wait=time.sleep)

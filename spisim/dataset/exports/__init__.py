@@ -1,7 +1,7 @@
-"""Formats for programs that do not read data sets: one module each, with its writer.
+"""Export formats for programs that do not read data sets, one module each.
 
-A writer takes the samples, a folder and the number of samples in each file. It returns the paths of
-the files, and raises InputError where they cannot be written.
+A writer takes the samples, a folder and the number of samples per file. It returns the paths of the
+files. It raises InputError if they cannot be written.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
-"""Images and true depth images of all samples, with an index as COCO has it (cocodataset.org).
+"""Images and true depth images of all samples with a COCO index (cocodataset.org).
 
-Every image has one annotation, of the category "spots": where the four laser spots are among the
-pixels as `keypoints`, (0, 0) being the centre of the first pixel as in COCO, and what was measured
-of them.
+Every image has one annotation of the category "spots". Its `keypoints` are the pixel coordinates of
+the four laser spots, where (0, 0) is the centre of the first pixel as in COCO. It also holds their
+measured ranges.
 """
 
 from __future__ import annotations
@@ -30,15 +30,14 @@ CATEGORY = {
     "keypoints": [f"spot {k}" for k in range(4)],
     "skeleton": [],
 }
-#: What COCO calls a point that is labelled and visible; others are zeros.
-SEEN = 2
+#: COCO's flag of a keypoint that is labelled and visible.
+VISIBLE = 2
 
 
 def write_coco(samples: DataSet, folder: Path, shard_size: int = 0) -> list[Path]:
-    """Write `index.json`, and `images` and `depth` with a PNG file for each frame.
+    """Write `index.json`, and a PNG file per frame into `images` and `depth`.
 
-    Raises InputError for a set without samples or truth, a folder that holds other things or cannot
-    be written into, and captures that are missing; there are no shards.
+    Raises InputError as `write_whole`, and for samples without truth. The shard size is ignored.
     """
     return write_whole(samples, folder, lambda stage: _write(samples, stage))
 
@@ -90,7 +89,7 @@ def _image(number: int, name: str, shot: Shot, sample: StoredSample) -> dict[str
 
 
 def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str, Any]:
-    """Annotation of an image; the box around its points has their units too."""
+    """Return the annotation of an image; the box encloses the visible spots, in pixels."""
     assert shot.spots is not None
     assert shot.ranges is not None
     height, width = shot.shape
@@ -98,9 +97,9 @@ def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str,
     within = (positions > -0.5) & (positions < (width - 0.5, height - 0.5))
     inside = np.flatnonzero(within.all(axis=1))
     points = np.zeros((len(positions), 3))
-    points[inside] = np.column_stack([positions[inside], np.full(len(inside), SEEN)])
-    seen = positions[inside] if inside.size else np.zeros((1, 2))
-    size = np.ptp(seen, axis=0)
+    points[inside] = np.column_stack([positions[inside], np.full(len(inside), VISIBLE)])
+    visible = positions[inside] if inside.size else np.zeros((1, 2))
+    size = np.ptp(visible, axis=0)
     return {
         "id": number,
         "image_id": image,
@@ -108,7 +107,7 @@ def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str,
         "iscrowd": 0,
         "keypoints": points.ravel().tolist(),
         "num_keypoints": len(inside),
-        "bbox": [*seen.min(axis=0).tolist(), *size.tolist()],
+        "bbox": [*visible.min(axis=0).tolist(), *size.tolist()],
         "area": float(size.prod()),
         "range_m": _numbers(shot.ranges.range_m),
         "sigma_m": _numbers(shot.ranges.sigma_m),

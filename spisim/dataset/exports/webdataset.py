@@ -1,4 +1,4 @@
-"""Data sets as plain TAR shards, as WebDataset and its relatives read them in one stream."""
+"""TAR shards of a data set, which WebDataset and similar loaders stream."""
 
 from __future__ import annotations
 
@@ -17,23 +17,39 @@ from reconstruction.base.folders import locked_folder
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample
 
-
-#: Of the files, as their marks tell it.
+#: The kind of file in the shards' marks.
 KIND = "export"
 
 
 def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -> list[Path]:
-    """Write `shard-000000.tar`, … of so many samples each, and return their paths.
+    """Write a data set as TAR shards `shard-000000.tar`, ….
 
-    A sample is `000123.h5` (its capture), `000123.json` (index, scene and parameters) and its
-    sidecars. Equal samples give byte-equal shards; each appears whole or not at all. Raises
-    InputError for a set without samples, shards of none, a folder that lies in the set,
-    holds other shards, cannot be written into or is held by another process, and captures that are
-    missing.
+    A sample is its capture `000123.h5`, its index, scene and parameters `000123.json`, and its
+    sidecars. Equal samples give byte-equal shards. Each shard appears whole or not at all.
+
+    Parameters
+    ----------
+    samples
+        The finished samples of a data set, or some of them.
+    folder
+        An empty folder or one with earlier shards, outside the data set.
+    shard_size
+        Samples per shard.
+
+    Returns
+    -------
+    list of Path
+        The shards.
+
+    Raises
+    ------
+    InputError
+        If there are no samples, `shard_size` is below 1, the folder lies in the data set, holds
+        other shards, cannot be written or is in use, or captures are missing.
     """
     folder = Path(folder)
     if not samples:
-        raise InputError(f"{samples.folder}: there is no finished sample to export")
+        raise InputError(f"{samples.folder}: no finished samples to export")
     if shard_size < 1:
         raise InputError(f"shard_size should be at least 1; found {shard_size}")
     if folder.resolve().is_relative_to(samples.folder.resolve()):
@@ -59,13 +75,13 @@ def write_shards(samples: DataSet, folder: str | Path, shard_size: int = 1000) -
 
 def _members(sample: StoredSample) -> Iterator[tuple[str, bytes]]:
     key = f"{sample.index:06d}"
-    reported = {
+    metadata = {
         "index": sample.index,
         "scene_name": sample.scene_name,
         "parameters": dict(sample.parameters),
     }
     yield f"{key}.h5", _content(sample.path)
-    yield f"{key}.json", json.dumps(reported, ensure_ascii=False).encode()
+    yield f"{key}.json", json.dumps(metadata, ensure_ascii=False).encode()
     for path in sample.sidecars:
         yield f"{key}{path.suffix}", _content(path)
 
@@ -74,7 +90,9 @@ def _content(path: Path) -> bytes:
     try:
         return path.read_bytes()
     except FileNotFoundError:
-        raise InputError(f"{path}: missing; spisim dataset verify lists what is") from None
+        raise InputError(
+            f"{path}: missing; `spisim dataset verify` lists all missing files"
+        ) from None
 
 
 def _tar(members: Iterator[tuple[str, bytes]]) -> bytes:
@@ -84,7 +102,7 @@ def _tar(members: Iterator[tuple[str, bytes]]) -> bytes:
         fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT, pax_headers=comment
     ) as tar:
         for name, content in members:
-            header = tarfile.TarInfo(name)  # its time is 0, its owner nobody
+            header = tarfile.TarInfo(name)  # default time and owner, for equal bytes
             header.size = len(content)
             header.mode = 0o644
             tar.addfile(header, io.BytesIO(content))

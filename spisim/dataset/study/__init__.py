@@ -1,4 +1,4 @@
-"""Studies: a data set swept over some parameters, reconstructed, evaluated, compared, and shown."""
+"""Studies: vary parameters of a data set, reconstruct, evaluate, compare, and plot."""
 
 from spisim.dataset.study.metrics import QUANTITIES
 from spisim.dataset.study.plan import load_study

@@ -1,4 +1,4 @@
-"""Metrics of every capture of a study, found once and kept."""
+"""Metrics of every capture of a study, cached in the data set's folder."""
 
 import hashlib
 import json
@@ -16,18 +16,17 @@ from reconstruction.base.files import write_atomically
 from spisim.dataset.folder import Layout
 from spisim.dataset.reader import DataSet, open_dataset
 from spisim.dataset.records import DIED, Outcome, Record
-from spisim.dataset.study import metrics, profile
-from spisim.dataset.study.metrics import Methods
-from spisim.dataset.study.profile import Profile, depth_profile
+from spisim.dataset.study import metrics
+from spisim.dataset.study.metrics import Methods, Profile, depth_profile
 from spisim.dataset.workers import Executor
 
-#: What stations are called where methods are chosen.
+#: Arguments of `Reconstructor` by station.
 _OPTIONS = {"images": "image", "spots": "ranging", "depths": "depth"}
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Metrics and depth profile of one capture, or why there are none."""
+    """Metrics and depth profile of one capture, or the reason why there are none."""
 
     metrics: Mapping[str, float | None]
     profile: Profile = field(default_factory=dict)
@@ -36,29 +35,29 @@ class Evaluation:
 
 @dataclass(frozen=True)
 class Evaluator:
-    """Evaluates captures of a data set and keeps what it finds. It can be sent to processes."""
+    """Evaluates captures of a data set and caches the results. It can be pickled."""
 
     folder: Path
-    files: Mapping[int, tuple[str, str]]  # capture and its SHA-256, by index
+    files: Mapping[int, tuple[str, str]]  # capture and its SHA-256 by index
     methods: Methods
 
     def __call__(self, index: int) -> Outcome:
-        """Evaluate one capture; one that cannot be reconstructed is kept with the reason."""
+        """Evaluate one capture; store the reason if it cannot be reconstructed."""
         file, sha256 = self.files[index]
         layout = Layout(self.folder)
         try:
             result = evaluation_of(read_capture(layout.own(self.folder / file)), self.methods)
         except InputError as error:
             result = Evaluation({}, error=str(error))
-        reported = {"key": key_of(sha256, self.methods), **asdict(result)}
-        write_atomically(layout.metrics(index), json.dumps(reported).encode())
+        entry = {"key": key_of(sha256, self.methods), **asdict(result)}
+        write_atomically(layout.metrics(index), json.dumps(entry).encode())
         return Outcome(index, "done")
 
 
 def evaluation_of(capture: Capture, methods: Methods = ()) -> Evaluation:
-    """Reconstruct all frames by the usual methods and these, and compare them with the truth.
+    """Reconstruct all frames by the default and these methods, and compare them with the truth.
 
-    Raises InputError where there is no truth, or nothing to reconstruct.
+    Raises InputError if there is no truth, or nothing to reconstruct.
     """
     if capture.truth is None:
         raise InputError("the capture holds no truth to compare with")
@@ -76,18 +75,17 @@ def evaluate_all(
     progress: Callable[[float], None] = lambda fraction: None,
     methods: Methods = (),
 ) -> tuple[DataSet, dict[int, Evaluation]]:
-    """The data set in a folder, and the metrics of its captures by index.
+    """Return the data set in a folder, and the evaluations of its captures by index.
 
-    `methods` are those to be evaluated besides the usual ones, by station and name. What was found
-    before is taken, as long as capture, reconstruction and methods are the same. Whatever
-    takes its worker with it is told as an error of that capture, and not kept.
+    `methods`, by station and name, are evaluated in addition to the default ones. Cached results
+    are used as long as capture, code and methods are the same. A capture that kills its worker
+    gives an error, which is not cached.
     """
     data = open_dataset(folder)
-    result = {record.index: _retained(folder, record, methods) for record in data.records}
     missing = {
         record.index: (str(record.file), str(record.sha256))
         for record in data.records
-        if result[record.index] is None
+        if _cached(folder, record, methods) is None
     }
     lost: dict[int, Evaluation] = {}
     if missing:
@@ -98,24 +96,24 @@ def evaluate_all(
                         {}, error=f"evaluation: {outcome.error or DIED}"
                     )
                 progress(done / len(missing))
-    retained = {record.index: _retained(folder, record, methods) for record in data.records}
-    evaluations = {index: each for index, each in retained.items() if each is not None}
+    cached = {record.index: _cached(folder, record, methods) for record in data.records}
+    evaluations = {index: each for index, each in cached.items() if each is not None}
     return data, evaluations | lost
 
 
 def key_of(sha256: str, methods: Methods) -> str:
-    """What the metrics of a capture depend on: its content, the code that finds them, methods."""
+    """Return the cache key of a capture's metrics, from its content, the code and the methods."""
     return hashlib.sha256(f"{sha256} {_code()} {methods}".encode()).hexdigest()
 
 
 @cache
 def _code() -> str:
-    """Digest of the reconstruction and the metrics as they stand in their files.
+    """Return a digest of the code of the reconstruction and the metrics.
 
-    Of methods of other packages, names and versions count.
+    Methods of other packages are represented by name and version.
     """
     files = sorted(Path(reconstruction.__path__[0]).rglob("*.py"))
-    files += [Path(str(module.__file__)) for module in (metrics, profile)]
+    files.append(Path(metrics.__file__))
     others = (
         f"{point.group} {point.name} {point.value} {point.dist and point.dist.version}"
         for group in entry_points().groups
@@ -126,7 +124,7 @@ def _code() -> str:
     return hashlib.sha256(text + b"".join(file.read_bytes() for file in files)).hexdigest()
 
 
-def _retained(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
+def _cached(folder: Path, record: Record, methods: Methods) -> Evaluation | None:
     layout = Layout(folder)
     with suppress(OSError, ValueError, KeyError):
         fields = json.loads(layout.own(layout.metrics(record.index)).read_bytes())

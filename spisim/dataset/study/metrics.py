@@ -1,4 +1,4 @@
-"""The figures by which a study judges a capture."""
+"""The metrics by which a study compares captures."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from reconstruction import Capture, InputError, Result, evaluate
 from reconstruction.base.errors import naming, nearest
+from reconstruction.capture import Truth
 from reconstruction.evaluation import METHODS
 from reconstruction.ranging import RANGED
 
@@ -19,9 +20,9 @@ Methods = tuple[tuple[str, str], ...]
 
 @dataclass(frozen=True)
 class Quantity:
-    """One number for what a method makes of a frame: the one called `key` of its `station`.
+    """A figure of merit of what a method makes of a frame: the one called `key` of its `station`.
 
-    `label` tells it with its unit, as it stands at an axis.
+    `label` is its axis label with the unit.
     """
 
     station: str
@@ -31,10 +32,14 @@ class Quantity:
     meaning: str
 
 
-#: All quantities by the names that a study plan uses.
+#: All quantities by their names in a study plan.
 QUANTITIES: Mapping[str, Quantity] = {
     "image_correlation": Quantity(
-        "images", "correlation", "image correlation", "high", "Pearson's, with the true image"
+        "images",
+        "correlation",
+        "image correlation",
+        "high",
+        "Pearson correlation with the true image",
     ),
     "image_psnr_db": Quantity(
         "images", "psnr_db", "image PSNR, dB", "high", "true peak squared over mean squared error"
@@ -54,38 +59,38 @@ QUANTITIES: Mapping[str, Quantity] = {
         "bias_m",
         "range bias, m",
         "near zero",
-        "measured minus true range, mean over the spots that have a range; above zero is too far",
+        "measured minus true range, mean over the spots with a range; above zero is too far",
     ),
     "range_error_m": Quantity(
         "spots",
         "error_m",
         "range error, m",
         "low",
-        "absolute difference of measured and true range, mean over the spots that have a range",
+        "mean absolute error of the range over the spots with a range",
     ),
     "range_rmse_m": Quantity(
         "spots",
         "rmse_m",
         "RMS range error, m",
         "low",
-        "RMS difference of measured and true range over the spots that have a range",
+        "RMS error of the range over the spots with a range",
     ),
     "range_within_sigma": Quantity(
         "spots",
         "within_sigma",
-        "ranges within their sigma, share",
+        "fraction of ranges within sigma",
         "high",
-        "share of the spots with a range whose error is within the stated sigma; 0.68 is honest",
+        "fraction of the ranges whose error is within their sigma; 0.68 if calibrated",
     ),
     "range_sigma_m": Quantity(
         "spots",
         "sigma_m",
         "range sigma, m",
         "low",
-        "standard error that the ranging itself states, RMS over the spots that have a range",
+        "estimated standard error of the range, RMS over the spots with a range",
     ),
     "valid_spots": Quantity(
-        "spots", "valid", "spots with a range, of 4", "high", "number of spots that have a range"
+        "spots", "valid", "spots with a range, of 4", "high", "number of spots with a range"
     ),
     "depth_mae_m": Quantity(
         "depths", "mae_m", "mean depth error, m", "low", "mean absolute error of the depth map"
@@ -103,16 +108,16 @@ QUANTITIES: Mapping[str, Quantity] = {
     "depth_within_25": Quantity(
         "depths",
         "within_25_percent",
-        "depth within 25 %, share",
+        "fraction of depths within 25 %",
         "high",
-        "share of the pixels whose depth is within 25 % of the true one",
+        "fraction of the pixels whose depth is within 25 % of the true one",
     ),
     "depth_coverage": Quantity(
         "depths",
         "coverage",
-        "pixels with a depth, share",
+        "fraction of pixels with a depth",
         "high",
-        "share of the pixels, of those where something is hit, that have a depth",
+        "fraction of the pixels on a surface that have a depth",
     ),
     "depth_abs_rel": Quantity(
         "depths",
@@ -124,37 +129,37 @@ QUANTITIES: Mapping[str, Quantity] = {
     "depth_delta_1_25": Quantity(
         "depths",
         "delta_1_25",
-        "depth within a factor of 1.25, share",
+        "fraction of depths within a factor of 1.25",
         "high",
-        "share of the pixels whose depth is within a factor of 1.25 of the true one",
+        "fraction of the pixels whose depth is within a factor of 1.25 of the true one",
     ),
     "depth_within_1_sigma": Quantity(
         "depths",
         "within_1_sigma",
-        "ln depth within 1 sigma, share",
+        "fraction of ln depths within 1 sigma",
         "high",
-        "share of the pixels whose ln depth is within the stated deviation; 0.68 is honest",
+        "fraction of the pixels whose ln depth is within sigma; 0.68 if calibrated",
     ),
     "depth_within_2_sigma": Quantity(
         "depths",
         "within_2_sigma",
-        "ln depth within 2 sigma, share",
+        "fraction of ln depths within 2 sigma",
         "high",
-        "share of the pixels whose ln depth is within twice that; 0.95 is honest",
+        "fraction of the pixels whose ln depth is within 2 sigma; 0.95 if calibrated",
     ),
     "nothing_brier": Quantity(
         "depths",
         "nothing_brier",
-        "Brier score of nothing",
+        "Brier score of no surface",
         "low",
-        "mean squared error of the probability that there is nothing within reach",
+        "mean squared error of the probability that no surface is within the maximum range",
     ),
     "depth_invented": Quantity(
         "depths",
         "invented",
-        "depth where nothing is, share",
+        "fraction of false depths",
         "low",
-        "share of the pixels without anything within reach that have a depth",
+        "fraction of the pixels without a surface in range that have a depth",
     ),
     "free_brier": Quantity(
         "depths",
@@ -166,70 +171,80 @@ QUANTITIES: Mapping[str, Quantity] = {
     "free_bias": Quantity(
         "depths",
         "free_bias",
-        "free corridor, probability less frequency",
+        "free corridor, probability minus frequency",
         "near zero",
-        "mean probability that the corridor is free up to a distance, less how often it is",
+        "mean probability that the corridor is free up to a distance, minus the frequency",
     ),
     "obstacle_error": Quantity(
         "depths",
         "obstacle_error",
-        "nearest obstacle, error, relative",
+        "error of the nearest obstacle, relative",
         "near zero",
-        "reported over true depth of the nearest obstacle ahead, less 1; above zero is too far",
+        "reported over true depth of the nearest obstacle ahead, minus 1; above zero is too far",
     ),
     "obstacle_missed": Quantity(
         "depths",
         "obstacle_missed",
-        "missed obstacles, share",
+        "fraction of missed obstacles",
         "low",
-        "share of the frames whose nearest obstacle is reported more than 25 % too far, or not",
+        "fraction of the frames whose nearest obstacle is reported more than 25 % too far, or not",
     ),
     "obstacle_false": Quantity(
         "depths",
         "obstacle_false",
-        "false obstacles, share",
+        "fraction of false obstacles",
         "low",
-        "share of the frames with an obstacle reported more than 25 % too near, or without one",
+        "fraction of the frames with an obstacle reported more than 25 % too near, or falsely",
     ),
     "free_precision": Quantity(
         "depths",
         "free_precision",
-        "free of what is told free, share",
+        "precision of free space",
         "high",
-        "share of the space told free, as length before the surfaces, that is free",
+        "fraction of the space reported as free, by length along the rays, that is free",
     ),
     "free_recall": Quantity(
         "depths",
         "free_recall",
-        "told free of what is free, share",
+        "recall of free space",
         "high",
-        "share of the free space, as length before the surfaces, that is told free",
+        "fraction of the free space, by length along the rays, that is reported as free",
     ),
     "saturated": Quantity(
         "buckets",
         "saturated",
-        "saturated readings, share",
+        "fraction of saturated readings",
         "low",
-        "share of the single-pixel readings that cannot be used",
+        "fraction of the single-pixel readings that are unusable",
     ),
 }
 
 
+#: Bins of true depth, each 19 % wider than the one before.
+EDGES_M = np.geomspace(0.5, 32.0, 25)
+CENTRES_M = np.sqrt(EDGES_M[:-1] * EDGES_M[1:])
+#: Pixels needed in a bin of true depth.
+MIN_PIXELS = 5
+
+#: Mean estimated depth in each bin, None with too few pixels, by method.
+Profile = Mapping[str, Sequence[float | None]]
+
+
 @dataclass(frozen=True)
 class Metric:
-    """A quantity of what one method gives; of the default one where none is named."""
+    """A quantity of one method's result, or of the default method's."""
 
     kind: str
     method: str | None
 
     @property
     def quantity(self) -> Quantity:
-        """What it is of."""
+        """The quantity."""
         return QUANTITIES[self.kind]
 
     @classmethod
     def of(cls, name: str) -> Metric:
-        """By a name as "depth_mae_m" or "depth_mae_m[nearest]"; InputError for an unknown one."""
+        """Parse a name as "depth_mae_m" or "depth_mae_m[nearest]". Raises InputError."""
         kind, bracket, method = name.removesuffix("]").partition("[")
         if kind not in QUANTITIES or (bracket and QUANTITIES[kind].station not in METHODS):
             raise InputError(f"unknown metric {name!r}: {nearest(name, QUANTITIES)}")
@@ -240,7 +255,7 @@ class Metric:
 
 
 def named_methods(names: Iterable[str]) -> Methods:
-    """Station and name of every method that metrics name."""
+    """Return station and name of every method named by metrics."""
     metrics = [Metric.of(name) for name in names]
     return tuple(
         dict.fromkeys(
@@ -252,30 +267,30 @@ def named_methods(names: Iterable[str]) -> Methods:
 
 
 def measure(capture: Capture, results: Sequence[Result]) -> dict[str, float | None]:
-    """All metrics of a capture with truth, mean over the results of its frames.
+    """Return all metrics of a capture with truth, mean over the results of its frames.
 
-    None where no frame has one; of methods by name there are those that the results have.
+    A metric is None if no frame has one. Metrics by method are those of the methods in the results.
     """
-    frames = [_figures(capture, result) for result in results]
-    names = dict.fromkeys([*QUANTITIES, *(name for figures in frames for name in figures)])
-    return {name: _mean(figures.get(name) for figures in frames) for name in names}
+    frames = [_values(capture, result) for result in results]
+    names = dict.fromkeys([*QUANTITIES, *(name for values in frames for name in values)])
+    return {name: _mean(values.get(name) for values in frames) for name in names}
 
 
-def _figures(capture: Capture, result: Result) -> dict[str, float | None]:
+def _values(capture: Capture, result: Result) -> dict[str, float | None]:
     evaluated = evaluate(result, capture)
-    spots = {method: _spot_figures(each) for method, each in evaluated["spots"].items()}
+    spots = {method: _spot_values(each) for method, each in evaluated["spots"].items()}
     unusable = 1 - float(capture.buckets.usable[result.frame].mean())
     stations = {**evaluated, "spots": spots, "buckets": {"": {"saturated": unusable}}}
-    figures: dict[str, float | None] = {}
+    values: dict[str, float | None] = {}
     for kind, quantity in QUANTITIES.items():
-        for method, reported in stations[quantity.station].items():
-            figures.setdefault(kind, reported[quantity.key])
-            figures[f"{kind}[{method}]" if method else kind] = reported[quantity.key]
-    return figures
+        for method, evaluation in stations[quantity.station].items():
+            values.setdefault(kind, evaluation[quantity.key])
+            values[f"{kind}[{method}]" if method else kind] = evaluation[quantity.key]
+    return values
 
 
-def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
-    """Of all spots that have a range; None where none has."""
+def _spot_values(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
+    """Average over the spots with a range; None without any."""
     valid = [spot for spot in spots if spot["status"] in RANGED]
     errors, sigmas = (
         [spot[key] for spot in valid if spot[key] is not None] for key in ("error_m", "sigma_m")
@@ -292,6 +307,26 @@ def _spot_figures(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]
         "sigma_m": float(np.sqrt(np.mean(np.square(sigmas)))) if sigmas else None,
         "valid": float(len(valid)),
     }
+
+
+def depth_profile(results: Sequence[Result], truth: Truth) -> Profile:
+    """Return the mean estimated depth by true depth, over the pixels of all frames."""
+    profiles = {}
+    for method in dict.fromkeys(method for result in results for method in result.depths):
+        having = [result for result in results if method in result.depths]
+        true_m = np.array([truth.at(result.frame).depth_m for result in having])
+        profiles[method] = _means(true_m, np.array([result.depths[method] for result in having]))
+    return profiles
+
+
+def _means(true_m: np.ndarray, estimated_m: np.ndarray) -> list[float | None]:
+    both = np.isfinite(true_m) & np.isfinite(estimated_m)
+    if not both.any():
+        return [None] * CENTRES_M.size
+    x, y = true_m[both].astype(float), estimated_m[both].astype(float)
+    count, _ = np.histogram(x, EDGES_M)
+    total, _ = np.histogram(x, EDGES_M, weights=y)
+    return [float(s / n) if n >= MIN_PIXELS else None for s, n in zip(total, count, strict=True)]
 
 
 def _mean(values: Iterable[float | None]) -> float | None:

@@ -1,4 +1,4 @@
-"""A study: a data set with grids, and what is to be seen of them."""
+"""A study: a data set with grids, and what to compare."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import flat
 from spisim.dataset.study.metrics import Metric
 
-#: Fields of a quick setting that add to those of the full one instead of replacing them.
+#: Mappings of `study.quick` that are merged with those of the plan rather than replacing them.
 _MERGED = ("vary", "materials", "study")
 
 
@@ -39,25 +39,25 @@ class Study(Section):
     """What is compared: metrics over the parameter `x`, one curve for each value of `groups`.
 
     Combinations without `x`, such as clear air among fogs of several visibilities, are drawn as
-    lines across; one without any value of `groups` either is called by the name `reference`.
-    All combinations are made in each of so many `rounds`, which differ in all that is random.
-    `quick` has fields of the plan, with other values for a small run.
+    horizontal lines; one without `groups` as well is labelled `reference`. All combinations are
+    made in each of the `rounds`, which differ in all random values. `quick` holds fields of the
+    plan with other values for a small run.
     """
 
     x: Name
-    """Parameter along the axis: one of the grids, `scene`, or a field of a bundle."""
+    """Parameter of the x axis: one of the grids, `scene`, or a field of a bundle."""
     groups: tuple[Name, ...] = ()
-    """Parameters of which each combination of values has a curve."""
+    """Parameters with one curve for each combination of their values."""
     metrics: Annotated[tuple[Name, ...], Field(min_length=1)]
-    """What is compared, see below; `name[method]` is of one method."""
+    """Metrics to compare, see below; `name[method]` is of one method."""
     rounds: Count = 1
     """How often all combinations are made, each time with other random values."""
     x_scale: Literal["linear", "log"] = "linear"
-    """Of the axis."""
+    """Scale of the x axis."""
     reference: Name = "without"
-    """What a combination is called that has neither `x` nor groups."""
+    """Label of a combination with neither `x` nor groups."""
     quick: dict[Name, Any] = Field(default_factory=dict)
-    """Fields of the plan with other values, for `--quick`; of `vary` and `study` one by one."""
+    """Fields of the plan with other values for `--quick`; `vary` and `study` are merged."""
 
     @model_validator(mode="after")
     def _makes_sense(self) -> Study:
@@ -66,12 +66,12 @@ class Study(Section):
         for what, names in (("metrics", self.metrics), ("x and groups", self.parameters)):
             twice = [name for name in names if names.count(name) > 1]
             if twice:
-                raise InputError(f"{what}: {twice[0]} is given twice")
+                raise InputError(f"{what}: {twice[0]} is repeated")
         return self
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Parameters that tell the combinations apart."""
+        """Parameters that distinguish the combinations."""
         return (self.x, *self.groups)
 
 
@@ -79,25 +79,24 @@ class StudyPlan(Plan):
     """The plan of a data set with a section `study`."""
 
     study: Study
-    """What is asked."""
+    """What is compared."""
 
     @model_validator(mode="after")
     def _fits(self) -> StudyPlan:
         if not self.axes:
             raise PydanticCustomError(
-                "study",
-                "needs a grid to compare: in vary or materials, of instruments, or every_scene",
+                "study", "needs a grid to compare: in vary, materials or instrument, or every_scene"
             )
         if self.samples is not None:
-            raise PydanticCustomError("study", "samples follow from study.rounds; leave them out")
+            raise PydanticCustomError("study", "samples follow from study.rounds; remove samples")
         if not self.keep.truth:
-            raise PydanticCustomError("study", "needs keep.truth, to which it compares")
+            raise PydanticCustomError("study", "needs keep.truth for comparison")
         values = list(self._grid_values())
         given = dict.fromkeys(name for each in values for name in each)
         for name in self.study.parameters:
             if any(f"{name}.{kind}" in given for kind in KINDS):
                 raise InputError(
-                    f"study: {name!r} is drawn; it needs the same values in all rounds"
+                    f"study: {name!r} is random; it should have the same values in all rounds"
                 )
             if name not in given:
                 raise InputError(f"study: {name!r} is not among the grids: {nearest(name, given)}")
@@ -107,13 +106,13 @@ class StudyPlan(Plan):
         return self
 
     def _grid_values(self) -> Iterator[dict[str, Any]]:
-        """What the grids set in each combination, by field."""
+        """Yield the fields that the grids set in each combination."""
         for values in product(*self.axes.values()):
-            reported: dict[str, Any] = {}
+            fields: dict[str, Any] = {}
             for name, value in zip(self.axes, values, strict=True):
                 together = name in self.vary and not is_field(name)
-                reported |= flat(value if together else {name: value})
-            yield reported
+                fields |= flat(value if together else {name: value})
+            yield fields
 
     def _check_distinct(self, values: list[dict[str, Any]]) -> None:
         seen: dict[str, dict[str, Any]] = {}
@@ -124,7 +123,7 @@ class StudyPlan(Plan):
                 differing = [n for n in {**other, **each} if other.get(n) != each.get(n)]
                 raise PydanticCustomError(
                     "study",
-                    "study: x and groups do not tell all combinations apart; add {names} to groups",
+                    "x and groups do not distinguish all combinations; add {names} to groups",
                     {"names": " or ".join(differing) or "another parameter"},
                 )
             seen[key] = each
@@ -133,11 +132,13 @@ class StudyPlan(Plan):
 def _check_positive(name: str, values: list[Any]) -> None:
     for value in values:
         if value is not None and not (isinstance(value, int | float) and value > 0):
-            raise InputError(f"study: x_scale log needs positive numbers; {name} has {value!r}")
+            raise InputError(
+                f"study: x_scale log needs positive numbers; found {value!r} in {name}"
+            )
 
 
 def condition_of(parameters: Mapping[str, Any], study: Study) -> tuple[Any, ...]:
-    """Values of x and the groups, by which samples are put together; None for what is not there."""
+    """Return the values of x and the groups, by which samples are combined; None if missing."""
     return tuple(_hashable(parameters.get(name)) for name in study.parameters)
 
 
@@ -149,7 +150,7 @@ def _hashable(value: Any) -> Any:
 
 @dataclass(frozen=True)
 class PlannedStudy:
-    """A study's plan, its text, and the file it stands in."""
+    """The plan of a study, its text, and its file."""
 
     plan: StudyPlan
     text: str
@@ -167,14 +168,14 @@ class PlannedStudy:
 
     @cached_property
     def data_set(self) -> PlannedSet:
-        """The data set alone: what is compared may change without making it anew."""
+        """The data set alone, which does not depend on what is compared."""
         fields = {name: value for name, value in self._fields.items() if name != "study"}
         fields["samples"] = self.plan.combinations * self.study.rounds
         text = dump_yaml(fields)
         return PlannedSet(parse_model(text, Plan, self.path), text, self.path)
 
     def quick(self) -> PlannedStudy:
-        """The small setting; InputError where the plan has none, or one that does not fit."""
+        """Return the small version. Raises InputError if the plan has none, or it is invalid."""
         fields = self._fields
         changes = fields["study"].pop("quick", None)
         if not changes:
@@ -197,7 +198,7 @@ class PlannedStudy:
 
     @cached_property
     def conditions(self) -> list[tuple[Any, ...]]:
-        """All values of x and groups that are compared, in the order of the grids."""
+        """All compared values of x and groups, in the order of the grids."""
         samples = (self.data_set.sample(index) for index in range(self.plan.combinations))
         return list(
             dict.fromkeys(condition_of(dict(flat(s.parameters)), self.study) for s in samples)
@@ -205,9 +206,21 @@ class PlannedStudy:
 
 
 def load_study(name: str | Path) -> PlannedStudy:
-    """Study from a YAML file, or a shipped one by its name ("fog-and-rain").
+    """Read a study.
 
-    Raises InputError, naming file and field, for whatever is wrong with it.
+    Parameters
+    ----------
+    name
+        A YAML file, or the name of a shipped study such as "fog-and-rain".
+
+    Returns
+    -------
+    PlannedStudy
+
+    Raises
+    ------
+    InputError
+        For an invalid study, naming file and field.
     """
     path = find_named(str(name), shipped("studies"), "study")
     text = read_text(path)

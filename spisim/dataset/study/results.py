@@ -1,4 +1,4 @@
-"""The tables of a study: one row per sample, per combination, and per comparison."""
+"""Tables of a study: one row per sample, per combination, and per comparison."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -12,22 +12,21 @@ from reconstruction.base.plotting import panels
 from spisim.base.config.files import csv_table
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
-from spisim.dataset.study.metrics import Metric
+from spisim.dataset.study.metrics import Metric, Profile
 from spisim.dataset.study.plan import PlannedStudy, Study, condition_of
-from spisim.dataset.study.profile import Profile
 from spisim.dataset.study.statistics import FEW_UNITS, Estimate, estimate
 
 Condition = tuple[Any, ...]
 
 ALL_SCENES = "all scenes"
 SPOTS_LEFT, ALL_SPOTS = "valid_spots", 4
-#: Metrics that a notebook shows.
+#: Metrics that a notebook displays.
 DISPLAYED = 3
 
 
 @dataclass(frozen=True)
 class Row:
-    """One sample: what was drawn for it, and its metrics, none where it or they failed."""
+    """One sample: its parameters, and its metrics unless it failed."""
 
     index: int
     round: int
@@ -41,7 +40,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Summary:
-    """A metric over all samples of a combination."""
+    """A metric averaged over all samples of a combination."""
 
     condition: Condition
     metric: str
@@ -50,10 +49,10 @@ class Summary:
 
 @dataclass(frozen=True)
 class Difference:
-    """A metric of a combination less that of the first, or less one of another method.
+    """A metric of a combination minus that of the first, or minus that of another method.
 
-    Samples of one round and scene are compared with each other: all that is random is equal in
-    them, but for the noise of light transport and detection.
+    Samples of the same round and scene are paired: all their random values are equal, except for
+    the noise of light transport and detection.
     """
 
     condition: Condition
@@ -65,11 +64,11 @@ class Difference:
 
 @dataclass(frozen=True)
 class Results:
-    """All tables.
+    """All tables of a study.
 
-    `metrics` are those that are asked for, and of spots that are lost how many are left;
-    `conditions` are values of the study's x and groups in the grids' order, `tried` the number of
-    samples of each. Where x is the scene, ALL_SCENES together follow.
+    `metrics` are the requested ones, and the number of remaining spots if spots are lost. `tried`
+    maps each condition (values of x and groups in the grids' order) to its number of samples. If x
+    is the scene, ALL_SCENES follow.
     """
 
     planned: PlannedStudy
@@ -96,24 +95,31 @@ class Results:
         return {"samples": len(self.rows), "combinations": len(self.tried), "x": x}
 
     def plot(self) -> Any:
-        """Draw the mean of each metric with its interval over x, a line for each group.
+        """Plot the mean of each metric and its interval over x, one line per group.
 
-        Returns the axes of Matplotlib, (metrics,). InputError if there is no Matplotlib.
+        Returns
+        -------
+        Axes of Matplotlib, (metrics,)
+
+        Raises
+        ------
+        InputError
+            Without Matplotlib.
         """
         study = self.planned.study
         axes = panels(len(self.metrics))
         for axis, name in zip(axes, self.metrics, strict=True):
             for group in self.groups():
-                reported = [
+                points = [
                     (each[0], estimate)
                     for each in self.conditions
                     if each[1:] == group
                     and (estimate := self.summaries[each, name].estimate).mean is not None
                 ]
-                values, estimates = [value for value, _ in reported], [each for _, each in reported]
+                values, estimates = [value for value, _ in points], [each for _, each in points]
                 label = ", ".join(map(str, group)) or None
                 axis.plot(values, [each.mean for each in estimates], "o-", label=label)
-                sure = [(value, each) for value, each in reported if each.low is not None]
+                sure = [(value, each) for value, each in points if each.low is not None]
                 axis.vlines(
                     [value for value, _ in sure],
                     [each.low for _, each in sure],
@@ -127,40 +133,40 @@ class Results:
         return axes
 
     def _means(self, name: str) -> str:
-        """Means with their intervals, one combination beside the other."""
-        reported = [self.summaries[condition, name].estimate for condition in self.conditions]
-        available = [(at, each) for at, each in enumerate(reported) if each.mean is not None]
+        """Draw the means with their intervals, one combination beside the other."""
+        estimates = [self.summaries[condition, name].estimate for condition in self.conditions]
+        available = [(at, each) for at, each in enumerate(estimates) if each.mean is not None]
         sure = [each for _, each in available if each.units >= FEW_UNITS]
         ends = [end for each in sure for end in (each.low, each.high) if end is not None]
         values = [*ends, *(each.mean for _, each in available if each.mean is not None)] or [0.0]
         low, span = min(values), (max(values) - min(values)) or 1.0
 
-        def place(value: float) -> str:
-            return f"{(value - low) / span * len(reported):.5g}"
+        def y(value: float) -> str:
+            return f"{(value - low) / span * len(estimates):.5g}"
 
         drawn = []
         for at, each in available:
             assert each.mean is not None
             drawn.append(
-                f'<circle cx="{at + 0.5}" cy="{place(each.mean)}" r="{len(reported) / 60:.4g}" '
+                f'<circle cx="{at + 0.5}" cy="{y(each.mean)}" r="{len(estimates) / 60:.4g}" '
                 'fill="currentColor" stroke="none"/>'
             )
             if each in sure and each.low is not None and each.high is not None:
                 drawn.append(
-                    f'<path d="M {at + 0.5} {place(each.low)} V {place(each.high)}" '
+                    f'<path d="M {at + 0.5} {y(each.low)} V {y(each.high)}" '
                     'vector-effect="non-scaling-stroke"/>'
                 )
-        edge = len(reported) / 40
-        svg = drawing(drawn, (-edge, -edge), (len(reported) + edge, len(reported) + edge))
+        edge = len(estimates) / 40
+        svg = drawing(drawn, (-edge, -edge), (len(estimates) + edge, len(estimates) + edge))
         return figure(svg, f"{name}, {low:.3g} to {low + span:.3g}, by combination")
 
     @property
     def conditions(self) -> list[Condition]:
-        """What is compared."""
+        """All compared combinations."""
         return list(self.tried)
 
     def groups(self) -> dict[Condition, list[Row]]:
-        """All rows with metrics by the values of the study's groups."""
+        """Return all rows with metrics by the values of the study's groups."""
         result: dict[Condition, list[Row]] = {condition[1:]: [] for condition in self.conditions}
         for row in self.rows:
             if row.metrics:
@@ -171,14 +177,14 @@ class Results:
 def results_of(
     planned: PlannedStudy, records: Iterable[Record], evaluations: Mapping[int, Evaluation]
 ) -> Results:
-    """Put the samples of a study together. `records` are all that were tried, done or failed."""
+    """Combine the samples of a study; `records` are all attempted ones."""
     combinations = planned.plan.combinations
     rows = [_row(record, evaluations, combinations) for record in records]
     rows.sort(key=lambda row: row.index)
     by_condition: dict[Condition, list[Row]] = {each: [] for each in planned.conditions}
     for row in rows:
         condition = condition_of(row.parameters, planned.study)
-        if condition in by_condition:  # a sample that took its worker with it has no parameters
+        if condition in by_condition:  # a sample that killed its worker has no parameters
             by_condition[condition].append(row)
     if planned.study.x == "scene":
         for (_, *group), chosen in list(by_condition.items()):
@@ -195,9 +201,9 @@ def results_of(
 
 
 def _spots_left(metrics: Sequence[str], rows: Sequence[Row]) -> list[str]:
-    """The number of spots that have a range, by the methods of metrics of spots, where some lack.
+    """Return the count of valid spots, by the methods of spot metrics, if some spots are lost.
 
-    What they say of the spots that are left gets better where the hard ones drop out.
+    The other metrics improve when difficult spots drop out.
     """
     of_spots = [Metric.of(name) for name in metrics if Metric.of(name).quantity.station == "spots"]
     names = dict.fromkeys(
@@ -232,16 +238,14 @@ def _estimate(rows: Iterable[Row], name: str) -> Estimate:
 
 
 def over_units(rows: Sequence[Row], values: Sequence[float]) -> Estimate:
-    """Scenes are independent of each other where there are several, rounds where there is one."""
+    """Estimate a mean; scenes are the independent units, or rounds if there is a single scene."""
     scenes = [row.scene_name for row in rows]
     several = len(set(scenes)) > 1
     return estimate(values, scenes if several else [row.round for row in rows])
 
 
 def _differences(
-    planned: PlannedStudy,
-    metrics: Sequence[str],
-    by_condition: Mapping[Condition, Sequence[Row]],
+    planned: PlannedStudy, metrics: Sequence[str], by_condition: Mapping[Condition, Sequence[Row]]
 ) -> list[Difference]:
     made = []
     first = planned.conditions[0]
@@ -257,35 +261,35 @@ def _differences(
 
 
 def _base(condition: Condition, first: Condition, study: Study) -> Condition:
-    """What a combination is compared with: the first; the first of its own scene, where x is it."""
+    """Return the reference of a combination: the first; of its own scene if x is the scene."""
     return (condition[0], *first[1:]) if study.x == "scene" else first
 
 
 def _other_methods(name: str, metrics: Sequence[str]) -> list[str]:
-    """Metrics of the same quantity by another method that come later."""
+    """Return later metrics of the same quantity by another method."""
     following = metrics[metrics.index(name) + 1 :]
     return [other for other in following if Metric.of(other).kind == Metric.of(name).kind]
 
 
 def _paired(rows: Sequence[Row], name: str, others: Sequence[Row], other_name: str) -> Estimate:
     partners = {(row.round, row.scene_name): row.metrics.get(other_name) for row in others}
-    retained, values = [], []
+    paired, values = [], []
     for row in rows:
         value, other = row.metrics.get(name), partners.get((row.round, row.scene_name))
         if value is not None and other is not None:
-            retained.append(row)
+            paired.append(row)
             values.append(value - other)
-    return over_units(retained, values)
+    return over_units(paired, values)
 
 
 def tables(folder: Path, results: Results) -> dict[Path, str]:
-    """All tables by their files in the folder of a study."""
+    """Return the text of all tables by their files in the folder of a study."""
     texts = (results_csv(results), summary_csv(results), differences_csv(results))
     return dict(zip((output.path for output in table_outputs(folder)), texts, strict=True))
 
 
 def table_outputs(folder: Path) -> list[Output]:
-    """The tables that a study leaves in its folder, known by their columns."""
+    """Return the tables in the folder of a study, recognized by their columns."""
     ends = f"metric,{','.join(ESTIMATE)}"
     signs = {
         "results.csv": "index,round,scene_name,",
@@ -340,7 +344,7 @@ def summary_csv(results: Results) -> str:
 
 
 def differences_csv(results: Results) -> str:
-    """One row per comparison; the columns minus_… tell what was taken off."""
+    """One row per comparison; the columns minus_… identify what was subtracted."""
     names = results.planned.study.parameters
     minus = [f"minus_{name}" for name in names]
     head = (*names, "metric", *minus, "minus_metric", *ESTIMATE)

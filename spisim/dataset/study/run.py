@@ -1,4 +1,4 @@
-"""A study from its plan to its tables."""
+"""Run a study from its plan to its tables."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -21,13 +21,13 @@ from spisim.dataset.workers import Executor, Make
 from spisim.transport.backend import activate
 
 STUDY = "study.yaml"
-#: Of the file, as its mark tells it.
+#: The kind of file in its mark.
 KIND = "study"
 
 
 @dataclass(frozen=True)
 class Finished:
-    """What a study found, how its data set went, and the tables that tell of it."""
+    """The results of a study, the state of its data set, and the tables written."""
 
     results: Results
     state: State
@@ -40,11 +40,11 @@ class Finished:
 
     @property
     def failed(self) -> int:
-        """Number of samples without: not simulated, or not reconstructed."""
+        """Number of samples without metrics: not simulated, or not reconstructed."""
         return len(self.results.rows) - self.evaluated
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready; the means with their intervals by combination."""
+        """Return a JSON-ready summary: the means with their intervals by combination."""
         study = self.results.planned.study
         return {
             "samples": self.state.samples,
@@ -62,7 +62,19 @@ class Finished:
 
 
 def study_files(folder: Path, planned: PlannedStudy) -> list[Output]:
-    """Files that a study leaves in its folder beside its data set, those of this layer."""
+    """Return the files that a study writes beside its data set, apart from its report.
+
+    Parameters
+    ----------
+    folder
+        Folder of the data set.
+    planned
+        The study. If its plan is read from the folder, that file is not among them.
+
+    Returns
+    -------
+    list of Output
+    """
     plan = Output(folder / STUDY, KIND)
     return table_outputs(folder) + ([] if _is_plan(planned, plan.path) else [plan])
 
@@ -78,17 +90,41 @@ def run_study(
     made: Callable[[State], None] = lambda state: None,
     evaluated: Callable[[float], None] = lambda fraction: None,
 ) -> Finished:
-    """Make what is missing of a study's captures and metrics; write the tables.
+    """Make the missing captures and metrics of a study, and write the tables.
 
-    The folder is that of the data set. `executor` is asked twice for those who work: for captures
-    and for metrics. `made` and `evaluated` are told the progress.
+    The folder is locked until the tables are written.
 
-    Raises InputError and OutOfSpace as `run_dataset`, and InputError where all samples failed. The
-    folder is held until the tables are written.
+    Parameters
+    ----------
+    planned
+        The study.
+    folder
+        Folder of the data set.
+    executor
+        Called twice for the workers: for captures and for metrics.
+    retry_failed
+        Whether to retry samples that failed before.
+    space_timeout_s
+        Time to wait for disk space.
+    say
+        Called with messages.
+    made, evaluated
+        Called with the progress of captures and of metrics.
+
+    Returns
+    -------
+    Finished
+
+    Raises
+    ------
+    InputError
+        As `run_dataset`, and if all samples failed.
+    OutOfSpace
+        If the disk stayed full.
     """
     with locked_folder(folder):
-        if not Layout(folder).plan.exists():  # whatever an earlier run made was sound
-            activate()  # before every process finds out by itself that light cannot be traced
+        if not Layout(folder).plan.exists():  # an earlier run has checked the plan
+            activate()  # fails once here rather than in every process
             check(planned.data_set)
         state = run_dataset(
             planned.data_set,
@@ -105,8 +141,8 @@ def run_study(
         if not any(each.metrics for each in evaluations.values()):
             reasons = [record.error for record in data.failed]
             reasons += [evaluation.error for evaluation in evaluations.values()]
-            reasons += ["the code that evaluates changed meanwhile"]
-            raise InputError(f"{folder}: all samples failed; the first one because: {reasons[0]}")
+            reasons += ["the evaluation code changed meanwhile"]
+            raise InputError(f"{folder}: all samples failed; the first reason is: {reasons[0]}")
         results = results_of(planned, (*data.records, *data.failed), evaluations)
         return Finished(results, state, _write(results, folder))
 
@@ -122,5 +158,5 @@ def _write(results: Results, folder: Path) -> tuple[Path, ...]:
 
 
 def _is_plan(planned: PlannedStudy, path: Path) -> bool:
-    """Whether a file is where the study was read from: then it stays as it is."""
+    """Return whether a path is the file that the study was read from, which is left as it is."""
     return path.exists() and path.samefile(planned.path)

@@ -1,4 +1,4 @@
-"""A scene before anything is simulated: its distances, and a picture of it with the instrument."""
+"""A scene before simulation: its distances, and a drawing with the instrument."""
 
 from .picture import Look, write_look
 from .survey import Spot, Survey, survey

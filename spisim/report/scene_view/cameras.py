@@ -1,4 +1,4 @@
-"""Rays of the pictures: what the drone sees, and sections through the scene beside it."""
+"""Rays of the drawings: the drone's view, and sections through the scene."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from spisim.transport import RayCaster
 
 Rays = tuple[Floats, Floats]  # origins and unit directions (n, 3), row by row
 
-#: A section is cut at most so far from the drone, and halfway to what is there.
+#: Maximum distance of a section's cut from the drone; it is at most halfway to a surface.
 MAX_CUT_M = 1.0
 CONE_RAYS = 64
 CONE_TANGENT = 0.5
@@ -18,7 +18,7 @@ CONE_TANGENT = 0.5
 def perspective_rays(
     pose: Floats, shape: tuple[int, int], tan_half_width: float, tan_half_height: float
 ) -> Rays:
-    """Of a pinhole at a pose (4, 4), world from optical frame."""
+    """Return rays of a pinhole camera at a pose (4, 4), world from optical frame."""
     x, y = _centres(shape[1]) * tan_half_width, _centres(shape[0])[:, None] * tan_half_height
     right, down, ahead = pose[:3, :3].T
     directions = x[..., None] * right + (y[..., None] * down + ahead)
@@ -29,9 +29,9 @@ def perspective_rays(
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A view along parallel rays from a plane near the drone: what lies before it is cut away.
+    """An orthographic view from a plane near the drone; everything before it is cut away.
 
-    `across` and `up` are unit vectors of the picture's axes in the world, from `origin` (3,), where
+    `across` and `up` are unit vectors of the drawing's axes in the world, from `origin` (3,), where
     both coordinates are 0.
     """
 
@@ -41,17 +41,17 @@ class Section:
 
     @property
     def into(self) -> Floats:
-        """Direction of sight."""
+        """Viewing direction."""
         return -np.cross(self.across, self.up)
 
-    def place(self, points_m: Floats) -> Floats:
-        """Coordinates (..., 2) of world points (..., 3) in the picture."""
+    def project(self, points_m: Floats) -> Floats:
+        """Return coordinates (..., 2) of world points (..., 3) in the drawing."""
         return np.asarray((points_m - self.origin) @ np.stack([self.across, self.up], axis=1))
 
     def rays(
         self, shape: tuple[int, int], limits: tuple[float, float, float, float], cut_m: float
     ) -> Rays:
-        """Of a picture with `limits` (left, right, bottom, top), `cut_m` before the origin."""
+        """Return rays of a drawing with `limits` (left, right, bottom, top), `cut_m` before it."""
         left, right, bottom, top = limits
         a = (left + right) / 2 + _centres(shape[1]) * (right - left) / 2
         b = (bottom + top) / 2 - _centres(shape[0]) * (top - bottom) / 2
@@ -61,7 +61,7 @@ class Section:
 
 
 def heading(pose: Floats) -> Floats:
-    """Horizontal unit vector of where a drone looks, or where its picture's top is, if down."""
+    """Return the horizontal unit vector of the drone's view, or of its image's top, if down."""
     forward, top = pose[:3, 2], -pose[:3, 1]
     level = forward if np.hypot(*forward[:2]) > 0.3 else top
     flat = np.array([level[0], level[1], 0.0])
@@ -69,7 +69,7 @@ def heading(pose: Floats) -> Floats:
 
 
 def cut_m(caster: RayCaster, position_m: Floats, towards: Floats) -> float:
-    """How far from the drone a section may be cut: not behind the ceiling or wall that is there."""
+    """Return the distance of a section's cut from the drone, before any ceiling or wall."""
     turn = np.linspace(0, 2 * np.pi, CONE_RAYS, endpoint=False)
     one = np.cross(towards, np.eye(3)[np.argmin(np.abs(towards))])
     one /= np.linalg.norm(one)
@@ -82,5 +82,5 @@ def cut_m(caster: RayCaster, position_m: Floats, towards: Floats) -> float:
 
 
 def _centres(count: int) -> Floats:
-    """Centres of pixels from -1 to 1."""
+    """Return centres of pixels from -1 to 1."""
     return np.asarray(2 * (np.arange(count) + 0.5) / count - 1)

@@ -1,4 +1,4 @@
-"""The picture: the view from the drone, the plan and the side, with fields and spots drawn in."""
+"""The drawing of a scene: the drone's view, the plan and the side, with fields and spots."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -25,21 +25,21 @@ SPOT_COLOURS = ("#4aa3f0", "#ff9a3c", "#37c48a", "#c58bff")
 PROJECTOR, DETECTOR, NEAREST = "#ffd34d", "#ff6b6b", "#ffffff"
 SKY = (0.80, 0.86, 0.92)
 INK, PALE_INK = "#20262c", "#5a646e"
-#: Pixels across a panel, and rays per pixel each way.
+#: Pixels across a panel, and rays per pixel along each axis.
 PIXELS = 560
 FINE = 2
-#: Around texts, in pixels: their frames, and the discs of the spots' numbers.
+#: Margins in pixels: of frames around text, and of discs around spot numbers.
 PADDING = 3
-#: Width over height of the plan and the side view.
+#: Aspect ratio of the plan and the side view.
 RATIO = 2.05
 MARGIN_M = 0.5
-#: What lies farther is left out of plan and side view.
+#: Maximum distance in plan and side view.
 MAX_DISPLAYED_M = 40.0
 
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A scene, the instrument in it, and what the two are surveyed to be."""
+    """A scene, an instrument in it, and their survey."""
 
     scene: Scene
     instrument: Instrument
@@ -48,7 +48,7 @@ class Look:
 
     @property
     def spots_m(self) -> Floats:
-        """(4, 3): where the beams end in the world; far out where they meet nothing."""
+        """Ends of the beams in the world, (4, 3); far out if they hit nothing."""
         pose = self.scene.drone_pose
         ranges = np.array([min(spot.range_m, MAX_DISPLAYED_M) for spot in self.survey.spots])
         rays = self.instrument.ranging.lasers.directions @ pose[:3, :3].T
@@ -56,16 +56,28 @@ class Look:
 
 
 def write_look(path: str | Path, look: Look, fov_deg: float = 50.0) -> None:
-    """Write a PNG of the view from the drone, `fov_deg` wide, of the plan and of the side.
+    """Write a PNG of the drone's view, the plan and the side.
 
-    Raises OSError where the file cannot be written.
+    Parameters
+    ----------
+    path
+        The PNG file.
+    look
+        Scene, instrument and survey.
+    fov_deg
+        Full angle of the drone's view; by default that of the projector.
+
+    Raises
+    ------
+    OSError
+        If the file cannot be written.
     """
     write_atomically(path, file_of(look_figure(look, fov_deg), "scene view", dpi=100))
 
 
 @plot_style()
 def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
-    """The same, to be saved."""
+    """Return the figure of `write_look`."""
     sheet = Figure(figsize=(13.2, 7.2), dpi=100, facecolor="white")
     view = sheet.add_axes((0.012, 0.135, 0.44, 0.44 * 13.2 / 7.2))
     height = 0.455 / RATIO * 13.2 / 7.2
@@ -79,7 +91,7 @@ def look_figure(look: Look, fov_deg: float = 50.0) -> Figure:
 
 
 def view_image(scene: Scene, caster: RayCaster, fov_deg: float, pixels: int = PIXELS) -> Floats:
-    """Colours (pixels, pixels, 3) of what the drone sees, `fov_deg` across."""
+    """Return colours (pixels, pixels, 3) of the drone's view, `fov_deg` across."""
     tangent = float(np.tan(np.radians(fov_deg) / 2))
     side = pixels * FINE
     rays = perspective_rays(scene.drone_pose, (side, side), tangent, tangent)
@@ -118,7 +130,7 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
         text = _metres(look.survey.spots[k])
         texts.append(_numbered(axis, x, y, k))
         texts.append(_label(axis, (x, y), text, SPOT_COLOURS[k], (9, 0), "center"))
-    nearest = _seen_at(look.scene.drone_pose, look.survey.nearest_m)
+    nearest = _projected(look.scene.drone_pose, look.survey.nearest_m)
     _mark_nearest(axis, nearest)
     if np.isfinite(nearest).all():
         _label_clear(axis, nearest, f"nearest {_metres(look.survey.nearest)}", NEAREST, texts)
@@ -126,14 +138,14 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
     axis.set_title(title, fontsize=10, color=INK, loc="right")
 
 
-def _seen_at(pose: Floats, point_m: Floats) -> Floats:
-    """Where a world point is in the picture at unit distance, (2,)."""
+def _projected(pose: Floats, point_m: Floats) -> Floats:
+    """Return a world point in the image at unit distance, (2,)."""
     local = (point_m - pose[:3, 3]) @ pose[:3, :3]
     return np.asarray(local[:2] / local[2], dtype=np.float64)
 
 
 def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
-    """What each spot falls on, in its colour, under the view."""
+    """List below the view what each spot hits, in its colour."""
     for k, spot in enumerate(spots):
         left, top = 0.02 + 0.22 * (k % 2), 0.105 - 0.042 * (k // 2)
         sheet.text(
@@ -152,7 +164,7 @@ def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
 
 
 def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
-    """Plan and side view share the axis along the drone's heading, so that they read together."""
+    """Draw plan and side view along a common axis, the drone's heading."""
     position, ahead = look.scene.drone_pose[:3, 3], heading(look.scene.drone_pose)
     up = np.array([0.0, 0.0, 1.0])
     left = np.cross(up, ahead)
@@ -161,7 +173,7 @@ def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
     points = np.concatenate([look.survey.points_m, look.spots_m])
     near = points[np.linalg.norm(points - position, axis=1) <= MAX_DISPLAYED_M]
     near = np.concatenate([near, position[None]])
-    in_plan, in_side = _limits(plan.place(near), side.place(near))
+    in_plan, in_side = _limits(plan.project(near), side.project(near))
     _draw_section(plan_axis, look, plan, in_plan, cut_m(look.caster, position, up))
     _draw_section(side_axis, look, side, in_side, cut_m(look.caster, position, -left))
     plan_axis.set_title("From above, cut over the drone", fontsize=10, color=INK, loc="left")
@@ -174,7 +186,7 @@ def _draw_sections(plan_axis: Any, side_axis: Any, look: Look) -> None:
 def _limits(
     plan: Floats, side: Floats
 ) -> tuple[tuple[float, float, float, float], tuple[float, float, float, float]]:
-    """(left, right, bottom, top) of both pictures around their points (n, 2), in one scale."""
+    """Return (left, right, bottom, top) around points (n, 2), in one scale for both sections."""
     low, high = plan.min(axis=0) - MARGIN_M, plan.max(axis=0) + MARGIN_M
     floor, roof = side[:, 1].min() - MARGIN_M, side[:, 1].max() + MARGIN_M
     width = max(high[0] - low[0], RATIO * (high[1] - low[1]), RATIO * (roof - floor))
@@ -188,11 +200,7 @@ def _limits(
 
 
 def _draw_section(
-    axis: Any,
-    look: Look,
-    section: Section,
-    limits: tuple[float, float, float, float],
-    cut: float,
+    axis: Any, look: Look, section: Section, limits: tuple[float, float, float, float], cut: float
 ) -> None:
     shape = (round(PIXELS / RATIO), PIXELS)
     rays = section.rays((shape[0] * FINE, shape[1] * FINE), limits, cut)
@@ -202,7 +210,7 @@ def _draw_section(
     axis.spines[:].set_visible(False)
     axis.grid(visible=False)
     pose = look.scene.drone_pose
-    here = section.place(pose[:3, 3])
+    here = section.project(pose[:3, 3])
     reach = 2 * np.ptp(limits[:2])
     projector, detector = look.instrument.imaging.projector, look.instrument.imaging.detector
     wide, high = projector.tan_half_width, projector.tan_half_height
@@ -214,19 +222,19 @@ def _draw_section(
     _cone(axis, section, pose, rim * reach, **outline)
     _cone(axis, section, pose, corners * reach, fc=PROJECTOR, alpha=0.10, ec="none")
     _cone(axis, section, pose, corners * reach, fill=False, ec=PROJECTOR, lw=1.4)
-    ends = section.place(look.spots_m)
+    ends = section.project(look.spots_m)
     for k, end in enumerate(ends):
         axis.plot(*np.stack([here, end], axis=1), color=SPOT_COLOURS[k], lw=1.3)
     for k, (x, y) in enumerate(ends):
         _numbered(axis, x, y, k)
     axis.plot(*here, marker="o", ms=9, mfc="white", mec=INK, mew=2)
-    _mark_nearest(axis, section.place(look.survey.nearest_m))
+    _mark_nearest(axis, section.project(look.survey.nearest_m))
 
 
 def _cone(axis: Any, section: Section, pose: Floats, rim: Floats, **style: Any) -> None:
-    """Outline of the cone from the drone to points (n, 3) in its optical frame."""
+    """Return the outline of the cone from the drone to points (n, 3) in its optical frame."""
     world = np.concatenate([pose[None, :3, 3], pose[:3, 3] + rim @ pose[:3, :3].T])
-    flat = section.place(world)
+    flat = section.project(world)
     axis.add_patch(Polygon(flat[ConvexHull(flat).vertices], **style))
 
 
@@ -253,7 +261,7 @@ def _numbered(axis: Any, x: float, y: float, number: int) -> Text:
 
 
 def _label_clear(axis: Any, position: Floats, text: str, colour: str, others: list[Text]) -> None:
-    """A label below or above a place, as near as other texts let it be."""
+    """Place a label below or above a point, as near as other labels allow."""
     taken = [other.get_window_extent().padded(PADDING) for other in others]
     for away in (9, 24, 39):
         for way, va in ((-1, "top"), (1, "bottom")):
@@ -288,7 +296,7 @@ def _metres(spot: Spot) -> str:
 
 
 def _picture(caster: RayCaster, rays: tuple[Floats, Floats], shape: tuple[int, int]) -> Floats:
-    """Colours (H, W, 3), each pixel the mean of its rays."""
+    """Return colours (H, W, 3), each pixel the mean of its rays."""
     tone: NDArray[np.floating] = caster.shaded(*rays).reshape(shape[0] * FINE, shape[1] * FINE, 1)
     colours = np.where(np.isfinite(tone), np.clip(1.3 * tone, 0, 1), np.array(SKY))
     return np.asarray(colours.reshape(shape[0], FINE, shape[1], FINE, 3).mean(axis=(1, 3)))

@@ -1,4 +1,4 @@
-"""What there is in a scene, and how far away."""
+"""What a scene contains, and at which distances."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -13,13 +13,13 @@ from spisim.transport import RayCaster
 
 from .cameras import perspective_rays
 
-#: Rays across the projector's field, each way.
+#: Rays across the projector's field along each axis.
 RAYS = 128
 
 
 @dataclass(frozen=True)
 class Spot:
-    """A point that is seen: its range in metres, inf for none, and what it lies on."""
+    """A hit point: its range in metres, inf for none, and the object there."""
 
     range_m: float
     object: str | None
@@ -27,11 +27,11 @@ class Spot:
 
 @dataclass(frozen=True, eq=False)
 class Survey:
-    """Distances in metres from the pinhole, over the projector's field; counts; media; lamps.
+    """Distances in metres from the pinhole over the projector's field, counts, media and lamps.
 
-    `nearest` and `farthest` are of the projector's field, `points_m` (n, 3) what is hit there, in
-    the world. `lost` tells why spots give no range, by their numbers, `problem` what makes the
-    scene useless to the instrument, None for nothing.
+    `nearest` and `farthest` are in the projector's field, and `points_m` (n, 3) are the hit points
+    in the world. `lost` gives the reason for each spot without a range, and `problem` that for
+    which the scene is unusable with the instrument, or None.
     """
 
     name: str
@@ -47,10 +47,10 @@ class Survey:
     lost: dict[int, str]
     problem: str | None
     points_m: Floats
-    nearest_m: Floats  # (3,), where the nearest one is; nan where nothing is
+    nearest_m: Floats  # (3,); nan if nothing is hit
 
     def summary(self) -> dict[str, Any]:
-        """JSON-ready."""
+        """Return a JSON-ready summary."""
         fields = asdict(self)
         return {name: fields[name] for name in fields if name not in ("points_m", "nearest_m")}
 
@@ -67,7 +67,7 @@ def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
     spots = caster.along(np.broadcast_to(origin, beams.shape), beams)
     names = [thing.name for thing in scene.objects]
 
-    def seen(range_m: float, number: int) -> Spot:
+    def spot_at(range_m: float, number: int) -> Spot:
         return Spot(float(range_m), names[number] if number >= 0 else None)
 
     hit = np.isfinite(field.range_m)
@@ -75,13 +75,13 @@ def survey(scene: Scene, instrument: Instrument, caster: RayCaster) -> Survey:
     far = int(np.argmax(np.where(hit, field.range_m, -np.inf)))
     points = origin + field.range_m[hit, None] * rays[1][hit]
     bounds = np.array([thing.mesh.bounds for thing in scene.objects])
-    extents = np.round(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0), 9)  # 4e-16 m is none
+    extents = np.round(bounds[:, 1].max(axis=0) - bounds[:, 0].min(axis=0), 9)  # rounding
     layout = Layout(scene, needs(instrument))
     return Survey(
         name=scene.name,
-        nearest=seen(field.range_m[near], field.object_id[near]),
-        farthest=seen(field.range_m[far], field.object_id[far]),
-        spots=tuple(map(seen, spots.range_m, spots.object_id)),
+        nearest=spot_at(field.range_m[near], field.object_id[near]),
+        farthest=spot_at(field.range_m[far], field.object_id[far]),
+        spots=tuple(map(spot_at, spots.range_m, spots.object_id)),
         clearance_m=layout.clearance_m,
         extents_m=(float(extents[0]), float(extents[1]), float(extents[2])),
         objects=len(scene.objects),

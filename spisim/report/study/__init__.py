@@ -16,28 +16,28 @@ from .labels import axis_label, condition_label, method_label, metric_label
 from .plots import Plot, study_plots
 from .profile_plot import NAME, profile_plot
 
-#: Estimates by combination, by the name of their column.
+#: Estimates by combination, and by column.
 Columns = dict[str, dict[Condition, Estimate]]
 
-#: Of all files, as their marks tell it.
+#: The kind of file in the marks.
 KIND = "study"
-#: Failures that are listed.
+#: Listed failures.
 MAX_FAILURES = 20
-#: Warnings of samples that are listed.
+#: Listed warnings of samples.
 MAX_WARNINGS = 5
 
 
 def study_outputs(folder: Path, planned: PlannedStudy) -> list[Output]:
-    """Files that a study may leave in its folder beside its data set, those of this layer."""
+    """Return plots and page that a study writes beside its data set."""
     names = [NAME, SPOTS_LEFT, *(Metric.of(name).kind for name in planned.study.metrics)]
     plots = [folder / "plots" / f"{name}{suffix}" for name in names for suffix in (".png", ".svg")]
     return [Output(path, KIND) for path in (folder / "report.html", *dict.fromkeys(plots))]
 
 
 def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
-    """Write the page and the plots of a study into its folder; return them, the page first.
+    """Write page and plots of a study into its folder; return them, the page first.
 
-    Other plots of an earlier run are removed. Raises OSError where a file cannot be written.
+    Other plots of an earlier run are removed. Raises OSError if a file cannot be written.
     """
     plots = study_plots(results)
     if results.planned.study.x == "scene":
@@ -56,7 +56,7 @@ def write_study(folder: Path, results: Results) -> tuple[Path, ...]:
 
 
 def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> None:
-    """Write the page: plots, tables, what failed, the plan, and how to read it."""
+    """Write the page: plots, tables, failures, the plan, and an explanation."""
     plan, study = results.planned.plan, results.planned.study
     good = [row for row in results.rows if row.metrics]
     failed = [row for row in results.rows if not row.metrics]
@@ -72,7 +72,7 @@ def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> Non
         if each.condition == each.minus_condition:
             quantity = Metric.of(each.metric).quantity.label
             names = method_label(each.metric), method_label(each.minus_metric)
-            head, columns = f"{quantity}: {' less '.join(names)}", methods
+            head, columns = f"{quantity}: {' minus '.join(names)}", methods
         columns.setdefault(head, {})[each.condition] = each.estimate
     write_page(
         path,
@@ -101,7 +101,7 @@ def write_study_page(path: Path, results: Results, plots: Sequence[Plot]) -> Non
 
 
 def _rows(results: Results, columns: Columns) -> tuple[list[str], list[tuple[str, list[Estimate]]]]:
-    """Names of the columns, and the rows of all combinations that these have, by name."""
+    """Return the column names, and the rows of all combinations by name."""
     return list(columns), [
         (condition_label(results.planned.study, c), [column[c] for column in columns.values()])
         for c in results.conditions
@@ -110,10 +110,10 @@ def _rows(results: Results, columns: Columns) -> tuple[list[str], list[tuple[str
 
 
 def _warnings(results: Results) -> list[str]:
-    reported = []
+    messages = []
     units = [s.estimate.units for s in results.summaries.values() if s.estimate.n]
     if units and min(units) < FEW_UNITS:
-        reported.append(
+        messages.append(
             f"Some means rest on {min(units)} independent scenes or rounds: their intervals are "
             "wide and hold for normal values alone, or are missing, and plots leave them out. Five "
             "are needed, ten are better."
@@ -125,15 +125,15 @@ def _warnings(results: Results) -> list[str]:
             if results.summaries[condition, name].estimate.n < results.tried[condition] / 2
         ]
         if lacking:
-            reported.append(
+            messages.append(
                 f"{metric_label(name)}: more than half of the samples have none in "
                 f"{_some(lacking)}; the means are those of the others."
             )
-    return reported + _of_samples(results.rows)
+    return messages + _of_samples(results.rows)
 
 
 def _of_samples(rows: Sequence[Row]) -> list[str]:
-    """Warnings of the captures, the most frequent ones first."""
+    """Return the warnings of captures, the most frequent first."""
     counted = Counter(warning for row in rows for warning in row.warnings).most_common()
     lines = [f"{count} of {len(rows)} samples: {each}" for each, count in counted[:MAX_WARNINGS]]
     if len(counted) > MAX_WARNINGS:

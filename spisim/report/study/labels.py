@@ -1,4 +1,4 @@
-"""Names of parameters, combinations and metrics as people read them."""
+"""Readable names of parameters, combinations and metrics."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -7,7 +7,7 @@ from reconstruction.evaluation import method_title
 from spisim.dataset.study.metrics import Metric
 from spisim.dataset.study.plan import Study
 
-#: Endings of fields and the units that they mean, longer ones first.
+#: Suffixes of fields and their units, longer ones first.
 UNITS = {
     "_mm_per_h": "mm/h",
     "_g_per_m3": "g/m³",
@@ -27,7 +27,7 @@ UNITS = {
 
 
 def split_unit(path: str) -> tuple[str, str]:
-    """Name and unit of a field: "scene.fog.visibility_m" is ("fog visibility", "m")."""
+    """Return name and unit of a field: "scene.fog.visibility_m" is ("fog visibility", "m")."""
     words = path.removeprefix("scene.").removeprefix("instrument.").removeprefix("parameters.")
     unit = ""
     for ending, meant in UNITS.items():
@@ -38,13 +38,13 @@ def split_unit(path: str) -> tuple[str, str]:
 
 
 def axis_label(path: str) -> str:
-    """Name of a field with its unit."""
+    """Return the name of a field with its unit."""
     name, unit = split_unit(path)
     return f"{name}, {unit}" if unit else name
 
 
 def value_label(path: str, value: Any) -> str:
-    """A value of a field: words as they are, numbers with name and unit."""
+    """Return a value of a field: text as it is, numbers with name and unit."""
     if isinstance(value, str):
         return value
     name, unit = split_unit(path)
@@ -52,7 +52,7 @@ def value_label(path: str, value: Any) -> str:
 
 
 def brief(value: Any) -> str:
-    """A value in few characters."""
+    """Format a value briefly."""
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list | tuple):
@@ -61,32 +61,32 @@ def brief(value: Any) -> str:
 
 
 def group_label(study: Study, group: Sequence[Any]) -> str:
-    """Name of a curve: the values of the study's groups; its reference where there are none."""
+    """Return the label of a curve: the values of the study's groups, or its reference."""
     return condition_label(study, (None, *group))
 
 
 def condition_label(study: Study, condition: Sequence[Any]) -> str:
-    """Name of a combination: curve and value of x."""
+    """Return the label of a combination: curve and value of x."""
     x, *group = condition
-    reported = [
+    labels = [
         value_label(name, value)
         for name, value in zip(study.groups, group, strict=True)
         if value is not None
     ]
     if x is not None:
-        reported.append(value_label(study.x, x))
-    return ", ".join(reported) or study.reference
+        labels.append(value_label(study.x, x))
+    return ", ".join(labels) or study.reference
 
 
 def method_label(name: str) -> str:
-    """Of a metric by its name: what the method is called."""
+    """Return the title of a metric's method."""
     metric = Metric.of(name)
     station, method = metric.quantity.station, metric.method
     return "default" if method is None else method_title(station, method)
 
 
 def metric_label(name: str) -> str:
-    """Quantity with its unit, and the method where one is named."""
+    """Return the quantity with its unit, and the method if there is one."""
     metric = Metric.of(name)
     label = metric.quantity.label
     return label if metric.method is None else f"{label} ({method_label(name)})"

@@ -1,4 +1,4 @@
-"""Plots of a study: one for each quantity, with error bars."""
+"""Plots of a study with error bars, one per quantity."""
 
 from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -17,33 +17,32 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from spisim.dataset.study.metrics import Metric, Quantity
 from spisim.dataset.study.results import Condition, Results, Summary
 from spisim.dataset.study.statistics import FEW_UNITS, Estimate
-from spisim.report.inline import WIDE_IN, plot_in_page
-from spisim.report.style import drawn, file_of, plot_style
+from spisim.report.style import WIDE_IN, drawn, file_of, plot_in_page, plot_style
 from spisim.report.units import prefix_axis
 
 from .labels import axis_label, brief, condition_label, group_label, method_label
 
-#: Of the groups, in turn; their colours are those of the style, one fewer, so that pairs differ.
+#: Marks of the groups; their number differs from that of the colours, so that pairs are unique.
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")
-#: Of the methods of one quantity, in turn: the line, and whether its marks are filled.
+#: Lines of the methods of one quantity, and whether their marks are filled.
 LINES = (("-", True), ("--", False), (":", False), ("-.", True))
-#: Between curves side by side, and to what stands beside the axis, as shares of its length.
+#: Offsets between curves, and of points beside the axis, as fractions of its length.
 DODGE, BESIDE = 0.012, 0.09
-#: Ratio of means from which an axis of errors is logarithmic.
+#: Ratio of means above which an axis of errors is logarithmic.
 LOG_FROM = 30
-#: That a line of the legend has room for.
+#: Characters in a line of the legend.
 LEGEND_CHARACTERS = 110
-#: That a line of a name beside an axis has room for.
+#: Characters in a line of a tick label.
 NAME_CHARACTERS = 36
 
-#: How marks look, as `errorbar` takes it; of what stands for no group, or for all.
+#: Style of marks as arguments of `errorbar`, without a group and for all groups.
 Look = dict[str, Any]
 NO_GROUP: Look = {"color": "0.25", "marker": "o", "ms": 5}
 
 
 @dataclass(frozen=True)
 class Plot:
-    """A plot as files and in a page; its quantity is None for a plot of something else."""
+    """A plot as files and inlined in a page; its quantity is None for a plot of something else."""
 
     name: str
     quantity: Quantity | None
@@ -53,7 +52,7 @@ class Plot:
 
 
 def study_plots(results: Results) -> list[Plot]:
-    """One plot for each quantity among the metrics, in their order."""
+    """Return one plot for each quantity among the metrics, in their order."""
     values = [condition[0] for condition in results.conditions if condition[0] is not None]
     numeric = all(isinstance(x, int | float) and not isinstance(x, bool) for x in values)
     draw = _over_numbers if numeric else _over_names
@@ -67,7 +66,7 @@ def study_plots(results: Results) -> list[Plot]:
 
 
 def saved(name: str, quantity: Quantity | None, draw: Callable[[float], Figure]) -> Plot:
-    """A figure in the style of all plots, which `draw` makes of a width in inches."""
+    """Save a figure in the common style, drawn by `draw` for a width in inches."""
     with plot_style():
         figure = draw(WIDE_IN)
         files = file_of(figure, "study"), file_of(figure, "study", "svg")
@@ -77,12 +76,12 @@ def saved(name: str, quantity: Quantity | None, draw: Callable[[float], Figure])
 
 
 def group_look(number: int) -> Look:
-    """How a group looks, by its number."""
+    """Return the style of a group by its number."""
     return {"color": f"C{number}", "marker": MARKERS[number % len(MARKERS)], "ms": 5}
 
 
 def _method_look(number: int, of: Look) -> Look:
-    """How a method of a group looks, by its number."""
+    """Return the style of a method of a group by its number."""
     line, filled = LINES[number % len(LINES)]
     return {**of, "ls": line, "mfc": of["color"] if filled else "white"}
 
@@ -90,7 +89,7 @@ def _method_look(number: int, of: Look) -> Look:
 def _curves(
     results: Results, metrics: Sequence[str], conditions: list[Condition]
 ) -> list[tuple[Look, list[Summary]]]:
-    """All curves through these combinations, each of one group and one method."""
+    """Return all curves through these combinations, each of one group and one method."""
     groups: dict[Condition, list[Condition]] = {}
     for condition in conditions:
         groups.setdefault(condition[1:], []).append(condition)
@@ -105,7 +104,7 @@ def _curves(
 
 
 def _over_numbers(results: Results, metrics: Sequence[str], width_in: float) -> Figure:
-    """Curves over x; combinations without x stand beside its axis."""
+    """Draw curves over x; combinations without x stand beside its axis."""
     study = results.planned.study
     figure = Figure(figsize=(width_in, 4.6), layout="constrained")
     axes = figure.subplots()
@@ -145,13 +144,13 @@ def _over_numbers(results: Results, metrics: Sequence[str], width_in: float) -> 
 
 
 def _over_names(results: Results, metrics: Sequence[str], width_in: float) -> Figure:
-    """A line of marks for each value of x, from above to below."""
+    """Draw a row of marks for each value of x, from top to bottom."""
     study = results.planned.study
     names = list(dict.fromkeys(condition[0] for condition in results.conditions))
     curves = _curves(results, metrics, results.conditions)
-    reported = [study.reference if name is None else brief(name) for name in names]
-    reported = [fill(name, int(NAME_CHARACTERS * width_in / WIDE_IN)) for name in reported]
-    lines = max(name.count("\n") for name in reported) + 1
+    labels = [study.reference if name is None else brief(name) for name in names]
+    labels = [fill(name, int(NAME_CHARACTERS * width_in / WIDE_IN)) for name in labels]
+    lines = max(name.count("\n") for name in labels) + 1
     height = 1.6 + len(names) * max(0.3, 0.13 * len(curves), 0.18 * lines)
     figure = Figure(figsize=(width_in, height), layout="constrained")
     axes = figure.subplots()
@@ -161,7 +160,7 @@ def _over_names(results: Results, metrics: Sequence[str], width_in: float) -> Fi
         positions = [rows[point.condition[0]] + offset for point in points]
         estimates = [point.estimate for point in points]
         draw_estimates(axes, {**look, "ls": "none"}, positions, estimates, along="x")
-    axes.set_yticks(range(len(names)), list(map(drawn, reported)))
+    axes.set_yticks(range(len(names)), list(map(drawn, labels)))
     axes.set_ylim(len(names) - 0.5, -0.5)
     axes.grid(visible=False, axis="y")
     for row in range(1, len(names)):
@@ -180,7 +179,7 @@ def draw_estimates(
     estimates: Iterable[Estimate],
     along: str = "y",
 ) -> None:
-    """Means with their intervals at places; `along` is the axis of the metric.
+    """Draw means with their intervals at positions; `along` is the axis of the metric.
 
     Intervals of few units are left out: see `_interval`.
     """
@@ -197,9 +196,9 @@ def draw_estimates(
 
 
 def _interval(estimate: Estimate) -> tuple[float, float]:
-    """Ends of an interval that is drawn; the mean where there is none, or of few units.
+    """Return the ends of the drawn interval; the mean if there is none, or of few units.
 
-    Those are so wide that nothing else would be seen.
+    Those are so wide that they would dominate the plot.
     """
     assert estimate.mean is not None
     if estimate.low is None or estimate.high is None or estimate.units < FEW_UNITS:
@@ -208,12 +207,12 @@ def _interval(estimate: Estimate) -> tuple[float, float]:
 
 
 def _scale(axes: Axes, results: Results, metrics: Sequence[str], along: str = "y") -> None:
-    """Scale of the metric's axis, and its zero."""
-    displayed = [s.estimate for (_, name), s in results.summaries.items() if name in metrics]
-    displayed = [estimate for estimate in displayed if estimate.mean is not None]
-    means = [estimate.mean for estimate in displayed if estimate.mean is not None]
-    if len(set(means)) == 1:  # not a scale of rounding errors
-        ends = [1.1 * end for estimate in displayed for end in _interval(estimate)]
+    """Set the scale of the metric's axis, and its zero."""
+    estimates = [s.estimate for (_, name), s in results.summaries.items() if name in metrics]
+    estimates = [estimate for estimate in estimates if estimate.mean is not None]
+    means = [estimate.mean for estimate in estimates if estimate.mean is not None]
+    if len(set(means)) == 1:  # avoids a scale of rounding errors
+        ends = [1.1 * end for estimate in estimates for end in _interval(estimate)]
         axes.set(**{f"{along}lim": (min(0, *ends), max(0, *ends) or 1)})
     better = Metric.of(metrics[0]).quantity.better
     if better == "near zero":
@@ -226,7 +225,7 @@ def _scale(axes: Axes, results: Results, metrics: Sequence[str], along: str = "y
 def _legend(
     figure: Figure, results: Results, metrics: Sequence[str], conditions: list[Condition]
 ) -> None:
-    """Groups by colour and mark; methods, where there are several, by line and filling."""
+    """Draw groups by colour and mark, and several methods by line and filling."""
     looks = {}
     groups = dict.fromkeys(condition[1:] for condition in conditions)
     if len(groups) > 1:
@@ -240,15 +239,15 @@ def _legend(
 
 
 def legend_above(figure: Figure, handles: Sequence[Any], labels: Collection[str]) -> None:
-    """A legend in as many columns as there is room for."""
+    """Draw a legend in as many columns as fit."""
     room = LEGEND_CHARACTERS * figure.get_figwidth() / WIDE_IN
     columns = max(1, min(len(labels), int(room // (max(map(len, labels)) + 8))))
-    reported = [drawn(fill(label, int(room) - 8)) for label in labels]
-    figure.legend(handles, reported, loc="outside upper left", ncols=columns)
+    filled = [drawn(fill(label, int(room) - 8)) for label in labels]
+    figure.legend(handles, filled, loc="outside upper left", ncols=columns)
 
 
 def plain_log(axis: Axis) -> None:
-    """Numbers of a logarithmic axis as 0.05, not as powers of ten."""
+    """Label a logarithmic axis with numbers such as 0.05 instead of powers of ten."""
     axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_locator(NullLocator())

@@ -1,23 +1,23 @@
-"""The plot of estimated against true depth, for all scenes of a study together."""
+"""The plot of estimated against true depth over all scenes of a study."""
 
 from matplotlib.figure import Figure
 
 from reconstruction.evaluation import method_title
-from spisim.dataset.study.profile import CENTRES_M
+from spisim.dataset.study.metrics import CENTRES_M
 from spisim.dataset.study.results import Results, Row, over_units
 from spisim.dataset.study.statistics import Estimate
-from spisim.report.inline import WIDE_IN
+from spisim.report.style import WIDE_IN
 
 from .labels import group_label
 from .plots import Plot, draw_estimates, group_look, legend_above, plain_log, saved
 
 NAME = "depth_profile"
-#: Bins of fewer independent scenes or rounds are left out.
+#: Independent scenes or rounds needed for a bin.
 MIN_UNITS = 3
 
 
 def profile_plot(results: Results) -> Plot:
-    """Mean estimated over true depth, one curve for each group, one panel for each method."""
+    """Plot mean estimated over true depth, one curve per group and one panel per method."""
     return saved(NAME, None, lambda width_in: _figure(results, width_in))
 
 
@@ -55,11 +55,11 @@ def _figure(results: Results, width_in: float) -> Figure:
 
 
 def profile_of(rows: list[Row], method: str) -> dict[float, Estimate]:
-    """Mean estimate by true depth, of the bins that enough scenes or rounds have."""
+    """Return the mean estimate by true depth for bins with enough scenes or rounds."""
     result = {}
-    for position, true_m in enumerate(CENTRES_M):
-        reported = [(row, row.profile[method][position]) for row in rows if method in row.profile]
-        available = [(row, value) for row, value in reported if value is not None]
+    for number, true_m in enumerate(CENTRES_M):
+        values = [(row, row.profile[method][number]) for row in rows if method in row.profile]
+        available = [(row, value) for row, value in values if value is not None]
         estimate = over_units([row for row, _ in available], [value for _, value in available])
         if estimate.units >= MIN_UNITS:
             result[float(true_m)] = estimate

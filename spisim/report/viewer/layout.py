@@ -1,4 +1,4 @@
-"""How the viewer begins: space, pictures, readings and ranges side by side."""
+"""The initial layout of the viewer: 3D view, images, readings and ranges side by side."""
 
 from __future__ import annotations
 
@@ -7,22 +7,22 @@ from typing import Any
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.dataset.extras import needed
+from spisim.dataset.reader import import_optional
 from spisim.scene import Scene
 from spisim.scene.rays import first_hits
 
-#: Of the way from the drone to a wall behind it, where the eye is at most.
+#: Maximum distance of the eye, as a fraction of that from the drone to a wall behind it.
 BEFORE_WALL = 0.7
-#: Where the eye is and what it looks at, in the drone's optical frame: over its right shoulder.
+#: Eye and its target in the drone's optical frame: over its right shoulder.
 EYE, TARGET = (0.45, -0.4, -1.1), (0.0, 0.0, 3.0)
 
 
 def layout(pose: Floats, scene: Scene | None) -> Any:
-    """A blueprint of Rerun with the eye behind a drone at a pose (4, 4), world from optical frame.
+    """Return a Rerun blueprint with the eye behind a drone at a pose (4, 4).
 
-    Raises InputError where Rerun is missing.
+    The pose is world from optical frame. Raises InputError without Rerun.
     """
-    rrb = needed("rerun.blueprint", "viewer")
+    rrb = import_optional("rerun.blueprint", "viewer")
     back = EYE if scene is None else _inside(scene, pose)
     eye, target = (pose @ np.array([*point, 1.0]) for point in (back, TARGET))
     looking = rrb.EyeControls3D(
@@ -47,7 +47,7 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
         rrb.BarChartView(origin="readings/patterns", name="patterns"),
         rrb.TensorView(origin="readings/pattern_taps", name="taps of patterns"),
     )
-    reported = rrb.Horizontal(
+    ranges = rrb.Horizontal(
         rrb.TimeSeriesView(origin="ranges", name="ranges, m"),
         rrb.TextDocumentView(origin="notes", name="notes"),
     )
@@ -55,7 +55,7 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
         rrb.Horizontal(
             rrb.Vertical(
                 rrb.Spatial3DView(origin="world", name="space", eye_controls=looking),
-                reported,
+                ranges,
                 row_shares=[3, 1],
             ),
             rrb.Vertical(pictures, readings, row_shares=[3, 2]),
@@ -66,7 +66,7 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
 
 
 def _inside(scene: Scene, pose: Floats) -> tuple[float, float, float]:
-    """The eye's place in the optical frame, on this side of what is behind the drone."""
+    """Return the eye's position in the optical frame, in front of any surface behind the drone."""
     way = pose[:3, :3] @ np.array(EYE)
     triangles = np.concatenate([thing.mesh.triangles for thing in scene.objects])
     free = float(first_hits(pose[:3, 3], way[None], triangles)[0])

@@ -1,10 +1,11 @@
-"""What was recorded, as recorded: taps, phasors, histograms; and ranges over time."""
+"""Readings as recorded (taps, phasors, histograms), ranges over time, images and depth maps."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
@@ -14,15 +15,15 @@ from spisim.report.viewer.views import View
 
 
 def draw_readings(rerun: Any, stream: Any, view: View) -> None:
-    """Log bars of readings, phasors in their plane, ranges as curves, and what is to be known."""
+    """Log readings as bars, phasors in their plane, ranges as curves, and notes."""
     stream.log("notes", rerun.TextDocument(_notes(view), media_type="text/markdown"))
     if view.frame is not None:
         stream.log("readings/patterns", rerun.BarChart(view.frame.buckets.counts[0]))
         _draw_spots(rerun, stream, view.frame.spots)
         taps = view.frame.pattern_taps
         if taps is not None:
-            displayed = rerun.Tensor(taps.taps[0], dim_names=("exposure", "tap"))
-            stream.log("readings/pattern_taps", displayed)
+            tensor = rerun.Tensor(taps.taps[0], dim_names=("exposure", "tap"))
+            stream.log("readings/pattern_taps", tensor)
     ranges = view.shot.ranges
     if ranges is None:
         return
@@ -35,18 +36,16 @@ def draw_readings(rerun: Any, stream: Any, view: View) -> None:
 
 
 def style_ranges(rerun: Any, stream: Any) -> None:
-    """Let curves have the colours of their spots, true ones paler."""
+    """Give curves the colours of their spots, paler for the truth."""
     for k, colour in enumerate(spot_colours()):
         pale = (colour.astype(int) + 255) // 2
-        for name, displayed, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
-            line = rerun.SeriesLines(
-                colors=[displayed.tolist()], names=f"{name} {k}", widths=[width]
-            )
+        for name, shade, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
+            line = rerun.SeriesLines(colors=[shade.tolist()], names=f"{name} {k}", widths=[width])
             stream.log(f"ranges/{name}_{k}", line, static=True)
 
 
 def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
-    """Of each spot its taps or its histogram; of continuous waves the phasors too."""
+    """Log the taps or the histogram of each spot, and phasors of continuous waves."""
     if spots is None:
         return
     colours = spot_colours()
@@ -60,7 +59,7 @@ def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
         stream.log(f"readings/taps/spot_{k}", rerun.BarChart(spots.readings[0, k], color=colour))
     if isinstance(spots, CwSpots):
         for hertz, phasors in phasors_of(spots).items():
-            # up is positive, and a picture's y points down
+            # up is positive, whereas y points down in images
             ends = np.stack([phasors.real, -phasors.imag], axis=-1).astype(np.float32)
             arrows = rerun.Arrows2D(
                 vectors=ends, colors=colours, labels=[f"spot {k}" for k in range(len(ends))]
@@ -69,7 +68,7 @@ def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
 
 
 def phasors_of(spots: CwSpots) -> dict[float, np.ndarray]:
-    """A exp(i phi) (4,) in electrons, of the first frame, by modulation frequency."""
+    """Return A exp(i phi) (4,) in electrons of the first frame, by modulation frequency."""
     electrons = spots.electrons(spots.taps[0])
     result = {}
     for hertz in np.unique(spots.tap_frequencies_hz).tolist():
@@ -92,3 +91,27 @@ def _notes(view: View) -> str:
             lines.append(f"- depth: mean error {np.nanmean(error):.3f} m")
     lines += [f"- warning: {text}" for text in view.shot.warnings]
     return "\n".join(lines)
+
+
+def draw_pictures(rerun: Any, stream: Any, view: View) -> None:
+    """Log images in grey, on one scale with the truth, and depth maps in metres."""
+    truth, depth_m = view.truth, view.shot.depth_m
+    brightest = float(np.max(view.shot.image if truth is None else truth.image))
+    _draw_image(rerun, stream, "images/image", view.shot.image, brightest)
+    if truth is not None:
+        _draw_image(rerun, stream, "images/truth", truth.image, brightest)
+    finite = [map_m for map_m in (depth_m, None if truth is None else truth.depth_m)
+             if map_m is not None and np.isfinite(map_m).any()]  # fmt: skip
+    farthest_m = max((float(np.nanmax(map_m)) for map_m in finite), default=1.0)
+    maps = {"depth/depth": depth_m, "depth/truth": None if truth is None else truth.depth_m}
+    for name, map_m in maps.items():
+        if map_m is not None:
+            depths = np.nan_to_num(map_m).astype(np.float32)
+            stream.log(name, rerun.DepthImage(depths, meter=1.0, depth_range=(0.0, farthest_m)))
+
+
+def _draw_image(
+    rerun: Any, stream: Any, name: str, image: NDArray[np.floating], brightest: float
+) -> None:
+    grey = np.clip(255 * image / max(brightest, np.finfo(np.float64).tiny), 0, 255)
+    stream.log(name, rerun.Image(grey.astype(np.uint8), color_model="L"))

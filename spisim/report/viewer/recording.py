@@ -1,4 +1,4 @@
-"""A recording of Rerun: opened in the viewer, or saved as a file; what each frame puts into it."""
+"""A Rerun recording, opened in the viewer or saved as a file, and its content per frame."""
 
 from __future__ import annotations
 
@@ -11,10 +11,9 @@ import numpy as np
 
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, mark
-from spisim.dataset.extras import needed
+from spisim.dataset.reader import import_optional
 from spisim.report.viewer.layout import layout
-from spisim.report.viewer.pictures import draw_pictures
-from spisim.report.viewer.readings import draw_readings, style_ranges
+from spisim.report.viewer.readings import draw_pictures, draw_readings, style_ranges
 from spisim.report.viewer.space import Space
 from spisim.report.viewer.views import View
 from spisim.report.viewer.window import open_window
@@ -24,31 +23,31 @@ SUFFIX = ".rrd"
 
 
 def library() -> Any:
-    """Rerun; InputError, with what to install, where it is missing."""
-    return needed("rerun", "viewer")
+    """Import Rerun. Raises InputError, naming what to install, if it is missing."""
+    return import_optional("rerun", "viewer")
 
 
 def recording_output(path: Path) -> Output:
-    """The file of a recording, which Rerun marks by the application that made it."""
+    """Return the file of a recording, which Rerun marks with the name of the application."""
     return Output(path, KIND, (SUFFIX,))
 
 
 def check_viewer() -> None:
-    """Raise InputError where no window can be opened."""
-    displayed = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get(
+    """Raise InputError if no window can be opened."""
+    display = sys.platform == "darwin" or os.environ.get("DISPLAY") or os.environ.get(
         "WAYLAND_DISPLAY"
     )  # fmt: skip
-    if not displayed:
+    if not display:
         raise InputError(
-            "there is no display to open the viewer on; --save FILE.rrd writes a recording, and "
+            "no display for the viewer; --save FILE.rrd writes a recording, and "
             "`rerun FILE.rrd` opens it on another machine"
         )
 
 
 class Recording:
-    """Frames in a recording of Rerun, at their times: begun, and saved or shown until closed.
+    """Frames in a Rerun recording at their times, which is saved or displayed until closed.
 
-    Raises InputError without Rerun, and where its window cannot be opened.
+    Raises InputError without Rerun, and if its window cannot be opened.
     """
 
     def __init__(self, path: Path | None = None) -> None:
@@ -79,9 +78,9 @@ class Recording:
         draw_readings(self._rerun, stream, view)
 
     def close(self) -> None:
-        """Write what is left, and let go of the file or viewer.
+        """Write pending data, and release the file or the viewer.
 
-        Raises InputError where the viewer was closed meanwhile.
+        Raises InputError if the viewer was closed meanwhile.
         """
         try:
             self._stream.flush()

@@ -1,4 +1,4 @@
-"""What stands in space: the scene, the drone with its field, spots, and clouds."""
+"""The 3D view: the scene, the drone with its field, spots, and point clouds."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from spisim.scene import Scene, SceneObject
 DRONE = "world/drone"
 CLOUD, TRUTH = (255, 140, 40), (90, 200, 120)
 POINT_PX, SPOT_PX = 2.0, 6.0
-#: Of the projector's field, when drawn.
+#: Length of the drawn field of the projector.
 FIELD_M = 1.0
 SIGMAS = 3.0
 NO_RANGE = "no range"
 
 
 class Space:
-    """Draws into a stream, and remembers which scene stands there."""
+    """Draws into a stream, and remembers its current scene."""
 
     def __init__(self, rerun: Any, stream: Any) -> None:
         self._rr = rerun
@@ -54,7 +54,7 @@ class Space:
                 self._stream.log(["world", "scene", name], self._mesh(thing.at(since_s)))
 
     def _mesh(self, thing: SceneObject) -> Any:
-        """Flat faces, grey by the reflectance at the laser's wavelength."""
+        """Return flat faces, grey by the reflectance at the laser wavelength."""
         mesh: trimesh.Trimesh = thing.mesh
         corners = mesh.vertices[mesh.faces].reshape(-1, 3)
         grey = round(255 * float(np.clip(np.sqrt(thing.material.reflectance), 0, 1)))
@@ -68,14 +68,14 @@ class Space:
     def _draw_drone(self, view: View) -> None:
         rr, shot = self._rr, view.shot
         pose = np.eye(4) if shot.pose is None else shot.pose
-        position = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
-        self._stream.log(DRONE, position)
+        transform = rr.Transform3D(translation=pose[:3, 3], mat3x3=pose[:3, :3])
+        self._stream.log(DRONE, transform)
         body = rr.Boxes3D(half_sizes=[0.15, 0.04, 0.15], colors=[(240, 240, 240)])
         self._stream.log(f"{DRONE}/body", body)
         if shot.optics is None:
             return
         height, width = shot.shape
-        # an image's corner is where Rerun counts pixels from
+        # Rerun counts pixels from a corner of the image
         matrix = shot.intrinsics.matrix.copy()
         matrix[:2, 2] += 0.5
         field = rr.Pinhole(
@@ -99,35 +99,37 @@ class Space:
                 self._stream.log(f"{DRONE}/{name}", self._rr.Clear(recursive=False))
                 continue
             points = (rays * depth_m[..., None])[np.isfinite(depth_m)]
-            displayed = self._rr.Points3D(
+            points = self._rr.Points3D(
                 points.astype(np.float32),
                 colors=[colour],
                 radii=self._rr.Radius.ui_points(POINT_PX),
             )
-            self._stream.log(f"{DRONE}/{name}", displayed)
+            self._stream.log(f"{DRONE}/{name}", points)
 
     def _draw_spots(self, view: View) -> None:
-        """Beams to where the ranges end, what three sigma are, and where they truly end."""
+        """Draw beams up to the measured ranges, bars of three sigma, and the true ends."""
         rr = self._rr
         assert view.shot.ranges is not None
         assert view.shot.spots is not None
         range_m, sigma_m = view.shot.ranges.range_m, view.shot.ranges.sigma_m
-        directions, seen = view.shot.spots.directions, view.shot.ranges.valid
+        directions, valid = view.shot.spots.directions, view.shot.ranges.valid
         colours = spot_colours()
-        ends = directions[seen] * range_m[seen, None]
+        ends = directions[valid] * range_m[valid, None]
         beams = [[(0.0, 0.0, 0.0), end] for end in ends.tolist()]
-        self._stream.log(f"{DRONE}/spots/beams", rr.LineStrips3D(beams, colors=colours[seen]))
+        self._stream.log(f"{DRONE}/spots/beams", rr.LineStrips3D(beams, colors=colours[valid]))
         points = rr.Points3D(
             ends,
-            colors=colours[seen],
+            colors=colours[valid],
             radii=rr.Radius.ui_points(SPOT_PX),
-            labels=[words for words, is_in in zip(spot_words(view.result), seen, strict=True)
+            labels=[words for words, is_in in zip(spot_words(view.result), valid, strict=True)
                     if is_in],
         )  # fmt: skip
         self._stream.log(f"{DRONE}/spots/measured", points)
-        span = SIGMAS * sigma_m[seen, None] * directions[seen]
+        span = SIGMAS * sigma_m[valid, None] * directions[valid]
         bars = np.stack([ends - span, ends + span], axis=1).tolist()
-        sigmas = rr.LineStrips3D(bars, colors=colours[seen], radii=rr.Radius.ui_points(SPOT_PX / 2))
+        sigmas = rr.LineStrips3D(
+            bars, colors=colours[valid], radii=rr.Radius.ui_points(SPOT_PX / 2)
+        )
         self._stream.log(f"{DRONE}/spots/sigma", sigmas)
         if view.truth is not None:
             true = (directions * view.truth.spot_range_m[:, None])[
@@ -138,13 +140,13 @@ class Space:
 
 
 def spot_colours() -> NDArray[np.uint8]:
-    """(4, 3), as in the reports."""
+    """Return (4, 3) colours as in the reports."""
     return np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in SPOT_COLOURS],
                     np.uint8)  # fmt: skip
 
 
 def spot_words(result: Result) -> list[str]:
-    """What is known of each spot."""
+    """Describe the result of each spot."""
     ranges = result.ranges
     if ranges is None:
         return []

@@ -10,12 +10,12 @@ from reconstruction.live.sinks import Sink
 from spisim.report.viewer.recording import Recording
 from spisim.report.viewer.views import View
 
-#: Frames whose readings wait for their results.
+#: Frames whose readings may wait for their results.
 REMEMBERED = 64
 
 
 class StreamViewer(Sink):
-    """Puts frames into a recording as their results come, the drone at the origin."""
+    """Adds frames to a recording as their results arrive, the drone at the origin."""
 
     def __init__(self, recording: Recording, title: str) -> None:
         self._recording = recording
@@ -23,11 +23,11 @@ class StreamViewer(Sink):
         self._arrivals: deque[Arrival] = deque(maxlen=REMEMBERED)
 
     def frame(self, arrival: Arrival) -> None:
-        """Remember its readings."""
+        """Store the readings of a frame."""
         self._arrivals.append(arrival)
 
     def result(self, outcome: Outcome) -> None:
-        """Show it."""
+        """Display a result."""
         setup, number = outcome.stream.setup, outcome.result.frame
         given = (each for each in self._arrivals if each.frame.first == number)
         arrival = next(given, None)
@@ -45,5 +45,5 @@ class StreamViewer(Sink):
         )
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write pending data."""
         self._recording.close()

@@ -1,4 +1,4 @@
-"""What is looked at, one frame after the other."""
+"""Frames of captures and data sets, one after the other, for the viewer."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ SECOND_NS = 10**9
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One frame: its readings, what was made of them, and what is known of the truth.
+    """One frame: its readings, its reconstruction, and the truth if known.
 
-    `scene` is that of the capture's beginning, `since_s` before this frame. `title` says whence.
+    `scene` is that at the start of the capture, `since_s` before this frame. `title` names its
+    source.
     """
 
     title: str
@@ -40,58 +41,74 @@ class View:
 def views_of_captures(
     paths: Iterable[Path], choice: Mapping[str, Any] | None = None
 ) -> Iterator[View]:
-    """All frames of captures, those of a flight in its time, others one after the other.
+    """Yield all frames of captures, those of a flight in its time, others one after the other.
 
-    ``choice`` is of methods and weather, as a `Reconstructor` takes them. Raises InputError,
-    naming the capture, for what cannot be read or reconstructed.
+    Parameters
+    ----------
+    files
+        Captures.
+    choice
+        Methods and weather, as arguments of `Reconstructor`.
+
+    Yields
+    ------
+    View
+
+    Raises
+    ------
+    InputError
+        For a capture that cannot be read or reconstructed, naming it.
     """
-    eyes = _Eyes(choice or {})
+    viewer = _Viewer(choice or {})
     next_ns = 0
     for path in paths:
         capture = read_capture(path)
         with naming(path):
-            for view in eyes.of(capture, path.stem, path.parent, next_ns):
+            for view in viewer.of(capture, path.stem, path.parent, next_ns):
                 yield view
                 period_ns = round(1e9 * _period_s(view.setup))
                 next_ns = view.shot.stamp_ns + period_ns - period_ns // 2
 
 
 def views_of_samples(samples: DataSet, choice: Mapping[str, Any] | None = None) -> Iterator[View]:
-    """All frames of the samples of a data set, one sample a second; InputError as of captures."""
+    """Yield all frames of the samples of a data set, one sample per second.
+
+    Raises InputError as `views_of_captures` does.
+    """
     if not samples:
-        raise InputError(f"{samples.folder}: there is no finished sample to look at")
-    eyes = _Eyes(choice or {})
-    for position, sample in enumerate(samples):
+        raise InputError(f"{samples.folder}: no finished samples to view")
+    viewer = _Viewer(choice or {})
+    for number, sample in enumerate(samples):
         title = f"sample {sample.index}, {sample.scene_name}"
         with naming(sample.path):
-            yield from eyes.of(sample.capture, title, sample.path.parent, position * SECOND_NS)
+            yield from viewer.of(sample.capture, title, sample.path.parent, number * SECOND_NS)
 
 
-class _Eyes:
-    """Sees captures, and remembers what their scenes have in common."""
+class _Viewer:
+    """Reconstructs captures, and caches their common scenes."""
 
     def __init__(self, choice: Mapping[str, Any]) -> None:
         self._choice = dict(choice)
         self._cache = SceneCache()
 
     def of(self, capture: Capture, title: str, folder: Path, begun_ns: int) -> Iterator[View]:
-        """Frames of a capture, the first at `begun_ns` unless it is of a flight."""
+        """Yield frames of a capture, the first at `begun_ns` unless it is of a flight."""
         scene = self._scene(capture, title, folder)
         reconstruct = Reconstructor(capture.setup, **self._choice)
         period_s = _period_s(capture.setup)
         for number in range(capture.frames):
             since_s = (number + 0.5) * period_s
-            position = placed(capture, number)
+            placement = placed(capture, number)
             stamp_ns = begun_ns + round(1e9 * since_s)
-            if position is not None and position.time_s is not None:
-                stamp_ns = round(1e9 * position.time_s)
+            if placement is not None and placement.time_s is not None:
+                stamp_ns = round(1e9 * placement.time_s)
             frame = capture.frame(number)
             result = reconstruct(frame)
             valid = capture.truth is not None and capture.truth.knows(number)
             yield View(
                 title,
                 Shot.of(
-                    result, capture.setup, stamp_ns, None if position is None else position.pose
+                    result, capture.setup, stamp_ns, None if placement is None else placement.pose
                 ),
                 result,
                 capture.setup,
@@ -102,26 +119,26 @@ class _Eyes:
             )
 
     def _scene(self, capture: Capture, title: str, folder: Path) -> Scene | None:
-        """The scene of a simulated capture; None, with a warning, where its meshes are not there.
+        """Return the scene of a simulated capture; None, with a warning, if its meshes are missing.
 
-        They are looked for among the shipped ones and beside the capture.
+        They are searched among the shipped ones and beside the capture.
         """
         text = capture.provenance.scene
         if not text:
             return None
         problem: InputError | None = None
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # told when it was simulated
+            warnings.simplefilter("ignore")  # reported when it was simulated
             for where in (scenes_folder(), folder):
                 try:
                     return make_scene(text, where, "its scene", cache=self._cache)
                 except InputError as error:
                     problem = error
-        warnings.warn(f"{title}: shown without its surroundings: {problem}", stacklevel=2)
+        warnings.warn(f"{title}: displayed without its surroundings: {problem}", stacklevel=2)
         return None
 
 
 def _period_s(setup: Setup) -> float:
-    """Of frames; a second where nobody knows."""
+    """Return the frame period; a second if unknown."""
     period_s = setup.buckets.pattern_period_s * setup.plan.exposures
     return period_s if 0 < period_s < float("inf") else 1.0

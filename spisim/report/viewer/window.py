@@ -1,4 +1,4 @@
-"""The viewer's window: a program of Rerun that listens to this machine alone."""
+"""The viewer's window: a Rerun process that listens on this machine only."""
 
 import subprocess
 import sys
@@ -10,20 +10,20 @@ from typing import IO
 
 from reconstruction.base.errors import InputError
 
-#: Rerun's own: a window that is open there takes further recordings.
+#: Rerun's default port; a window open there accepts further recordings.
 PORT = 9876
-#: Without it Rerun listens on all interfaces, so that everyone in the network can send to it.
+#: By default Rerun listens on all interfaces, open to everyone in the network.
 LOOPBACK = "127.0.0.1"
-#: Beside the library, whether or not PATH has it.
+#: Beside the library, because PATH may lack it.
 PROGRAM = (sys.executable, "-m", "rerun_cli")
-#: For a window to open; and for one to fail that listens already.
+#: Time limits for a window to open, and for one to fail on an occupied port.
 OPENS_S, FAILS_S = 60.0, 1.0
 
 
 def open_window(port: int = PORT) -> str:
-    """Open the viewer, unless it is open; the address that takes recordings.
+    """Open the viewer unless it is open; return the address that accepts recordings.
 
-    Raises InputError, with what Rerun says, where it cannot be opened.
+    Raises InputError, with Rerun's message, if it cannot be opened.
     """
     if not _listens(port):
         with TemporaryFile() as said:
@@ -32,14 +32,14 @@ def open_window(port: int = PORT) -> str:
                 stdin=subprocess.DEVNULL,
                 stdout=said,
                 stderr=said,
-                start_new_session=True,  # it outlives this program, and its Ctrl-C
+                start_new_session=True,  # it outlives this program and ignores its Ctrl-C
             )
             _wait(process, port, said)
     return f"rerun+http://{LOOPBACK}:{port}/proxy"
 
 
 def command(port: int) -> list[str]:
-    """The program and its arguments."""
+    """Return the program and its arguments."""
     return [*PROGRAM, "--bind", LOOPBACK, "--port", str(port), "--expect-data-soon"]
 
 
@@ -63,7 +63,7 @@ def _listens(port: int) -> bool:
 
 
 def _reason(said: str) -> str:
-    """What Rerun says went wrong; its last words where none of them says so."""
+    """Return Rerun's error message, or else its last line."""
     lines = [line.strip() for line in said.splitlines() if line.strip()]
     errors = [line.removeprefix("Error: ") for line in lines if line.startswith("Error: ")]
-    return (errors or lines or ["it ended without a word"])[-1]
+    return (errors or lines or ["it ended without a message"])[-1]

@@ -1,5 +1,6 @@
-"""The four laser spots over path length: light, or arrivals."""
+"""Plots of a capture: light of the spots over path length, and the free corridor ahead."""
 
+from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
@@ -8,17 +9,17 @@ from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.depth import DISTANCES_M
 
-from .inline import WIDE_IN
-from .style import SPOT_COLOURS
+from .style import CURVE_COLOURS, SPOT_COLOURS, WIDE_IN, drawn
 from .units import prefix_axis, prefix_log
 
-DECADES = 6  # of light shown below the highest value
-LINEAR_M = 200.0  # longest path on a linear scale
+DECADES = 6  # displayed below the maximum
+LINEAR_M = 200.0  # maximum path on a linear scale
 
 
 class SpotHistograms(Protocol):
-    """What the plot needs of a transport result."""
+    """The part of a transport result that the plot uses."""
 
     @property
     def spot_histogram(self) -> Floats:
@@ -32,9 +33,9 @@ class SpotHistograms(Protocol):
 def light_figure(
     transport: SpotHistograms, true_length_m: Floats | None, width_in: float = WIDE_IN
 ) -> Figure | None:
-    """Light per metre of path length and watt of each laser; None without any light.
+    """Plot light per metre of path length and watt of each laser; None without any light.
 
-    `true_length_m` (4,): the true way to each spot and back, marked by a dashed line.
+    `true_length_m` (4,), the true path to each spot and back, is marked by a dashed line.
     """
     lengths_m: Floats = np.asarray(transport.path_length_m, np.float64)
     if lengths_m.size == 0:  # an instrument without lasers
@@ -57,10 +58,10 @@ def light_figure(
 def arrival_figure(
     spots: HistogramSpots, frame: int, true_length_m: Floats | None, width_in: float = WIDE_IN
 ) -> Figure | None:
-    """The arrivals in each time bin as recorded, over the path that the time stands for.
+    """Plot the recorded arrivals of each time bin over its path length; None without any.
 
-    The first bin is drawn at its own path, and nothing before it; None without any arrival.
-    `true_length_m` as `light_figure`.
+    The first bin is drawn at its own path, with nothing before it. `true_length_m` as in
+    `light_figure`.
     """
     ahead = round((spots.start_s - spots.delay_offset_s) / spots.bin_width_s)
     counts = np.asarray(spots.counts[frame], float)
@@ -82,7 +83,7 @@ def _figure(
     label: str,
     width_in: float,
 ) -> Figure:
-    """Curves (4, bins) on a logarithmic scale; the path too, where it is long."""
+    """Plot curves (4, bins) on a logarithmic scale; the path too, if it is long."""
     figure = Figure(figsize=(width_in, 2.9), layout="constrained")
     axes = figure.subplots()
     for k, (row, colour) in enumerate(zip(values, SPOT_COLOURS, strict=True)):
@@ -97,4 +98,31 @@ def _figure(
     axes.set(ylabel=label)
     prefix_axis(axes.xaxis, "path length, m")
     figure.legend(loc="outside upper right", ncols=len(values) if width_in == WIDE_IN else 2)
+    return figure
+
+
+def corridor_figure(
+    free: Mapping[str, Floats], min_free: float, true_m: float | None, width_in: float = WIDE_IN
+) -> Figure | None:
+    """Plot the probability that the corridor is free over distance, (K,) by method.
+
+    A dotted line marks the probability below which an obstacle is reported, and a dashed one the
+    true distance of the nearest obstacle. Returns None without any curve.
+    """
+    if not free:
+        return None
+    figure = Figure(figsize=(width_in, 2.9), layout="constrained")
+    axes = figure.subplots()
+    for (name, values), colour in zip(free.items(), CURVE_COLOURS, strict=False):
+        axes.plot(DISTANCES_M, values, color=colour, lw=1.3, label=drawn(name))
+    axes.axhline(min_free, color="#555555", lw=1, ls=":")
+    if true_m is not None and np.isfinite(true_m):
+        axes.axvline(true_m, color="#555555", lw=1, ls="--")
+    axes.set_xscale("log")
+    axes.set(ylim=(0, 1.02), xlim=(DISTANCES_M[0], DISTANCES_M[-1]))
+    axes.set(xlabel="distance ahead, m", ylabel="probability, free up to there")
+    ticks = [0.2, 0.5, 1, 2, 5, 10, 20, 40]
+    axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axes.minorticks_off()
+    figure.legend(loc="outside upper right", ncols=min(len(free), 4 if width_in == WIDE_IN else 2))
     return figure
