@@ -37,7 +37,7 @@ class Output:
     @property
     def is_ours(self) -> bool:
         """Whether the file that is there is an earlier output of the same kind."""
-        return not self.path.is_symlink() and _error_at(self.path, self.sign or mark(self.kind))
+        return not self.path.is_symlink() and _contains(self.path, self.sign or mark(self.kind))
 
 
 def mark(kind: str) -> str:
@@ -47,10 +47,10 @@ def mark(kind: str) -> str:
 
 def is_marked(path: str | Path, kind: str) -> bool:
     """Whether a file says that it was made here and is of this kind."""
-    return _error_at(Path(path), mark(kind))
+    return _contains(Path(path), mark(kind))
 
 
-def _error_at(path: Path, text: str) -> bool:
+def _contains(path: Path, text: str) -> bool:
     with path.open("rb") as file:
         head = file.read(MARK_WITHIN_BYTES)
         file.seek(0, os.SEEK_END)
@@ -205,37 +205,37 @@ def _identity(path: Path) -> object:
 
 def _nearest_folder(folder: Path) -> Path:
     """The folder itself, or the one in which it would be made; InputError where it cannot be."""
-    position = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    if not position.is_dir():
-        raise InputError(f"cannot write into {folder}: {position} is not a folder")
-    return position
+    existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not existing.is_dir():
+        raise InputError(f"cannot write into {folder}: {existing} is not a folder")
+    return existing
 
 
 def _require_place(path: Path) -> None:
     """Try to write: what permissions say is not all there is to it."""
-    position, temporary = _nearest_folder(path.parent), _temporary(path)
-    longest = os.pathconf(position, "PC_NAME_MAX")
+    existing, temporary = _nearest_folder(path.parent), _temporary(path)
+    longest = os.pathconf(existing, "PC_NAME_MAX")
     if max(len(os.fsencode(part)) for part in temporary.parts) > longest:
         spare = len(os.fsencode(temporary.name)) - len(os.fsencode(path.name))
         raise InputError(f"{path}: a name of a file has at most {longest - spare} bytes")
-    probe = position / temporary.name
+    probe = existing / temporary.name
     try:
         probe.touch(exist_ok=False)
         probe.unlink()
     except OSError as error:
         reason = (error.strerror or "cannot be done").lower()
-        raise InputError(f"cannot write into {path.parent}: {position}: {reason}") from None
+        raise InputError(f"cannot write into {path.parent}: {existing}: {reason}") from None
 
 
 def _require_space(outputs: Iterable[Output]) -> None:
     needed: dict[int, int] = {}
     for output in outputs:
-        position = _nearest_folder(output.path.parent)
-        device = position.stat().st_dev
+        existing = _nearest_folder(output.path.parent)
+        device = existing.stat().st_dev
         needed[device] = needed.get(device, SPARE_BYTES) + output.size_bytes
-        disk = shutil.disk_usage(position)
+        disk = shutil.disk_usage(existing)
         if disk.total and disk.free < needed[device]:
             raise InputError(
-                f"{output.path}: {position} has {disk.free / 1e6:.3g} MB left, "
+                f"{output.path}: {existing} has {disk.free / 1e6:.3g} MB left, "
                 f"{needed[device] / 1e6:.3g} MB are needed"
             )

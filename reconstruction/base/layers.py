@@ -40,8 +40,8 @@ class Layers:
         count, height, width = channels.shape
         down, out, along, _ = weight.shape
         if constants is not None:
-            reported = weight[..., count:] @ constants
-            weight = np.concatenate([weight[..., :count], reported[..., None]], axis=-1)
+            summed = weight[..., count:] @ constants
+            weight = np.concatenate([weight[..., :count], summed[..., None]], axis=-1)
         if down == 1:
             result = weight.reshape(out, -1) @ channels.reshape(count, -1)
             return result.reshape(out, height, width) + bias
@@ -79,13 +79,13 @@ def load_weights(
     InputError where it holds no such weights, or those of another version.
     """
     try:
-        with np.load(file, allow_pickle=False) as reported:
-            weights = dict(reported)
+        with np.load(file, allow_pickle=False) as archive:
+            weights = dict(archive)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
         raise InputError(f"{file} holds no weights of a network: {error}") from None
-    result = weights.pop("version", None)
-    if result is None or result != version:
-        raise InputError(f"{file}: version of the weights = {result}, must be {version}")
+    stored = weights.pop("version", None)
+    if stored is None or stored != version:
+        raise InputError(f"{file}: version of the weights = {stored}, must be {version}")
     missing = [name for name in axes if name not in weights]
     if missing:
         raise InputError(f"{file}: weights without {', '.join(missing)}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..base.arrays import Floats
 from .method import Context, DepthEstimate, DepthSolver, Need, View
-from .rays import pixel_of, range_over_depth, squared_distances
+from .pixels import pixel_of, range_over_depth, squared_distances
 
 
 @dataclass(frozen=True)

@@ -13,18 +13,54 @@ The constants are those of an `AnchoredPrior`. The obliquity of the field, 1.5 %
 left out.
 """
 
+import json
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ..base.arrays import Floats, Mask
-from .anchored_prior import AnchoredPrior
 from .method import DepthEstimate
-from .neighbours import around, between
+from .pixels import around, between
 
 BRIGHT = 90
 """Percentile of bright pixels."""
+FITTED = Path(__file__).with_name("anchored_prior.json")
+
+
+@dataclass(frozen=True)
+class AnchoredPrior:
+    """Constants of `reconstruction.depth.kriging`.
+
+    ``log_depth_sigma``: spread of ln depth within a view as far as known beforehand, which
+    counts as one anchor. ``log_reflectance_sigma``: spread of ln(rho cos theta).
+    ``correlation_length``: in the image, relative to its longer side; ``similarity``: difference of
+    ln I beyond which two pixels tell little of each other. ``nugget``: share of the variance that a
+    pixel has to itself, whatever is around it. ``min_brightness``: pixels are taken to be at least
+    this bright, relative to the 90th percentile. ``uncertain``: ranges of a larger relative
+    deviation do not bound the map where they are. ``max_nearer``: the map goes nearer than the
+    nearest anchor by this factor at most, and not beyond the farthest: what is bright must be near,
+    what is dark may just be dark. ``sigma_factor``: factor of the deviation told over that of the model.
+    """
+
+    log_depth_sigma: float
+    log_reflectance_sigma: float
+    correlation_length: float
+    similarity: float
+    nugget: float
+    min_brightness: float
+    uncertain: float
+    max_nearer: float
+    sigma_factor: float
+
+
+@cache
+def fitted_prior() -> AnchoredPrior:
+    """The constants that are fitted to drawn scenes."""
+    return AnchoredPrior(**json.loads(FITTED.read_text())["prior"])
 
 
 def anchored_depth(
@@ -98,8 +134,10 @@ class AnchoredImage:
         farthest = (log_depth + log_factor).max()
 
         def sigma() -> Floats:
-            reported = (weights * to_pixels).sum(axis=0).reshape(shape)
-            return np.asarray(prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - reported))
+            explained = (weights * to_pixels).sum(axis=0).reshape(shape)
+            return np.asarray(
+                prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - explained)
+            )
 
         return LogDepth(np.clip(kriged, nearest, farthest), sigma)
 

@@ -25,8 +25,8 @@ from ..base.layers import (
     squares_as_channels,
 )
 from ..capture import Optics
-from .network_input import NUMBERS, Inputs, NetworkInput, plainly
-from .rays import pixel_of
+from .network_input import NUMBERS, Inputs, NetworkInput, in_units
+from .pixels import pixel_of
 
 VERSION = 2
 """Of weights, inputs and layers together: what `load` takes."""
@@ -38,7 +38,7 @@ LOG_SIGMA = -4.5, 1.0
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
+class Prediction:
     """What the network says, each (H, W): log depth, its deviation, probability of nothing."""
 
     log_depth: Floats
@@ -57,14 +57,14 @@ class DepthNetwork:
         self._limits, self._calibration = weights["limits"], float(weights["calibration"][0])
         self._layers = Layers(weights)
 
-    def __call__(self, inputs: Inputs) -> Told:
+    def __call__(self, inputs: Inputs) -> Prediction:
         """What is told of a frame."""
         height, width = inputs.start.shape
         out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
         out = out[:, :height, :width].astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
         start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
-        return Told(start + out[0], np.exp(log_sigma), logistic(out[2]))
+        return Prediction(start + out[0], np.exp(log_sigma), logistic(out[2]))
 
     def out_of_distribution(self, inputs: Inputs) -> str | None:
         """In what a frame is unlike all that the network has seen, in words; None if in nothing.
@@ -73,13 +73,11 @@ class DepthNetwork:
         """
         return self.outside(of_frame(inputs))
 
-    def outside(self, reported: Mapping[str, float]) -> str | None:
+    def outside(self, values: Mapping[str, float]) -> str | None:
         """The first of some `FEATURES` that is not as they were, in words; None if all are."""
         for name, minimum, maximum in zip(FEATURES, *self._limits.tolist(), strict=True):
-            if name in reported and not minimum <= reported[name] <= maximum:
-                value, *limits = (
-                    plainly(name, each) for each in (reported[name], minimum, maximum)
-                )
+            if name in values and not minimum <= values[name] <= maximum:
+                value, *limits = (in_units(name, each) for each in (values[name], minimum, maximum))
                 return f"{name} = {value}, learned from {' to '.join(limits)}"
         return None
 
@@ -110,11 +108,11 @@ FEATURES = (
 """By these a frame is like those learned from, or not."""
 
 
-def features(displayed: NetworkInput, inputs: Inputs) -> Channels:
+def features(frame: NetworkInput, inputs: Inputs) -> Channels:
     """What `FEATURES` names."""
-    rows, columns = displayed.image.shape
-    reported = of_frame(inputs) | of_view((rows, columns), displayed.optics, displayed.directions)
-    return np.array([reported[name] for name in FEATURES], np.float32)
+    rows, columns = frame.image.shape
+    values = of_frame(inputs) | of_view((rows, columns), frame.optics, frame.directions)
+    return np.array([values[name] for name in FEATURES], np.float32)
 
 
 def of_frame(inputs: Inputs) -> dict[str, float]:
@@ -122,8 +120,8 @@ def of_frame(inputs: Inputs) -> dict[str, float]:
     bright = inputs.maps[0]
     down, along = bright[1:] - bright[:-1], bright[:, 1:] - bright[:, :-1]
     slopes = np.mean(down**2) + np.mean(along**2)
-    reported = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
-    return reported | {
+    values = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
+    return values | {
         "spread of log brightness": float(bright.std()),
         "steepness": float(np.sqrt(slopes)),
     }

@@ -16,10 +16,8 @@ import numpy as np
 from ..base.arrays import Floats, Mask
 from ..base.layers import Channels
 from ..capture import Optics
-from .anchored_prior import AnchoredPrior
-from .kriging import BRIGHT, AnchoredImage, LogDepth
-from .neighbours import wide_hats
-from .rays import pixel_of, pixel_rays, squared_distances
+from .kriging import BRIGHT, AnchoredImage, AnchoredPrior, LogDepth
+from .pixels import pixel_of, pixel_rays, squared_distances, wide_hats
 
 DARKEST = 0.01
 """Brightness over that of the 90th percentile: what is darker is not told apart."""
@@ -115,8 +113,8 @@ class NetworkInput:
         positions = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
         below, above = np.floor(positions).astype(int), np.ceil(positions).astype(int)
         ordered = np.partition(self.image, np.append(below, above), axis=None)
-        reported = ordered[below] + (positions - below) * (ordered[above] - ordered[below])
-        return float(reported[0]), float(reported[1]), float(reported[2])
+        values = ordered[below] + (positions - below) * (ordered[above] - ordered[below])
+        return float(values[0]), float(values[1]), float(values[2])
 
     @property
     def bright(self) -> float:
@@ -124,7 +122,7 @@ class NetworkInput:
         return self.percentiles[-1]
 
     @cached_property
-    def level(self) -> float:
+    def mean_log_depth(self) -> float:
         """Mean of the spots' log depths."""
         best, weight = self.best, self.best.weight
         if not weight.any():
@@ -145,33 +143,33 @@ class Inputs(NamedTuple):
     plain: Channels
 
 
-def inputs_of(displayed: NetworkInput) -> Inputs:
+def inputs_of(frame: NetworkInput) -> Inputs:
     """Maps and numbers of a frame."""
-    level, best = displayed.level, displayed.best
-    positions = positions_of(displayed)
-    measured, fitted, sure = displayed.plain.weight, displayed.fitted.weight, best.weight
+    level, best = frame.mean_log_depth, frame.best
+    spots = spot_geometry(frame)
+    measured, fitted, sure = frame.plain.weight, frame.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
-    in_front = veil(displayed, positions)
-    hidden = min(in_front, MAX_VEIL * displayed.percentiles[0])
+    in_front = veil(frame, spots)
+    hidden = min(in_front, MAX_VEIL * frame.percentiles[0])
     bright, unveiled = (
-        _log(displayed.image - each, displayed.bright - each) for each in (0.0, max(hidden, 0.0))
+        _log(frame.image - each, frame.bright - each) for each in (0.0, max(hidden, 0.0))
     )
     # Log depth over the level, were all surfaces as bright as those of the spots.
     by_bright, by_unveiled = (
-        log_depth - level + positions.around(log) / 2 for log in (bright, unveiled)
+        log_depth - level + spots.around(log) / 2 for log in (bright, unveiled)
     )
-    reflectance = np.nan_to_num(displayed.log_reflectance - TYPICAL_LOG_REFLECTANCE)
-    finite = np.isfinite(displayed.log_reflectance) * sure
-    spread = positions.spread(
+    reflectance = np.nan_to_num(frame.log_reflectance - TYPICAL_LOG_REFLECTANCE)
+    finite = np.isfinite(frame.log_reflectance) * sure
+    spread = spots.spread(
         (log_depth - level, sure),
-        (displayed.plain.log_depth - level, measured),
-        (displayed.fitted.log_depth - level, fitted),
+        (frame.plain.log_depth - level, measured),
+        (frame.fitted.log_depth - level, fitted),
         (by_bright, sure),
         (by_unveiled, sure),
         (reflectance, finite),
     )
-    near = positions.summed(positions.near, np.array([measured, fitted, displayed.lost]))
-    start, unsure, plain = _anchored(displayed, positions)
+    near = spots.summed(spots.near, np.array([measured, fitted, frame.lost]))
+    start, unsure, plain = _anchored(frame, spots)
     maps = np.array(
         [
             bright,
@@ -187,17 +185,17 @@ def inputs_of(displayed: NetworkInput) -> Inputs:
             spread[3] - bright / 2,
             spread[4] - unveiled / 2,
             spread[5],
-            4 * positions.x,
-            4 * positions.y,
+            4 * spots.x,
+            4 * spots.y,
             plain - start,
         ],
         np.float32,
     )
-    numbers = _numbers(displayed, finite, reflectance, in_front)
+    numbers = _numbers(frame, finite, reflectance, in_front)
     return Inputs(maps, numbers, start.astype(np.float32), plain.astype(np.float32))
 
 
-class Places(NamedTuple):
+class SpotGeometry(NamedTuple):
     """Where spots are: pixels (4, 2), nearness and inverse squares (4, H, W); slopes (H, W).
 
     ``down`` (4, H) and ``along`` (4, W): what pixels count in the mean around each spot.
@@ -220,28 +218,30 @@ class Places(NamedTuple):
         whole = weights @ nearness.reshape(4, -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
-    def spread(self, *reported: tuple[Floats, Floats]) -> Floats:
+    def spread(self, *pairs: tuple[Floats, Floats]) -> Floats:
         """Of values and weights, (4,) each, values (n, H, W) between the spots.
 
         They are near 0 far from all that count.
         """
-        values, weights = np.array(reported).swapaxes(0, 1)
+        values, weights = np.array(pairs).swapaxes(0, 1)
         sums = np.where(weights > 0, values, 0) * weights
         both = self.summed(self.inverse, np.concatenate([sums, weights]))
-        return np.asarray(both[: len(reported)] / (both[len(reported) :] + 0.1))
+        return np.asarray(both[: len(pairs)] / (both[len(pairs) :] + 0.1))
 
 
-def positions_of(displayed: NetworkInput) -> Places:
+def spot_geometry(frame: NetworkInput) -> SpotGeometry:
     """Those of a frame."""
-    return _positions(displayed.optics, displayed.image.shape, tuple(displayed.directions.flat))
+    return _spot_geometry(frame.optics, frame.image.shape, tuple(frame.directions.flat))
 
 
 @lru_cache(maxsize=4)  # the same for all frames of a recording
-def _positions(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> Places:
+def _spot_geometry(
+    optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]
+) -> SpotGeometry:
     anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
     squared = np.moveaxis(squared_distances(shape, anchors), -1, 0) / max(shape) ** 2
     rays = pixel_rays(optics, shape)
-    return Places(
+    return SpotGeometry(
         anchors,
         np.exp(-squared / (2 * NARROW**2)),
         1 / (squared + SOFTENING),
@@ -269,64 +269,62 @@ _LOGARITHMS = {
 """Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
 
 
-def _anchored(displayed: NetworkInput, positions: Places) -> tuple[Floats, Floats, Floats]:
+def _anchored(frame: NetworkInput, spots: SpotGeometry) -> tuple[Floats, Floats, Floats]:
     """Log depth of the map anchored on the best spots, log of its deviation, both (H, W).
 
     And log depth of that on the plain ones, or the best where there are none.
     """
-    mapped = AnchoredImage(displayed.image, displayed.bright, positions.anchors, START)
-    nowhere = np.full(displayed.image.shape, displayed.level)
+    mapped = AnchoredImage(frame.image, frame.bright, spots.anchors, START)
+    nowhere = np.full(frame.image.shape, frame.mean_log_depth)
 
-    def of(spots: Anchors) -> LogDepth | None:
-        depth_m = np.exp(spots.log_depth)
+    def of(anchors: Anchors) -> LogDepth | None:
+        depth_m = np.exp(anchors.log_depth)
         with np.errstate(invalid="ignore"):
-            return mapped.log_depth(depth_m, spots.log_sigma * depth_m)
+            return mapped.log_depth(depth_m, anchors.log_sigma * depth_m)
 
-    best = of(displayed.best)
+    best = of(frame.best)
     if best is None:
         start, unsure = nowhere, np.zeros(nowhere.shape)
     else:
         start, unsure = best.mean, np.log(np.clip(best.sigma(), *SIGMA))
-    if not displayed.plain.weight.any():
+    if not frame.plain.weight.any():
         return start, unsure, start
-    plain = of(displayed.plain)
+    plain = of(frame.plain)
     return start, unsure, nowhere if plain is None else plain.mean
 
 
-def _numbers(
-    displayed: NetworkInput, given: Floats, reflectance: Floats, in_front: float
-) -> Channels:
+def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: float) -> Channels:
     """What is the same for all pixels: see `NUMBERS`.
 
     The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
     that is less, there is less fog.
     """
-    best = displayed.best
+    best = frame.best
     weight = best.weight
     total = max(weight.sum(), 1e-6)
-    away = np.nan_to_num(best.log_depth - displayed.level)
-    foggy = bool(np.isfinite(displayed.extinction_per_m))
+    away = np.nan_to_num(best.log_depth - frame.mean_log_depth)
+    foggy = bool(np.isfinite(frame.extinction_per_m))
     numbers = [
-        displayed.level - np.log(USUAL_M),
+        frame.mean_log_depth - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
-        np.count_nonzero(displayed.plain.weight) / 4,
-        np.count_nonzero(displayed.lost) / 4,
-        _mean_sigma(displayed.plain),
-        _mean_sigma(displayed.fitted),
-        math.log(min(max(displayed.noise, 1e-4), 10)) / 4,
-        of_fraction(displayed.fraction),
-        np.log(max(displayed.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
+        np.count_nonzero(frame.plain.weight) / 4,
+        np.count_nonzero(frame.lost) / 4,
+        _mean_sigma(frame.plain),
+        _mean_sigma(frame.fitted),
+        math.log(min(max(frame.noise, 1e-4), 10)) / 4,
+        of_fraction(frame.fraction),
+        np.log(max(frame.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
-        math.log(min(max(displayed.max_range_m, 1), 100) / 10),
+        math.log(min(max(frame.max_range_m, 1), 100) / 10),
         given @ reflectance / max(given.sum(), 1e-6),
         given.sum() / 4,
-        math.log1p(min(max(in_front / displayed.bright, 0), BRIGHTEST)),
-        math.log1p(min(max(displayed.percentiles[1] / displayed.bright, -0.5), 1)),
+        math.log1p(min(max(in_front / frame.bright, 0), BRIGHTEST)),
+        math.log1p(min(max(frame.percentiles[1] / frame.bright, -0.5), 1)),
     ]
     return np.array(numbers, np.float32)
 
 
-def plainly(name: str, number: float) -> str:
+def in_units(name: str, number: float) -> str:
     """One of `NUMBERS`, or another, in the units of what it tells."""
     multiple, divided_by, unit = _LOGARITHMS.get(name, (None, 1, ""))
     value = number if multiple is None else multiple * np.exp(divided_by * number)
@@ -344,7 +342,7 @@ def _mean_sigma(anchors: Anchors) -> float:
     return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
 
-def veil(displayed: NetworkInput, positions: Places) -> float:
+def veil(frame: NetworkInput, spots: SpotGeometry) -> float:
     """Brightness of the fog in front of everything, as far as the fog is known.
 
     A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
@@ -352,15 +350,15 @@ def veil(displayed: NetworkInput, positions: Places) -> float:
     the detector sees it; K follows from the spots, whose rho and z are known. The fog beyond a
     surface is missing in its veil, a few per cent where that is metres away.
     """
-    best, weight = displayed.best, displayed.best.weight
-    usable = (weight > 0) & np.isfinite(displayed.log_reflectance)
-    if not (np.isfinite(displayed.extinction_per_m) and usable.any()):
+    best, weight = frame.best, frame.best.weight
+    usable = (weight > 0) & np.isfinite(frame.log_reflectance)
+    if not (np.isfinite(frame.extinction_per_m) and usable.any()):
         return 0.0
-    alpha, beta = displayed.extinction_per_m, displayed.backscatter_per_m_sr
-    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(displayed.log_reflectance[usable])
+    alpha, beta = frame.extinction_per_m, frame.backscatter_per_m_sr
+    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(frame.log_reflectance[usable])
     returned = reflectance * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
     in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
-    seen = positions.around(displayed.image)[usable]
+    seen = spots.around(frame.image)[usable]
     scale = float(np.median(seen / (returned + in_fog)))
     return max(scale * in_fog, 0.0)
 

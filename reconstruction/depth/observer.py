@@ -14,7 +14,7 @@ from .network_input import Anchors, NetworkInput
 
 LOST = ("no signal", "weak")
 """Spots of which nothing came back."""
-FOG_REPORTED = 0.4
+MAX_FOG_SIGMA = 0.4
 """Deviation of the log of backscattering below which fog is known; beforehand it is 0.6."""
 USUAL_NOISE = 0.03
 """Of readings whose noise is not known."""
@@ -70,10 +70,10 @@ class Observer:
         else:
             plain, fitted = own, view.ranges
         fog = None if fitted is None else fitted.fog
-        if fog is None or fog.log_sigma >= FOG_REPORTED:
+        if fog is None or fog.log_sigma >= MAX_FOG_SIGMA:
             fog = FogOptics(np.nan, np.nan, np.nan)
         no_return = Anchors(np.full(4, np.nan), np.full(4, np.nan))
-        displayed = NetworkInput(
+        frame = NetworkInput(
             image=view.image,
             optics=self.optics,
             directions=self.spots.directions,
@@ -87,9 +87,7 @@ class Observer:
             extinction_per_m=fog.extinction_per_m,
             backscatter_per_m_sr=fog.backscatter_per_m_sr,
         )
-        return replace(
-            displayed, log_reflectance=self._log_reflectance(displayed, own.signal_electrons)
-        )
+        return replace(frame, log_reflectance=self._log_reflectance(frame, own.signal_electrons))
 
     def _anchors(self, ranges: Ranges) -> Anchors:
         range_m, sigma_m = ranges.likeliest
@@ -99,13 +97,13 @@ class Observer:
                 np.minimum(sigma_m / range_m, MAX_SIGMA),
             )
 
-    def _log_reflectance(self, displayed: NetworkInput, amplitudes: Floats) -> Floats:
+    def _log_reflectance(self, frame: NetworkInput, amplitudes: Floats) -> Floats:
         """Of Lambertian surfaces that face the instrument; light lost in known fog is put back."""
-        range_m = np.exp(displayed.best.log_depth) / self.spots.directions[:, 2]
+        range_m = np.exp(frame.best.log_depth) / self.spots.directions[:, 2]
         collected = self.spots.aperture_radii_m**2 / range_m**2
         with np.errstate(divide="ignore", invalid="ignore"):
             result = np.log(amplitudes / (self.gain * collected))
-        lost = 2 * np.nan_to_num(displayed.extinction_per_m) * range_m
+        lost = 2 * np.nan_to_num(frame.extinction_per_m) * range_m
         return np.where(np.isfinite(result), np.clip(result + lost, *LOG_REFLECTANCE), np.nan)
 
 

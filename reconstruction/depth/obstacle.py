@@ -36,7 +36,7 @@ ERRORS = np.array([NormalDist().inv_cdf((n + 0.5) / 11) for n in range(11)])
 """Of the members of the ensemble, in sigmas."""
 LEVELS = (np.arange(6) + 0.5) / 6
 """Probabilities of nothing from which on members have nothing in a pixel."""
-USUALLY_ENOUGH = 64
+FEW_PIXELS = 64
 """Nearest pixels of which an obstacle mostly consists; where it does not, all are looked at."""
 LOG_DISTANCES = np.log(DISTANCES_M)
 ANYWHERE = np.clip(np.log(MAX_RANGE_M / DISTANCES_M) / np.log(MAX_RANGE_M / NEAREST_M), 0, 1)
@@ -132,7 +132,7 @@ class Corridor:
         """
         inside = (maps <= MAX_RANGE_M) & (slope * maps <= CORRIDOR_M / 2)
         near_m = np.where(inside, maps, np.inf)
-        for maximum in (USUALLY_ENOUGH, slope.size):
+        for maximum in (FEW_PIXELS, slope.size):
             few = _nearest(near_m, maximum)
             sorted_m = np.take_along_axis(near_m, few, axis=1)
             area = self._pixel * np.where(np.isfinite(sorted_m), sorted_m, 0) ** 2

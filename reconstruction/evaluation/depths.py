@@ -1,11 +1,12 @@
 """How good a depth map is, where it says that nothing is, and what a drone would make of it."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats, Mask
 from ..depth import DISTANCES_M, MAX_RANGE_M, MIN_FREE, Corridor, nearest_obstacle_m
-from .numbers import number
 
 Figures = dict[str, float | None]
 
@@ -100,14 +101,12 @@ def free_metrics(depth_m: Floats, true_m: Floats, no_return: ArrayLike | None) -
     is free, ``free_recall`` the share of what is free that is told.
     """
     true_free = np.where(true_m <= MAX_RANGE_M, true_m, MAX_RANGE_M)
-    reported = np.minimum(np.nan_to_num(depth_m), MAX_RANGE_M)
+    stated = np.minimum(np.nan_to_num(depth_m), MAX_RANGE_M)
     if no_return is not None:
-        reported = np.where(
-            np.isnan(depth_m) & (np.asarray(no_return) >= 0.5), MAX_RANGE_M, reported
-        )
-    both = np.minimum(reported, true_free).sum()
+        stated = np.where(np.isnan(depth_m) & (np.asarray(no_return) >= 0.5), MAX_RANGE_M, stated)
+    both = np.minimum(stated, true_free).sum()
     return {
-        "free_precision": number(both / reported.sum()) if reported.any() else None,
+        "free_precision": number(both / stated.sum()) if stated.any() else None,
         "free_recall": number(both / true_free.sum()),
     }
 
@@ -121,7 +120,7 @@ def obstacle_metrics(
 ) -> Figures:
     """Nearest obstacle in the corridor ahead: where ``free`` is below ``min_free``, or the map's.
 
-    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is reported
+    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is stated
     more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
     is reported that is more than 25 % too near or not there, else 0. ``free_brier``: mean squared
     difference, over `DISTANCES_M`, of the probability that the corridor is free up to there and 0
@@ -143,3 +142,8 @@ def obstacle_metrics(
         "free_brier": None if off is None else number(np.mean(off**2)),
         "free_bias": None if off is None else number(np.mean(off)),
     }
+
+
+def number(value: Any) -> float | None:
+    """A float, None where there is no finite one."""
+    return float(value) if np.isfinite(value) else None

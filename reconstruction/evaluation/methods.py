@@ -1,11 +1,11 @@
 """Methods by the stations under which `evaluate` tells of them."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from ..base.errors import InputError
 from ..depth import DEPTH_METHODS, DepthMethod
 from ..image import ImageMethod, image_method
-from ..ranging import RANGING_METHODS, RangingMethod
+from ..ranging import RANGING_METHODS, Alternative, RangingMethod, Status
 
 Method = ImageMethod | RangingMethod | DepthMethod
 
@@ -15,6 +15,8 @@ METHODS: Mapping[str, Callable[[str], Method]] = {
     "depths": DEPTH_METHODS.__getitem__,
 }
 """By station what finds a method by its name; InputError if there is none."""
+MAX_ALTERNATIVES, MIN_WEIGHT = 3, 0.01
+"""Alternative ranges that `no_range` lists at most, and the weight that each must have."""
 
 
 def method_title(station: str, name: str) -> str:
@@ -25,3 +27,14 @@ def method_title(station: str, name: str) -> str:
         return name
     dictionary = name.partition(":")[2]
     return f"{title}, {dictionary}" if dictionary else title
+
+
+def no_range(status: Status, alternatives: Iterable[Alternative]) -> str:
+    """Why a spot has no range, and which ranges it may have, likeliest first."""
+    likely = [each for each in alternatives if each.weight >= MIN_WEIGHT][:MAX_ALTERNATIVES]
+    if not likely:
+        return status
+    if len(likely) == 1:
+        return f"{status}: {likely[0].range_m:.2f} ± {likely[0].sigma_m:.2f} m"
+    ranges = (f"{each.range_m:.2f} m ({100 * each.weight:.0f} %)" for each in likely)
+    return f"{status}: {', '.join(ranges)}"

@@ -10,8 +10,7 @@ from ..capture import Capture, FrameTruth
 from ..depth import pixel_rays
 from ..ranging import Ranges
 from ..result import BASELINE, Result
-from .depths import depth_metrics
-from .numbers import number
+from .depths import depth_metrics, number
 
 
 def evaluate(result: Result, recording: Capture) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from ..chosen_methods import Names
 from ..ranging import RANGED, Ranges
 from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result
-from .numbers import number
+from .depths import number
 
 MAX_FRAMES = 256
 """Frames that are looked at, from the first on."""

@@ -1,4 +1,4 @@
-"""Coarser grids for images of which nothing finer was measured."""
+"""Coarser grids for images whose finest details were not measured."""
 
 from typing import Any
 
@@ -12,9 +12,9 @@ Shape = tuple[int, int]
 
 
 class Grid:
-    """Images of the lowest ``shape`` (h, w) frequencies of finer ones, as pixels of their own.
+    """Images of the lowest ``shape`` (h, w) frequencies of finer images, on their own pixel grid.
 
-    `finer` leaves the length of an image as it is, so that its values become smaller by `scale`.
+    `finer` preserves the norm of an image, so that its values are divided by `scale`.
     """
 
     def __init__(self, shape: Shape, finer: Shape) -> None:
@@ -30,12 +30,12 @@ class Grid:
         return np.asarray(self._down @ image @ self._across.T)
 
     def finer_density(self, image: Floats) -> Floats:
-        """What is the same for pixels of any size, as a relative variance, on the finer grid."""
+        """A relative variance per pixel, interpolated on the finer grid."""
         return np.maximum(self.scale * self.finer(image), 0)
 
 
 def band(seen: Floats, fraction: float) -> Shape:
-    """The lowest frequencies that hold a share of what is ``seen`` (H, W) of all."""
+    """Lowest frequencies that contain a fraction of the total of ``seen`` (H, W)."""
     rows, columns = (
         int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), fraction * seen.sum())) + 1
         for axis in (0, 1)
@@ -44,5 +44,5 @@ def band(seen: Floats, fraction: float) -> Shape:
 
 
 def at_most(shape: Shape, limit: Shape) -> Shape:
-    """A shape, no side longer than the limit's."""
+    """Shape with no side longer than the limit's."""
     return min(shape[0], limit[0]), min(shape[1], limit[1])

@@ -32,7 +32,7 @@ from reconstruction.depth.network_input import (
     Anchors,
     NetworkInput,
     inputs_of,
-    positions_of,
+    spot_geometry,
     veil,
 )
 from reconstruction.depth.observer import Observer
@@ -86,7 +86,7 @@ def plane(shape=(64, 64), reflectance=0.3):
 def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
     depth_m, image = plane()
     frame = seen(depth_m, image)
-    result = inputs_of(frame).maps[10] + frame.level
+    result = inputs_of(frame).maps[10] + frame.mean_log_depth
     within = np.abs(result - np.log(depth_m))
     # The mean of neighbours at the spots, and spots that fade away from where they are.
     assert within.max() < 0.08
@@ -129,13 +129,13 @@ def test_the_veil_of_a_fog_that_is_known_comes_off():
     image = np.full((32, 32), scale * (surface + in_fog))
     fog = {"extinction_per_m": alpha, "backscatter_per_m_sr": beta}
     frame = seen(np.full((32, 32), depth), image, **fog)
-    assert veil(frame, positions_of(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
+    assert veil(frame, spot_geometry(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
     for unknown in (
         replace(frame, extinction_per_m=np.nan),
         replace(frame, log_reflectance=np.full(4, np.nan)),
         replace(frame, plain=NO_RETURN),
     ):
-        assert veil(unknown, positions_of(unknown)) == 0
+        assert veil(unknown, spot_geometry(unknown)) == 0
 
 
 @pytest.mark.parametrize("spots", range(5))
@@ -388,7 +388,7 @@ def test_measured_depths_join_by_inverse_variance():
         np.array([[2.0, 5.0, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
     )
     measured = DepthEstimate(np.array([[4.0, 5.0, np.nan]]), np.array([[0.1, 0.1, np.nan]]))
-    result = learned.joined(ours, measured)
+    result = learned.fused(ours, measured)
     total = 1 / 0.04 + 1 / 0.01
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / total
     np.testing.assert_allclose(result.depth_m, [[np.exp(mean), 5.0, 3.0]])

@@ -41,5 +41,5 @@ def out_of_distribution(method: DepthMethod, setup: Setup) -> str | None:
 
     A method that was made for some recordings alone tells so by a method of this name.
     """
-    reported: Callable[[Setup], str | None] | None = getattr(method, "out_of_distribution", None)
-    return None if reported is None else reported(setup)
+    check: Callable[[Setup], str | None] | None = getattr(method, "out_of_distribution", None)
+    return None if check is None else check(setup)

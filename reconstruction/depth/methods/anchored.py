@@ -2,10 +2,9 @@
 
 from dataclasses import dataclass, field
 
-from ..anchored_prior import AnchoredPrior, fitted_prior
-from ..kriging import anchored_depth
+from ..kriging import AnchoredPrior, anchored_depth, fitted_prior
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..rays import pixel_of
+from ..pixels import pixel_of
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,7 @@ from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..neighbours import around
-from ..rays import pixel_rays
+from ..pixels import around, pixel_rays
 
 
 class Dense:
@@ -66,7 +65,7 @@ def _phasor_images(
     taps = frame.pattern_taps
     assert taps is not None
     usable = imaging.of(~taps.saturated[0].any(axis=-1), frame.first)
-    if not usable.level:
+    if not usable.has_dc:
         return None
     images: list[NDArray[np.complex128]] = []
     errors: list[Floats] = []

@@ -10,13 +10,13 @@ import numpy as np
 from ...base.arrays import Floats
 from ..between_spots import BetweenSpots
 
-MIN = 1e-6
+MIN_SQUARED = 1e-6
 """Squared distance in pixels that a pixel has from a spot, at least."""
 
 
 def weighted(squared: Floats, range_m: Floats) -> Floats:
     """Mean range of K spots in each pixel, (H, W), the nearer the more; see `BetweenSpots`."""
-    weights = 1 / np.maximum(squared, MIN)
+    weights = 1 / np.maximum(squared, MIN_SQUARED)
     return np.asarray(weights @ range_m / weights.sum(axis=-1))
 
 

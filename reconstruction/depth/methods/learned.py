@@ -21,12 +21,12 @@ from ..network import DepthNetwork, load, of_view
 from ..network_input import inputs_of, of_fraction
 from ..observer import Observer
 from ..obstacle import Corridor, corridor_prior
-from ..rays import pixel_rays
+from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
-LIKELY = 0.2
+MAX_NO_RETURN = 0.2
 """Probability of nothing from which on a pixel has no depth: one invented costs four lost ones."""
 
 
@@ -56,7 +56,7 @@ class Learned:
         anchored = ANCHORED.compile(context)
         out_of_distribution = self.out_of_distribution(context.setup)
         if out_of_distribution is not None:
-            return _Instead(anchored, out_of_distribution)
+            return _Fallback(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
         corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
@@ -81,20 +81,22 @@ class LearnedSolver:
         """The map, or the anchored one of a view unlike those learned from."""
         if view.ranges is None:
             return None
-        displayed = self._observer(view)
-        if not displayed.bright > 0:
-            return _Instead(self._anchored, "the image is dark")(view)
-        inputs = inputs_of(displayed)
+        frame = self._observer(view)
+        if not frame.bright > 0:
+            return _Fallback(self._anchored, "the image is dark")(view)
+        inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is not None:
-            return _Instead(self._anchored, out_of_distribution)(view)
-        reported = self._network(inputs)
-        if not displayed.ranged:
-            unknown = np.full(reported.no_return.shape, np.nan)
-            return DepthEstimate(unknown, None, reported.no_return, "no spot has a range: no depth")
-        result = DepthEstimate(np.exp(reported.log_depth), reported.sigma, reported.no_return)
+            return _Fallback(self._anchored, out_of_distribution)(view)
+        prediction = self._network(inputs)
+        if not frame.ranged:
+            unknown = np.full(prediction.no_return.shape, np.nan)
+            return DepthEstimate(
+                unknown, None, prediction.no_return, "no spot has a range: no depth"
+            )
+        result = DepthEstimate(np.exp(prediction.log_depth), prediction.sigma, prediction.no_return)
         measured = None if self._dense is None else self._dense(view)
-        return self._decided(result if measured is None else joined(result, measured))
+        return self._decided(result if measured is None else fused(result, measured))
 
     def _decided(self, result: DepthEstimate) -> DepthEstimate:
         """No depth where nothing is likely; the corridor is judged by all depths together."""
@@ -102,12 +104,12 @@ class LearnedSolver:
         prior = corridor_prior("learned")
         return replace(
             result,
-            depth_m=np.where(result.no_return > LIKELY, np.nan, result.depth_m),
+            depth_m=np.where(result.no_return > MAX_NO_RETURN, np.nan, result.depth_m),
             free=self._corridor.free(result.depth_m, prior, result.sigma, result.no_return),
         )
 
 
-def joined(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
+def fused(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
     """Two estimates of log depth, normal and independent, as one; the first is of all pixels.
 
     What is measured is there: nothing is not likely any more.
@@ -124,11 +126,11 @@ def joined(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
         result,
         depth_m=np.exp(log / total),
         sigma=total**-0.5,
-        no_return=np.where(finite, np.minimum(result.no_return, LIKELY), result.no_return),
+        no_return=np.where(finite, np.minimum(result.no_return, MAX_NO_RETURN), result.no_return),
     )
 
 
-class _Instead:
+class _Fallback:
     """The anchored map, with a note that says why it is not the learned one."""
 
     def __init__(self, anchored: DepthSolver, why: str) -> None:

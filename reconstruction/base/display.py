@@ -8,15 +8,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .errors import InputError
 from .png import png
 
 WIDTH_PX = 220
 """Of a picture."""
 MAX_LINES, MAX_LETTERS = 10, 100
 """Of what an object says of itself in a terminal."""
+SIDE_IN = 3.2
+"""Of a panel."""
 
 
-def reported(title: str, facts: Mapping[str, Any]) -> str:
+def text_summary(title: str, facts: Mapping[str, Any]) -> str:
     """A title, and facts by their names in a line each, as `repr` shows them."""
     lines = [title, *(f"  {name}: {value}" for name, value in facts.items())]
     if len(lines) > MAX_LINES:
@@ -29,7 +32,7 @@ def _cut(line: str) -> str:
     return line if len(line) <= MAX_LETTERS else f"{line[: MAX_LETTERS - 1]}…"
 
 
-def displayed(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
+def html_summary(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
     """A title, facts by their names, and pictures beside them; whatever it is of, it is escaped."""
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th>'
@@ -77,3 +80,29 @@ def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
         'xmlns="http://www.w3.org/2000/svg">'
         f'<g transform="scale(1,-1)">{"".join(elements)}</g></svg>'
     )
+
+
+def panels(count: int) -> Any:
+    """Axes of a new figure, (count,), which notebooks show and scripts by `pyplot.show`.
+
+    InputError where there is no Matplotlib.
+    """
+    try:
+        from matplotlib import pyplot
+    except ModuleNotFoundError:
+        raise InputError(
+            "plots need Matplotlib: pip install 'spisim-reconstruction[window]', or matplotlib"
+        ) from None
+    size = (1.25 * SIDE_IN * count, SIDE_IN)
+    _, axes = pyplot.subplots(1, count, figsize=size, squeeze=False, layout="constrained")
+    return axes[0]
+
+
+def draw_map(axes: Any, values: ArrayLike, title: str, unit: str, colours: str = "gray") -> None:
+    """A map (H, W) from its 1st to its 99th percentile, with a bar; what is not known is white."""
+    array = np.asarray(values, dtype=np.float64)
+    finite = array[np.isfinite(array)]
+    low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)
+    drawn = axes.imshow(array, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
+    axes.figure.colorbar(drawn, ax=axes, label=unit)
+    axes.set(title=title, xticks=[], yticks=[])
