@@ -1,4 +1,4 @@
-"""What objects show of themselves: a few words, and in notebooks pictures beside them, in HTML."""
+"""Representations of objects: text, HTML for notebooks, and Matplotlib plots."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
@@ -12,15 +12,15 @@ from .errors import InputError
 from .png import png
 
 WIDTH_PX = 220
-"""Of a picture."""
+"""Width of a picture."""
 MAX_LINES, MAX_LETTERS = 10, 100
-"""Of what an object says of itself in a terminal."""
+"""Limits of a text representation."""
 SIDE_IN = 3.2
-"""Of a panel."""
+"""Side of a panel in inches."""
 
 
 def text_summary(title: str, facts: Mapping[str, Any]) -> str:
-    """A title, and facts by their names in a line each, as `repr` shows them."""
+    """Title and named facts, one per line, for `repr`."""
     lines = [title, *(f"  {name}: {value}" for name, value in facts.items())]
     if len(lines) > MAX_LINES:
         left = len(lines) - MAX_LINES + 1
@@ -33,7 +33,7 @@ def _cut(line: str) -> str:
 
 
 def html_summary(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
-    """A title, facts by their names, and pictures beside them; whatever it is of, it is escaped."""
+    """Title, named facts and pictures beside them, with all text escaped."""
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th>'
         f'<td style="text-align:left">{escape(str(value))}</td></tr>'
@@ -46,7 +46,7 @@ def html_summary(title: str, facts: Mapping[str, Any], pictures: Iterable[str] =
 
 
 def picture(values: ArrayLike, caption: str, unit: str) -> str:
-    """A map (H, W) in grey from its 1st to its 99th percentile; what is not known is blue."""
+    """Map (H, W) in grey from its 1st to its 99th percentile; unknown pixels are blue."""
     array = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(array)
     low, high = np.percentile(array[finite], (1, 99)) if finite.any() else (0.0, 1.0)
@@ -63,7 +63,7 @@ def picture(values: ArrayLike, caption: str, unit: str) -> str:
 
 
 def figure(content: str, caption: str) -> str:
-    """A picture, SVG or other HTML, with words below it."""
+    """Picture, SVG or other HTML, with a caption."""
     return (
         f'<figure style="margin:0;width:{WIDTH_PX}px">{content}<figcaption>{escape(caption)}'
         "</figcaption></figure>"
@@ -71,7 +71,7 @@ def figure(content: str, caption: str) -> str:
 
 
 def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
-    """An SVG of these elements, in coordinates whose corners are low and high, (x, y), y up."""
+    """SVG of these elements, in coordinates with corners low and high, (x, y), y up."""
     (left, bottom), (right, top) = np.asarray(low, float), np.asarray(high, float)
     width, height = max(right - left, 1e-9), max(top - bottom, 1e-9)
     return (
@@ -83,10 +83,7 @@ def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
 
 
 def panels(count: int) -> Any:
-    """Axes of a new figure, (count,), which notebooks show and scripts by `pyplot.show`.
-
-    InputError where there is no Matplotlib.
-    """
+    """Axes (count,) of a new figure; raises InputError without Matplotlib."""
     try:
         from matplotlib import pyplot
     except ModuleNotFoundError:
@@ -99,7 +96,7 @@ def panels(count: int) -> Any:
 
 
 def draw_map(axes: Any, values: ArrayLike, title: str, unit: str, colours: str = "gray") -> None:
-    """A map (H, W) from its 1st to its 99th percentile, with a bar; what is not known is white."""
+    """Map (H, W) from its 1st to its 99th percentile, with a bar; unknown pixels are white."""
     array = np.asarray(values, dtype=np.float64)
     finite = array[np.isfinite(array)]
     low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)

@@ -1,4 +1,4 @@
-"""From image, ranges and readings to depth maps: methods, rays, point clouds."""
+"""From image, ranges and readings to depth maps: methods, rays and point clouds."""
 
 from .method import MAX_RANGE_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits

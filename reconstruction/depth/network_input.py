@@ -1,9 +1,9 @@
-"""What the network of depths sees of a frame: image, ranges and fog, as maps and numbers.
+"""Input of the depth network: image, ranges and fog of a frame, as maps and numbers.
 
-Physics comes in as features, not as rules. Light that returns from a surface of reflectance rho at
-the depth z is proportional to rho / z^2, so that log z = (log rho - log I) / 2 + constant: the
-constant is that of the spots, interpolated. Their laser light tells rho. Of the image the fog's
-veil is taken off as far as the fog is known.
+Physics enters as features, not as rules. The light that returns from a surface of reflectance rho
+at depth z is proportional to rho / z^2, so that log z = (log rho - log I) / 2 + constant, where the
+constant is interpolated between the spots; their laser light determines rho. The veil of the fog is
+subtracted from the image as far as the fog is known.
 """
 
 import math
@@ -20,23 +20,23 @@ from .kriging import BRIGHT, AnchoredImage, AnchoredPrior, LogDepth
 from .pixels import pixel_of, pixel_rays, squared_distances, wide_hats
 
 DARKEST = 0.01
-"""Brightness over that of the 90th percentile: what is darker is not told apart."""
+"""Minimum brightness, relative to the 90th percentile."""
 USUAL_M = 5.0
-"""Depth in the middle of what is seen where no spot tells one."""
+"""Mean depth if no spot has a range."""
 NARROW = 0.1
-"""Standard deviation of a spot's neighbourhood, over the image's longer side."""
+"""Standard deviation of a spot's neighbourhood, relative to the image's longer side."""
 SOFTENING = 0.02
-"""Of inverse squared distances, over that side squared."""
+"""Offset of squared distances in inverse squares, relative to that side squared."""
 SURE = 0.1
-"""A range of this relative deviation counts half."""
+"""Relative sigma at which a range counts half."""
 VEIL_FROM_M = 0.4
-"""Range from which the detector sees the fog that the projector lights."""
+"""Range from which the detector sees fog lit by the projector."""
 BRIGHTEST = 10.0
-"""Veil over bright pixels: what is brighter is not told apart."""
+"""Maximum veil, relative to bright pixels."""
 DARKEST_OF_ALL, DARK = 1, 5
 """Percentiles of dark pixels."""
 MAX_VEIL = 0.95
-"""Of the darkest hundredth of the pixels."""
+"""Maximum veil, relative to the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
 START = AnchoredPrior(
     log_depth_sigma=0.4,
@@ -49,22 +49,23 @@ START = AnchoredPrior(
     max_nearer=1.3,
     sigma_factor=1.0,
 )
-"""Constants of the map that is corrected: part of what was learned, whatever others come to fit."""
+"""Constants of the map that the network corrects: part of the training, whatever is fitted later.
+"""
 SIGMA = 0.01, 1.0
-"""Of that map: what is surer or less sure is not told apart."""
+"""Limits of the sigma of that map."""
 CLEAR_PER_M = 1e-3
-"""Extinction below which fog is not told from clear air."""
+"""Minimum extinction; anything less is clear air."""
 
 
 class Anchors(NamedTuple):
-    """What is told of four spots, each (4,): ``log_depth`` and ``log_sigma``, nan where nothing."""
+    """Log depths of four spots: ``log_depth`` and ``log_sigma``, (4,) each, nan if unknown."""
 
     log_depth: Floats
     log_sigma: Floats
 
     @property
     def weight(self) -> Floats:
-        """How much each counts, 0 where nothing is told."""
+        """Weight of each spot, 0 if its depth is unknown."""
         finite = np.isfinite(self.log_depth) & np.isfinite(self.log_sigma)
         return np.where(finite, 1 / (1 + (np.where(finite, self.log_sigma, 1) / SURE) ** 2), 0.0)
 
@@ -74,12 +75,11 @@ class NetworkInput:
     """One frame as the network sees it.
 
     ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
-    the method that was asked for, ``fitted`` those of target and fog fitted together, and ``lost``
-    (4,) where nothing came back. ``log_reflectance`` (4,) by the laser light, nan where unknown.
-    ``noise`` is the rms noise of a reading over what readings vary by, ``fraction`` the number of
-    patterns over that of pixels, ``max_range_m`` the range from which on spots look nearer than
-    they are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not
-    known.
+    the chosen method, ``fitted`` those fitted together with the fog, ``lost`` (4,) marks spots
+    without a return. ``log_reflectance`` (4,) by the laser light, nan if unknown. ``noise`` is the
+    rms noise of a reading over the spread of the readings, ``fraction`` the number of patterns over
+    pixels, ``max_range_m`` the unambiguous range. ``extinction_per_m`` and ``backscatter_per_m_sr``
+    are those of fog, nan if unknown.
     """
 
     image: Floats
@@ -97,14 +97,14 @@ class NetworkInput:
 
     @cached_property
     def best(self) -> Anchors:
-        """Of each spot what was fitted, or else its plain range."""
+        """Fitted depth of each spot if available, else its plain one."""
         fitted = np.isfinite(self.fitted.log_depth)
         pairs = zip(self.fitted, self.plain, strict=True)
         return Anchors(*(np.where(fitted, *pair) for pair in pairs))
 
     @property
     def ranged(self) -> bool:
-        """Whether there is a range of anything; those of lost spots are but what is likely."""
+        """Whether any spot has a range; those of lost spots are only probable."""
         return bool(np.any((self.best.weight > 0) & ~self.lost))
 
     @cached_property
@@ -131,10 +131,10 @@ class NetworkInput:
 
 
 class Inputs(NamedTuple):
-    """What the network is given, ``maps`` (C, H, W) and ``numbers`` (N,), and what it corrects.
+    """Input of the network, ``maps`` (C, H, W) and ``numbers`` (N,), and the maps it corrects.
 
-    ``start`` (H, W) is log depth of the map anchored on what is known best of the spots, ``plain``
-    on their plain ranges alone: whether these are right, the network is to see.
+    ``start`` (H, W) is the log depth anchored on the best ranges of the spots, ``plain`` on their
+    plain ranges alone; the network chooses between them.
     """
 
     maps: Channels
@@ -154,7 +154,7 @@ def inputs_of(frame: NetworkInput) -> Inputs:
     bright, unveiled = (
         _log(frame.image - each, frame.bright - each) for each in (0.0, max(hidden, 0.0))
     )
-    # Log depth over the level, were all surfaces as bright as those of the spots.
+    # Log depth over its mean, if all surfaces reflected like those of the spots.
     by_bright, by_unveiled = (
         log_depth - level + spots.around(log) / 2 for log in (bright, unveiled)
     )
@@ -172,22 +172,9 @@ def inputs_of(frame: NetworkInput) -> Inputs:
     start, unsure, plain = _anchored(frame, spots)
     maps = np.array(
         [
-            bright,
-            unveiled,
-            start - level,
-            unsure,
-            spread[0],
-            spread[1],
-            near[0],
-            spread[2],
-            near[1],
-            near[2],
-            spread[3] - bright / 2,
-            spread[4] - unveiled / 2,
-            spread[5],
-            4 * spots.x,
-            4 * spots.y,
-            plain - start,
+            *(bright, unveiled, start - level, unsure, spread[0], spread[1], near[0], spread[2]),
+            *(near[1], near[2], spread[3] - bright / 2, spread[4] - unveiled / 2, spread[5]),
+            *(4 * spots.x, 4 * spots.y, plain - start),
         ],
         np.float32,
     )
@@ -196,9 +183,11 @@ def inputs_of(frame: NetworkInput) -> Inputs:
 
 
 class SpotGeometry(NamedTuple):
-    """Where spots are: pixels (4, 2), nearness and inverse squares (4, H, W); slopes (H, W).
+    """Spots among the pixels of an image.
 
-    ``down`` (4, H) and ``along`` (4, W): what pixels count in the mean around each spot.
+    ``anchors`` (4, 2): their pixels; ``near`` and ``inverse`` (4, H, W): Gaussian and inverse
+    squares of distances; ``x`` and ``y`` (H, W): slopes of the rays; ``down`` (4, H) and ``along``
+    (4, W): weights of the mean around each spot.
     """
 
     anchors: Floats
@@ -214,15 +203,12 @@ class SpotGeometry(NamedTuple):
         return np.asarray(((self.down @ image) * self.along).sum(axis=1))
 
     def summed(self, nearness: Floats, weights: Floats) -> Floats:
-        """Sums (n, H, W) of maps of each spot (4, H, W) by weights (n, 4)."""
+        """Sums (n, H, W) of maps (4, H, W) of the spots, weighted by (n, 4)."""
         whole = weights @ nearness.reshape(4, -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
     def spread(self, *pairs: tuple[Floats, Floats]) -> Floats:
-        """Of values and weights, (4,) each, values (n, H, W) between the spots.
-
-        They are near 0 far from all that count.
-        """
+        """Interpolate pairs of values and weights, (4,) each: (n, H, W), tending to 0 far away."""
         values, weights = np.array(pairs).swapaxes(0, 1)
         sums = np.where(weights > 0, values, 0) * weights
         both = self.summed(self.inverse, np.concatenate([sums, weights]))
@@ -230,7 +216,7 @@ class SpotGeometry(NamedTuple):
 
 
 def spot_geometry(frame: NetworkInput) -> SpotGeometry:
-    """Those of a frame."""
+    """Geometry of a frame's spots."""
     return _spot_geometry(frame.optics, frame.image.shape, tuple(frame.directions.flat))
 
 
@@ -252,28 +238,22 @@ def _spot_geometry(
 
 
 NUMBERS = (
-    *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
-    *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
-    *("veil", "darkest"),
+    *("mean depth", "spread", "ranges", "lost", "sigma", "fitted sigma", "noise"),
+    *("patterns over pixels", "extinction", "fog known", "unambiguous range", "reflectance"),
+    *("reflectance known", "veil", "darkest"),
 )
 MAPS = 16
 _LOGARITHMS = {
-    "level": (USUAL_M, 1, " m"),
-    "deviation": (1.0, 4, ""),
-    "deviation fitted": (1.0, 4, ""),
-    "noise": (1.0, 4, ""),
-    "share": (1.0, 4, ""),
+    **dict.fromkeys(("sigma", "fitted sigma", "noise", "patterns over pixels"), (1.0, 4, "")),
+    "mean depth": (USUAL_M, 1, " m"),
     "extinction": (CLEAR_PER_M, 4, " per m"),
-    "reach": (10.0, 1, " m"),
+    "unambiguous range": (10.0, 1, " m"),
 }
-"""Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
+"""For those of `NUMBERS` that are logarithms: reference value, divisor and unit."""
 
 
 def _anchored(frame: NetworkInput, spots: SpotGeometry) -> tuple[Floats, Floats, Floats]:
-    """Log depth of the map anchored on the best spots, log of its deviation, both (H, W).
-
-    And log depth of that on the plain ones, or the best where there are none.
-    """
+    """Log depth (H, W) on the best ranges, log of its sigma, and log depth on the plain ranges."""
     mapped = AnchoredImage(frame.image, frame.bright, spots.anchors, START)
     nowhere = np.full(frame.image.shape, frame.mean_log_depth)
 
@@ -294,11 +274,7 @@ def _anchored(frame: NetworkInput, spots: SpotGeometry) -> tuple[Floats, Floats,
 
 
 def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: float) -> Channels:
-    """What is the same for all pixels: see `NUMBERS`.
-
-    The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
-    that is less, there is less fog.
-    """
+    """Values of `NUMBERS`; the veil of the fitted fog is comparable with the darkness of pixels."""
     best = frame.best
     weight = best.weight
     total = max(weight.sum(), 1e-6)
@@ -325,19 +301,19 @@ def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: 
 
 
 def in_units(name: str, number: float) -> str:
-    """One of `NUMBERS`, or another, in the units of what it tells."""
+    """One of `NUMBERS`, or another, in the unit of its quantity."""
     multiple, divided_by, unit = _LOGARITHMS.get(name, (None, 1, ""))
     value = number if multiple is None else multiple * np.exp(divided_by * number)
     return f"{value:.3g}{unit}"
 
 
 def of_fraction(fraction: float) -> float:
-    """The number "share" of patterns over pixels."""
+    """The number for patterns over pixels."""
     return float(np.log(fraction)) / 4
 
 
 def _mean_sigma(anchors: Anchors) -> float:
-    """Of the log, on a scale of some units; that of a spot without a range is 1."""
+    """Mean scaled log sigma; 1 for a spot without a range."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
     return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
@@ -345,10 +321,10 @@ def _mean_sigma(anchors: Anchors) -> float:
 def veil(frame: NetworkInput, spots: SpotGeometry) -> float:
     """Brightness of the fog in front of everything, as far as the fog is known.
 
-    A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
+    A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), and fog of
     backscattering beta in front of it K beta times the integral of exp(-2 alpha r) / r^2 from where
-    the detector sees it; K follows from the spots, whose rho and z are known. The fog beyond a
-    surface is missing in its veil, a few per cent where that is metres away.
+    the detector sees it; K follows from the spots, whose rho and z are known. The fog behind a
+    surface is missing from its veil, a few per cent at metres of distance.
     """
     best, weight = frame.best, frame.best.weight
     usable = (weight > 0) & np.isfinite(frame.log_reflectance)
@@ -364,5 +340,5 @@ def veil(frame: NetworkInput, spots: SpotGeometry) -> float:
 
 
 def _log(image: Floats, bright: float) -> Floats:
-    """Log of brightness over that of bright pixels."""
+    """Log brightness relative to bright pixels."""
     return np.log(np.maximum(image, DARKEST * bright) / bright)

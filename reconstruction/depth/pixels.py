@@ -1,4 +1,4 @@
-"""Virtual pixels: their rays, positions of spots among them, means, and point clouds."""
+"""Virtual pixels: rays, positions of spots among them, local means, and point clouds."""
 
 import numpy as np
 
@@ -8,9 +8,21 @@ from ..capture import Optics
 
 
 def pixel_rays(optics: Optics, shape: tuple[int, int]) -> Floats:
-    """Directions through the pixel centres, (H, W, 3), scaled to z = 1.
+    """Directions through the pixel centres, scaled to z = 1.
 
-    A depth times this is a point; its length is range over depth.
+    A depth times a ray is a point; the ray's length is range over depth.
+
+    Parameters
+    ----------
+    optics
+        Projector's pinhole model.
+    shape
+        Rows H and columns W.
+
+    Returns
+    -------
+    ndarray
+        Rays (H, W, 3): x right, y down, z forward.
     """
     height, width = shape
     x = (2 * np.arange(width) + 1 - width) / width * optics.tan_half_width
@@ -21,7 +33,7 @@ def pixel_rays(optics: Optics, shape: tuple[int, int]) -> Floats:
 
 
 def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floats:
-    """Row and column (K, 2), fractional with pixel centres at integers, of directions (K, 3)."""
+    """Row and column (K, 2) of directions (K, 3), fractional, with pixel centres at integers."""
     height, width = shape
     row = directions[:, 1] / directions[:, 2] / optics.tan_half_height
     column = directions[:, 0] / directions[:, 2] / optics.tan_half_width
@@ -40,7 +52,7 @@ def squared_distances(shape: tuple[int, ...], anchors: Floats) -> Floats:
 
 
 def around(image: Floats) -> Floats:
-    """Mean of each pixel (H, W) and its eight neighbours; beyond an edge are its own pixels."""
+    """Mean of each pixel (H, W) and its eight neighbours; edges are replicated."""
     return _with_next_rows(_with_next_rows(image).T).T / 9
 
 
@@ -54,7 +66,7 @@ def _with_next_rows(image: Floats) -> Floats:
 
 
 def between(image: Floats, positions: Floats) -> Floats:
-    """Values (K,) at fractional rows and columns (K, 2), linear between pixels."""
+    """Values (K,) at fractional rows and columns (K, 2), interpolated bilinearly."""
     down, along = (
         hats(position, side) for position, side in zip(positions.T, image.shape, strict=True)
     )
@@ -62,20 +74,30 @@ def between(image: Floats, positions: Floats) -> Floats:
 
 
 def hats(positions: Floats, side: int) -> Floats:
-    """What each pixel along an axis counts at fractional places (K,) on it: (K, side)."""
+    """Weights (K, side) of the pixels along an axis at fractional positions (K,)."""
     within = np.clip(positions, 0, side - 1)
     return np.maximum(1 - np.abs(within[:, None] - np.arange(side)), 0)
 
 
 def wide_hats(positions: Floats, side: int) -> Floats:
-    """The same for the mean with the neighbours along this axis."""
+    """Weights of the mean with both neighbours along the axis, (K, side)."""
     return np.asarray(_with_next_rows(hats(positions, side).T).T / 3)
 
 
 def point_cloud_ply(points_m: Floats, image: Floats) -> bytes:
-    """Binary little-endian PLY of points (..., 3) in metres, the image (...) as their grey colour.
+    """Binary little-endian PLY file of a point cloud.
 
-    Points that are not finite are left out. The image is scaled from 0 to its brightest pixel.
+    Parameters
+    ----------
+    points_m
+        Points (..., 3) in metres; those that are not finite are left out.
+    image
+        Brightness (...), written as grey from 0 to the brightest pixel.
+
+    Returns
+    -------
+    bytes
+        Content of the file.
     """
     finite = np.isfinite(points_m).all(axis=-1)
     points, grey = points_m[finite], image[finite]

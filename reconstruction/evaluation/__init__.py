@@ -1,4 +1,4 @@
-"""How good a result is, against the truth that a simulation knows, or by what frames repeat."""
+"""Quality of a result, against the truth of a simulation or by repeated frames."""
 
 from .depths import depth_metrics
 from .methods import METHODS, method_title, no_range

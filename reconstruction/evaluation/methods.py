@@ -1,4 +1,4 @@
-"""Methods by the stations under which `evaluate` tells of them."""
+"""Methods by stage, and texts for plots and tables."""
 
 from collections.abc import Callable, Iterable, Mapping
 
@@ -14,13 +14,21 @@ METHODS: Mapping[str, Callable[[str], Method]] = {
     "spots": RANGING_METHODS.__getitem__,
     "depths": DEPTH_METHODS.__getitem__,
 }
-"""By station what finds a method by its name; InputError if there is none."""
+"""Functions that return a method by name, by the stages of `evaluate`; InputError if unknown."""
 MAX_ALTERNATIVES, MIN_WEIGHT = 3, 0.01
 """Alternative ranges that `no_range` lists at most, and the weight that each must have."""
 
 
 def method_title(station: str, name: str) -> str:
-    """What plots and tables call a method: its name where it is not installed here."""
+    """Label of a method for plots and tables.
+
+    Parameters
+    ----------
+    station
+        Key of `METHODS`.
+    name
+        Name of the method, which is also the label if it is not installed.
+    """
     try:
         title = getattr(METHODS[station](name), "title", name)
     except InputError:
@@ -30,7 +38,15 @@ def method_title(station: str, name: str) -> str:
 
 
 def no_range(status: Status, alternatives: Iterable[Alternative]) -> str:
-    """Why a spot has no range, and which ranges it may have, likeliest first."""
+    """Describe why a spot has no range, and which ranges it may have, most probable first.
+
+    Parameters
+    ----------
+    status
+        Status of the spot.
+    alternatives
+        Its possible ranges with their weights.
+    """
     likely = [each for each in alternatives if each.weight >= MIN_WEIGHT][:MAX_ALTERNATIVES]
     if not likely:
         return status

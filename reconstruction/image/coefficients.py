@@ -57,10 +57,7 @@ class Coefficients:
         return np.isfinite(self.noise)
 
     def signal_over_noise(self, rows: NDArray[np.bool_]) -> float | None:
-        """Noise-corrected rms of some ``rows`` (K,), in units of their noise; None if noise-free.
-
-        At least one standard error of the noise estimate.
-        """
+        """Noise-corrected rms of ``rows`` (K,) over their noise, at least one standard error."""
         valid = rows & self.measured & (self.noise > 0)
         if not valid.any():
             return None
@@ -151,10 +148,7 @@ class CoefficientDecoder:
     def _unshared(
         self, values: NDArray[Any], variance: Floats, measured: Mask | None
     ) -> tuple[NDArray[Any], Floats]:
-        """Coefficients without shared errors, and the variance of what remains.
-
-        Coefficients that are not ``measured`` carry no weight and stay 0.
-        """
+        """Coefficients without shared errors, 0 unless ``measured``, and the remaining variance."""
         own = self._decoder.own_variance(variance)
         if not self._columns.size:
             return values, own

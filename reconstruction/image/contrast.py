@@ -35,11 +35,7 @@ MIN_VARIANCE = 1e-12
 
 
 class Contrasts(NamedTuple):
-    """Posterior of the contrast on grids for E spectra and L noise levels.
-
-    ``value`` (L E, J): contrasts; ``probability`` (L E, J): theirs; ``given`` (L E,): posterior
-    mean for each spectrum and noise level.
-    """
+    """Grid ``value`` and ``probability`` (L E, J) of L levels and E spectra, means ``given``."""
 
     value: Floats
     probability: Floats
@@ -47,11 +43,7 @@ class Contrasts(NamedTuple):
 
 
 class Shrunk(NamedTuple):
-    """Shrinkage of components (K,), averaged over all contrasts and spectra.
-
-    ``gain``: posterior mean over measurement. The posterior variance is ``by_noise`` plus
-    ``between`` contrasts and spectra times the squared measurement.
-    """
+    """Posterior ``gain`` (K,); the variance is ``by_noise`` + ``between`` * squared measurement."""
 
     gain: Floats
     by_noise: Floats
@@ -59,10 +51,7 @@ class Shrunk(NamedTuple):
 
 
 class ContrastByDc:
-    """Prior median of the contrast, given the DC coefficient.
-
-    ``variance``: mean pixel variance of images with v = 1.
-    """
+    """Prior median of the contrast by the DC coefficient; ``variance``: of pixels for v = 1."""
 
     def __init__(self, operator: MeasurementOperator, variance: float) -> None:
         self._dc_row = operator.dc_row
@@ -110,10 +99,7 @@ def contrasts_of_frames(
     usual: Floats | None = None,
     lost: Floats | None = None,
 ) -> Contrasts:
-    """`contrasts` of components (F, K) of several frames; results have a leading frame axis.
-
-    ``noise`` is broadcast to (F, K), ``expected`` is (F,); ``lost`` requires a single frame.
-    """
+    """`contrasts` of components (F, K) of several frames; results have a leading frame axis."""
     usual = spreads.mean(axis=0) if usual is None else usual
     seen = usual > 1e-12 * usual.max()
     power = np.abs(measured) ** 2
@@ -162,10 +148,7 @@ def contrasts_of_frames(
 
 
 class _Missing:
-    """Corrections to the likelihood for unmeasured combinations ``lost`` (K, f) of components.
-
-    Both are in units of the noise, which is uniform.
-    """
+    """Corrections for unmeasured combinations ``lost`` (K, f) of components, in units of noise."""
 
     def __init__(self, measured: NDArray[Any], lost: Floats) -> None:
         self._count = lost.shape[1]
@@ -209,10 +192,7 @@ def _log_prior_without_dc(logs: Floats, equal: Floats) -> Floats:
 def shrunk(
     given: Contrasts, spreads: Floats, noise: Floats | float, levels: NoiseLevels = CERTAIN
 ) -> Shrunk:
-    """Shrinkage of components with ``spreads`` (E, K) and noise of variance ``noise``.
-
-    ``levels`` as for `contrasts`. For several frames, ``noise`` is (F, 1, 1, 1).
-    """
+    """Shrinkage of components with ``spreads`` (E, K) and noise of variance ``noise``."""
     noise = np.repeat(levels.sigma**2, len(spreads))[:, None, None] * noise
     signal = given.value[..., None] * np.concatenate([spreads] * levels.sigma.size)[:, None]
     gains = signal / (signal + noise)

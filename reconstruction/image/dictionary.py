@@ -36,27 +36,15 @@ class Dictionary(Protocol):
         """Solvers are cached by dictionary."""
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
-        """All atoms of images of a shape (H, W).
-
-        Raises InputError if the shape is unsupported or a package is missing.
-        """
+        """All atoms of images of a shape (H, W); InputError if it is unsupported."""
 
 
 class StrongestAtoms:
-    """The atoms with the highest expected energy in the rows of an operator, DC excluded.
+    """At most ``maximum`` atoms of highest expected energy in the rows of an operator, DC excluded.
 
     Atoms are scaled by their standard deviation in natural images. ``columns`` (rows, A) are the
     products of the rows, normalised to length 1, with the scaled atoms; ``expected`` (rows,) is the
     variance of the rows if all atoms are independent, up to a common factor.
-
-    Parameters
-    ----------
-    operator
-        Operator whose rows see the atoms.
-    dictionary
-        Dictionary to select from.
-    maximum
-        Maximum number A of atoms.
     """
 
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary, maximum: int) -> None:
@@ -83,10 +71,7 @@ class StrongestAtoms:
             self.columns[:, there] = seen[number].of(indices) * sigma
 
     def image(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Zero-mean images (..., H, W) of the scaled atoms times ``values`` (..., A).
-
-        The DC coefficient is measured separately.
-        """
+        """Zero-mean images (..., H, W) of the scaled atoms times ``values`` (..., A)."""
         stack = values.shape[:-1]
         image = np.zeros((*stack, *self._shape), dtype=values.dtype)
         for number in np.unique(self._band[values.reshape(-1, self._band.size).any(axis=0)]):

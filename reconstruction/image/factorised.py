@@ -15,11 +15,7 @@ BLOCK = 4
 
 
 class Factorised(Posterior):
-    """Posterior of one frame by Cholesky factorisation; see `gaussian`.
-
-    ``rows`` (K, N) are spectra R, ``gram`` (K, K) is R C R^T and ``seen`` (K, N) are the images of
-    R C. Coefficients of infinite noise are ignored.
-    """
+    """Posterior of one frame by Cholesky factorisation; see `gaussian` for R and C."""
 
     def __init__(
         self,
@@ -68,10 +64,7 @@ class Factorised(Posterior):
 
     @property
     def variance(self) -> Floats:
-        """Variance of each pixel (H, W), evaluated at one pixel per block.
-
-        The pixels are scattered, as patterns are regular.
-        """
+        """Variance of each pixel (H, W), evaluated at one scattered pixel per block."""
         prior = self._field.pixel_variance
         height, width = prior.shape
         down, across = (np.arange(0, side, BLOCK) for side in (height, width))

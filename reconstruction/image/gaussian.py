@@ -89,10 +89,7 @@ class GaussianModel:
     def many(
         self, measured: NDArray[Any], rms: Floats, expected: Floats
     ) -> Iterator[tuple[NDArray[Any], Floats, float]]:
-        """Mean, variance and contrast of frames (F, K) with the usual noise times ``rms`` (F,).
-
-        ``expected`` (F,) as for `given`.
-        """
+        """Mean, variance and contrast of frames (F, K) with the usual noise times ``rms`` (F,)."""
         for start in range(0, len(measured), AT_A_TIME):
             some = np.s_[start : start + AT_A_TIME]
             turned = measured[some] @ self._components.turn.T
@@ -113,8 +110,9 @@ class GaussianModel:
         if relative is None:
             return self._factorised(measured, noise, expected)
         turned = self._turned(measured, noise, relative)
-        contrast = turned.components.own_contrast(turned.turned, turned.lost, turned.rms, expected)
-        return OwnPosterior(*turned, contrast)
+        components, values, lost, _, rms = turned
+        own = components.contrasts(values, lost, rms, expected, exponents=1)
+        return OwnPosterior(*turned, float(own.given[0]))
 
     def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
         """Positive noise (K,), and its ratio to the usual noise, None if that is not constant."""

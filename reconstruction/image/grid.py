@@ -12,10 +12,7 @@ Shape = tuple[int, int]
 
 
 class Grid:
-    """Images of the lowest ``shape`` (h, w) frequencies of finer images, on their own pixel grid.
-
-    `finer` preserves the norm of an image, so that its values are divided by `scale`.
-    """
+    """Images of the lowest ``shape`` (h, w) frequencies; `finer` divides values by `scale`."""
 
     def __init__(self, shape: Shape, finer: Shape) -> None:
         self.shape = shape

@@ -48,11 +48,7 @@ FORGOTTEN = 1e-6
 
 
 class Memory:
-    """Coefficients of an operator (K, N), estimated from the frames so far.
-
-    ``weights``: posterior probability of each of the ``speeds``, in pixels per frame, rms along
-    either axis, followed by that of a cut.
-    """
+    """Coefficients of an operator (K, N); ``weights``: probabilities of the speeds and a cut."""
 
     def __init__(self, operator: MeasurementOperator, speeds: Sequence[float] = SPEEDS) -> None:
         self.operator = operator
@@ -80,11 +76,7 @@ class Memory:
     def _scaled(
         self, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats
     ) -> tuple[Floats | None, Floats]:
-        """Prior variance (K,) at the scale of this image, and positive noise (n,).
-
-        The variance is None for a flat, noiseless image. As faint images may seem flat by chance,
-        the scale at most halves from frame to frame.
-        """
+        """Prior variance (K,) at this image's scale, None if it is flat; positive noise (n,)."""
         varying = rows != self._dc_row
         expected = self._expected[rows[varying]]
         measured = values[varying]

@@ -89,10 +89,7 @@ class NetworkInput:
 
 
 class Network:
-    """Network trained by `tools/learned_network.py`, with weights by layer name.
-
-    ``limits`` (2, features): minimum and maximum of each of the `FEATURES` in training.
-    """
+    """Network trained by `tools/learned_network.py`: weights by layer, ``limits`` (2, features)."""
 
     def __init__(self, weights: dict[str, NDArray[Any]], limits: NDArray[Any]) -> None:
         self._limits, self._layers = limits, Layers(weights)

@@ -74,10 +74,7 @@ CERTAIN = NoiseLevels(np.ones(1), np.ones(1))
 
 
 def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> float | None:
-    """Variance of a reading, from combinations (D, M) that are noise alone; None if too few.
-
-    Uses the median, so that a single flicker of a lamp does not dominate.
-    """
+    """Variance of a reading by the median of pure-noise combinations (D, M); None if too few."""
     if combinations.shape[0] < MIN_COMBINATIONS:
         return None
     return float(np.median(np.abs(combinations @ signal)) / MEDIAN_OF_NORMAL) ** 2
@@ -86,10 +83,7 @@ def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> fl
 def levels_by_spectrum(
     measured: NDArray[Any], expected: Floats, contrast: float | None = None
 ) -> NoiseLevels:
-    """Noise levels of coefficients (K,) that have variances ``expected`` (K,) for contrast 1.
-
-    ``contrast``: its prior median, if known.
-    """
+    """Noise levels of coefficients (K,) of variance ``expected`` (K,) at the median contrast 1."""
     power = np.abs(measured) ** 2
     rms = float(np.sqrt(power.mean())) if power.size else 0.0
     if rms == 0:

@@ -18,10 +18,7 @@ POWERS = (1.0, 0.5, 1.5, 2.0)
 
 
 class Field:
-    """Images (H, W) with independent coefficients of ``variance`` (H, W) in separable atoms.
-
-    ``vertical`` (H, H) and ``horizontal`` (W, W) contain orthonormal atoms in columns.
-    """
+    """Images (H, W) with coefficients of ``variance`` (H, W) in orthonormal separable atoms."""
 
     def __init__(self, vertical: Floats, horizontal: Floats, variance: Floats) -> None:
         self.vertical, self.horizontal, self.variance = vertical, horizontal, variance
@@ -199,28 +196,11 @@ class Components:
         lost: Floats,
         rms: float,
         expected: float | None,
-        levels: NoiseLevels,
+        levels: NoiseLevels = CERTAIN,
+        exponents: int | None = None,
     ) -> Contrasts:
-        """Contrasts of all exponents, for components (K,) with noise ``rms``."""
-        return self._contrasts(self.spreads, turned, lost, rms, expected, levels)
-
-    def own_contrast(
-        self, turned: NDArray[Any], lost: Floats, rms: float, expected: float | None
-    ) -> float:
-        """Mean contrast for the prior's own exponent."""
-        result = self._contrasts(self.spreads[:1], turned, lost, rms, expected, CERTAIN)
-        return float(result.given[0])
-
-    def _contrasts(
-        self,
-        spreads: Floats,
-        turned: NDArray[Any],
-        lost: Floats,
-        rms: float,
-        expected: float | None,
-        levels: NoiseLevels,
-    ) -> Contrasts:
-        missing = lost if lost.shape[1] else None
+        """Contrasts of the first exponents, for components (K,) with noise ``rms``."""
+        missing, spreads = lost if lost.shape[1] else None, self.spreads[:exponents]
         return contrasts(turned, spreads, rms**2, expected, levels, self._usual, missing)
 
     def posteriors(self, turned: NDArray[Any], rms: Floats, expected: Floats | None) -> Posteriors:

@@ -25,16 +25,9 @@ Sigma = Callable[[tuple[int, int]], Floats]
 class Prior:
     """Prior variance of the rows of an operator, DC excluded.
 
-    Images are Gaussian fields of independent cosines. ``varying``: mask of the rows other than DC;
-    ``atoms``: products of these rows with the cosines; ``expected``: their variance, up to a common
-    factor.
-
-    Parameters
-    ----------
-    operator
-        Operator of the coefficients.
-    sigma
-        Standard deviation (H, W) of the cosines as a function of the image shape.
+    Images are Gaussian fields of independent cosines, whose standard deviation (H, W) is a function
+    ``sigma`` of the image shape. ``varying``: mask of the rows other than DC; ``atoms``: products
+    of these rows with the cosines; ``expected``: their variance, up to a common factor.
     """
 
     def __init__(self, operator: MeasurementOperator, sigma: Sigma = DICTIONARY.sigma) -> None:
@@ -49,11 +42,7 @@ class Prior:
         return VarianceFit(self.expected)
 
     def variance(self, coefficients: NDArray[Any], given: Mask | None = None) -> Floats:
-        """Prior variance (K,), scaled to coefficients (K,).
-
-        Infinite for the DC coefficient, which may be anything, and where nothing was measured. Only
-        some coefficients may be ``given`` (K,).
-        """
+        """Prior variance (K,), scaled to ``given`` coefficients; infinite for DC and unmeasured."""
         variance = np.full(coefficients.size, np.inf)
         measured, expected = coefficients[self.varying], self.expected
         if measured.any():

@@ -63,10 +63,7 @@ SEQUENCES = POLARITIES | {
 
 
 class Layout(NamedTuple):
-    """Named order of the rows, named sequence of polarities, and the resulting plan.
-
-    ``transposed``: pixels are numbered column by column.
-    """
+    """Named order and sequence of polarities, whether pixels go by columns, and the plan."""
 
     order: str
     polarity: str
@@ -79,11 +76,7 @@ class Layout(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """Layout with its probability among those that were tried.
-
-    ``likelihood``: log likelihood up to a constant of the readings; ``gain``: its excess over that
-    of the same polarities with a white spectrum.
-    """
+    """Layout, its probability, log likelihood, and gain over a white spectrum."""
 
     layout: Layout
     probability: float
@@ -209,16 +202,16 @@ def plan_inconsistency(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
         if best.likelihood - declared.image > MIN_MARGIN * _coarseness(readings):
             actual = _other_transform(best.layout.plan, readings) or str(best.layout)
             return (
-                "the readings do not look like an image in the pattern plan's order; they look like "
-                f"{actual}"
+                "the readings do not look like an image in the pattern plan's order; they look "
+                f"like {actual}"
             )
     other = _other_transform(plan, readings)
     if other is not None:
         return f"the readings look like {other}, not like those of the pattern plan"
     if declared.gain < MIN_GAIN and _scattered(plan, readings[0]):
         return (
-            "the readings match neither the pattern plan's order nor another known one: the patterns "
-            "may have been displayed in a custom order"
+            "the readings match neither the pattern plan's order nor another known one: their "
+            "patterns may have been displayed in a custom order"
         )
     return None
 
@@ -255,10 +248,7 @@ def _likely(
 
 
 def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
-    """Complete transform whose coefficients fit the readings better than the plan's rows do.
-
-    It must also beat Hadamard rows in orders without a name.
-    """
+    """Complete transform that fits the readings better than the plan's rows in any order."""
     if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.dc_row:
         return None
     sequence = np.argsort(plan.distinct)
@@ -278,10 +268,7 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
 
 @lru_cache(maxsize=4)
 def _unnamed_orders(shape: tuple[int, int]) -> list[NDArray[np.int64]]:
-    """Separable orders used by some software: one order along columns, one along rows.
-
-    Like Haar wavelets, their coefficients fall off along both axes.
-    """
+    """Separable orders used by some software: one order along columns, one along rows."""
     along = [
         [ordered_rows(Hadamard((1, side)), order).astype(np.int64) for order in AXIS_ORDERS]
         for side in shape
@@ -322,11 +309,7 @@ def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
 
 
 class _Parts(NamedTuple):
-    """M readings as ``rows`` with coefficients ``values``, (K,) each, and ``sums``.
-
-    In the sums the rows cancel; their median is subtracted. ``dc`` is the DC coefficient, nan if it
-    was not exposed.
-    """
+    """Coefficients ``values`` (K,) of ``rows`` (K,), sums without rows, and the DC coefficient."""
 
     rows: NDArray[np.int32]
     values: Floats
@@ -368,11 +351,7 @@ def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | Non
 
 
 def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> Fit | None:
-    """Mean log likelihoods of some frames of the readings (frames, M) under a plan.
-
-    ``rough``: with the usual spectrum and fewer coefficients. None if rows are exposed more often
-    than `_parts` supports, or only DC is.
-    """
+    """Mean log likelihoods of some frames under a plan, None if it is not supported."""
     exposures = np.bincount(plan.index[plan.index != plan.patterns.dc_row])
     if exposures.max(initial=0) == 0 or (exposures.max() > 1 and _pairs(plan) is None):
         return None

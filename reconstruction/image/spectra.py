@@ -95,10 +95,7 @@ def heavy_tails(values: Floats) -> float:
 
 
 def _likelihoods(square: Floats, variance: Floats, freedom: float) -> Floats:
-    """Maximum log likelihood (n,) of values (K,) for each ``variance`` (n, K), over its scale.
-
-    The density is Student's t with ``freedom`` degrees; ``square`` are the squared values.
-    """
+    """Maximum log likelihood (n,) over the scale of each ``variance`` (n, K), with Student's t."""
     ratio = square / variance
     scale = np.exp(np.log(ratio).mean(axis=1, keepdims=True))
     for _ in range(ROUNDS):  # expectation maximisation, K. L. Lange et al., JASA 84, 881 (1989)

@@ -98,10 +98,7 @@ def checked_shape(shape: tuple[int, int]) -> tuple[int, int]:
 
 
 def sign_changes(basis: Basis, order: str) -> tuple[Counts, Counts]:
-    """Sign changes of every row, (rows,) each: down a column and along a row of the image.
-
-    Raises InputError, naming the ``order``, for a basis that has none.
-    """
+    """Sign changes of every row, down and along; InputError naming the ``order`` if undefined."""
     if basis.sign_changes is None:
         raise InputError(
             f"order {order!r} needs sign changes, which basis {basis.name!r} lacks: use natural"
@@ -117,10 +114,7 @@ def frequencies(basis: Basis, order: str) -> tuple[Floats, Floats]:
 
 
 def generator_of(kind: str, name: str, *, seeded: bool) -> np.random.Generator | None:
-    """Random generator for the seed in a name, such as 7 in "random:7"; None if not ``seeded``.
-
-    Raises InputError if the seed is missing, superfluous, or not a whole number from 0.
-    """
+    """Random generator for the seed in a name such as "random:7"; None if not ``seeded``."""
     bare, colon, seed = name.partition(":")
     if not seeded:
         if colon:

@@ -53,8 +53,7 @@ class Decoder:
         return self.operator.dc_row is not None
 
     def measured(self, usable: Mask) -> Mask:
-        """Mask (K,) of the coefficients of an orthogonal basis that rest on ``usable`` (M,)
-        readings."""
+        """Mask (K,) of orthogonal coefficients that rest on ``usable`` (M,) readings alone."""
         if isinstance(self.matrix, SparseRows):
             return self.matrix.resting_on(usable)
         return np.ones(len(self.matrix), dtype=bool)
@@ -162,11 +161,7 @@ def _exposed_patterns(plan: PatternPlan) -> Floats:
 
 
 def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
-    """Combinations (K, M) of usable readings in which the common background cancels.
-
-    Differences of both polarities of a pattern; single exposures less the mean of the all-on and
-    the dark reading or, if these are missing, less their own mean.
-    """
+    """Combinations (K, M) of usable readings in which the common background cancels."""
     rows = []
     alone = []
     half: Floats | None = None
@@ -186,11 +181,7 @@ def _without_background(plan: PatternPlan, usable: Mask) -> Floats:
 
 
 def _orthonormal(decoder: Floats, rows: Floats) -> tuple[Floats, Floats]:
-    """Combine decoder (K, M) and rows (K, N) so that the rows are orthonormal.
-
-    Only the first row sees a constant image; it is dropped if it is not mostly constant itself. The
-    other rows are rotated so that white noise of the readings gives independent errors.
-    """
+    """Combine decoder (K, M) and rows (K, N) to orthonormal rows, of which the first may see DC."""
     left, strength, right = np.linalg.svd(rows, full_matrices=False)
     retained = strength > RANK * strength.max(initial=0.0)
     rows, decoder = right[retained], (left[:, retained] / strength[retained]).T @ decoder

@@ -134,7 +134,9 @@ class RowOperator(MeasurementOperator):
         self.row_length = float(np.sqrt(basis.pixels))
         dc = np.flatnonzero(index == (-1 if basis.dc_row is None else basis.dc_row))
         self.dc_row = int(dc[0]) if dc.size else None
-        self._products = None if basis.factors is None else _Products(*basis.factors, index)
+        self._products: _Products | None = None
+        if basis.factors is not None:
+            self._products = _Products(*basis.factors, np.divmod(index, basis.shape[1]))
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
         """Products of the rows other than DC with separable atoms, by factors where possible."""
@@ -159,10 +161,9 @@ class RowOperator(MeasurementOperator):
 class _Products:
     """Rows of a separable basis, with only those factors that occur."""
 
-    def __init__(self, tall: Floats, wide: Floats, index: NDArray[np.int32]) -> None:
-        vertical, horizontal = np.divmod(index, len(wide))
-        above, row = np.unique(vertical, return_inverse=True)
-        beside, column = np.unique(horizontal, return_inverse=True)
+    def __init__(self, tall: Floats, wide: Floats, rows: tuple[NDArray[Any], ...]) -> None:
+        above, row = np.unique(rows[0], return_inverse=True)
+        beside, column = np.unique(rows[1], return_inverse=True)
         self._tall, self._wide = tall[above], wide[beside]
         self._index = row * len(beside) + column
 
@@ -202,19 +203,12 @@ class _SeenFactors(SeenAtoms):
         return self._vertical[tall[:, None], atoms[0]] * self._horizontal[wide[:, None], atoms[1]]
 
     def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
-        above, beside, index = self._occurring
-        there = np.zeros((*weights.shape[:-1], len(above) * len(beside)), weights.dtype)
-        there[..., index] = weights
-        there = there.reshape(*weights.shape[:-1], len(above), len(beside))
-        return np.asarray(above.T @ there @ beside)
+        shape = self._vertical.shape[1], self._horizontal.shape[1]
+        return self._products_of_rows.combine(weights).reshape(*weights.shape[:-1], *shape)
 
     @cached_property
-    def _occurring(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
-        """Products of the factors that occur, and the index of each row among their pairs."""
-        above, row = np.unique(self._rows[0], return_inverse=True)
-        beside, column = np.unique(self._rows[1], return_inverse=True)
-        index = row * beside.size + column
-        return self._vertical[above], self._horizontal[beside], index
+    def _products_of_rows(self) -> _Products:
+        return _Products(self._vertical, self._horizontal, self._rows)
 
 
 class MatrixOperator(MeasurementOperator):

@@ -44,10 +44,7 @@ class OutlierDetector:
         self._throughput = throughput
 
     def __call__(self, signal: NDArray[np.float64], usable: Mask | None = None) -> Mask:
-        """Mask (M,) of the outliers in a ``signal`` (M,).
-
-        ``usable`` (M,) is given where fewer readings are usable than as a rule.
-        """
+        """Mask (M,) of the outliers in a ``signal`` (M,), of which some may be ``usable`` (M,)."""
         outliers = np.zeros(signal.shape, dtype=bool)
         if not self._groups or np.iscomplexobj(signal):
             return outliers

@@ -103,10 +103,7 @@ class Drift:
         self._inverse = np.linalg.pinv(self._seen)
 
     def __call__(self, signal: NDArray[Any], usable: Mask | None = None) -> NDArray[Any]:
-        """Drift (M,) of the readings, 0 unless it is significant.
-
-        If ``usable`` (M,) is given, only sums of usable readings count.
-        """
+        """Drift (M,) of the readings by ``usable`` (M,) ones, 0 unless it is significant."""
         if usable is not None:
             retained = self._sums.resting_on(usable)
             _, of_group = np.unique(self._of_group[retained], return_inverse=True)

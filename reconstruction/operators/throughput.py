@@ -26,15 +26,7 @@ MAX_SCORE = 3.5
 
 
 class Throughput:
-    """Throughput test of a plan that exposes patterns and their complements.
-
-    Parameters
-    ----------
-    plan
-        Plan of M exposures.
-    usable
-        Mask (M,) of the readings to use.
-    """
+    """Throughput test by the ``usable`` (M,) readings of patterns exposed with their complements."""
 
     def __init__(self, plan: PatternPlan, usable: Mask) -> None:
         pairs = complements(plan, usable)

@@ -265,7 +265,7 @@ def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weigh
     strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
     monkeypatch.setattr(learned, "shipped", lambda: strict)
     result, plain = solved(capture)
-    assert "anchored on the spots, not learned: share = " in result.note
+    assert "anchored on the spots, not learned: patterns over pixels = " in result.note
     assert result.no_return is None
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
@@ -324,7 +324,7 @@ def test_other_kinds_of_spots_get_the_anchored_map():
     position = worlds.scene(worlds.plane(4.0, 0.5))
     capture = simulate(position, changed("spad"), light="surrogate", seed=1).capture
     result, plain = solved(capture)
-    assert "not learned: learned from spots of continuous wave alone" in result.note
+    assert "not learned: trained for continuous-wave spots only" in result.note
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
@@ -335,7 +335,7 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
         file.write_bytes(content)
     monkeypatch.setattr(learned, "shipped", lambda: load(file))
     result, plain = solved(capture)
-    assert "holds no weights of a network" in result.note
+    assert "contains no network weights" in result.note
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
@@ -343,9 +343,9 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
     ("change", "said"),
     [
         ({"version": np.array(VERSION + 1)}, rf"version of the weights = {VERSION + 1}, must be"),
-        ({"deep.3.bias": None}, "weights without deep.3.bias"),
+        ({"deep.3.bias": None}, "missing weights deep.3.bias"),
         ({"calibration": np.array([np.nan])}, "calibration must be finite"),
-        ({"limits": np.zeros(3)}, "limits must be finite numbers along 2 axes"),
+        ({"limits": np.zeros(3)}, "limits must be finite numbers with 2 axes"),
     ],
 )
 def test_weights_of_another_kind_are_refused(tmp_path, weights, change, said):

@@ -214,9 +214,7 @@ def test_scrambled_patterns_are_hadamard_patterns_with_their_pixels_elsewhere():
     image = np.random.default_rng(0).random(32)
     np.testing.assert_allclose(basis.project(image, plan.index), rows @ image)
     np.testing.assert_allclose(basis.combine(image, plan.index), rows.T @ image)
-    with pytest.raises(
-        InputError, match=r"permutation: 4 entries that are no permutation of 0\.\.3"
-    ):
+    with pytest.raises(InputError, match=r"permutation of 4 numbers: must contain 0\.\.3"):
         BASES["scrambled"]((2, 2), [0, 1, 2, 2])
     with pytest.raises(InputError, match="pattern basis 'scrambled': add a seed"):
         make_plan((4, 8), basis="scrambled")

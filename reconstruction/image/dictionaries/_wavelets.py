@@ -25,10 +25,7 @@ class Wavelets:
     family: str
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
-        """Detail bands of all scales, then the approximation, whose atoms span the image.
-
-        Raises InputError if PyWavelets is needed and not installed.
-        """
+        """Detail bands of all scales and an approximation; InputError if PyWavelets is missing."""
         low = _low_pass(self.family)
         high = low[::-1] * (-1.0) ** np.arange(len(low))
         smooth, result = np.ones(1), []

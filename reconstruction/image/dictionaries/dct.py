@@ -10,10 +10,7 @@ from ..dictionary import Band
 
 
 class Dct:
-    """Cosines, whose power in natural images falls with the square of spatial frequency.
-
-    D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987).
-    """
+    """Cosines with 1/f amplitudes: D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)."""
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
         """All cosines in one band."""

@@ -53,10 +53,7 @@ class EdgePreserving:
     title = "edge-preserving least squares"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of an operator's coefficients.
-
-        Beyond the size limit of least squares it is the same solver: little is left to infer.
-        """
+        """Solver of an operator's coefficients; least squares beyond its size limit."""
         linear = FITTED_COVARIANCE.compile(operator)
         if not isinstance(linear, LeastSquaresSolver):
             return linear
@@ -112,10 +109,7 @@ class EdgePreservingSolver:
         return spectrum, linear.variance(start) * unevenness
 
     def _trusted(self, first: OwnPosterior) -> float:
-        """Weight of the refinement: the squared fraction of gradient energy that is not noise.
-
-        For a prior near 1/f, x^T C^-1 x is proportional to the energy of the gradients.
-        """
+        """Weight of the refinement: the squared fraction of gradient energy that is not noise."""
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
@@ -135,11 +129,7 @@ class EdgePreservingSolver:
         stiffness: Linear,
         start: OwnPosterior,
     ) -> NDArray[Any]:
-        """Conjugate-gradient steps, preconditioned by the first posterior covariance P.
-
-        The matrix of a round is P^-1 minus the first prior's precision plus the stiffness. As P^-1
-        of the step is carried along with it, readings do not enter.
-        """
+        """Conjugate-gradient steps, preconditioned by the first posterior covariance P."""
         precision = self._precision / start.contrast
         rows = self._model.rows
         misfit = (measured - rows @ spectrum.ravel()) / start.noise**2
@@ -174,10 +164,7 @@ class Tensors:
 
 
 class Slopes:
-    """Gradients of images on a ``grid``, computed from their spectra (h, w).
-
-    ``scale``: factors of the differences between pixels.
-    """
+    """Gradients of images on a ``grid``, from spectra (h, w), with factors ``scale``."""
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
         vertical, horizontal = (DICTIONARY.atoms(side) for side in grid)
@@ -220,10 +207,7 @@ class Slopes:
 
 
 def _derivative(cosines: Floats) -> Floats:
-    """Derivatives of cosines (side, side), in columns, between neighbouring pixels; 0 at the last.
-
-    Differences between pixels are smaller by the sinc of half their phase difference.
-    """
+    """Derivatives of cosines (side, side), in columns, between neighbouring pixels."""
     side = len(cosines)
     differences = np.diff(cosines, axis=0, append=cosines[-1:])
     return np.asarray(differences / np.sinc(np.arange(side) / (2 * side)))

@@ -95,10 +95,7 @@ class LeastSquaresSolver:
         return self.estimate(posterior.mean, self.variance(posterior), coefficients)
 
     def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
-        """Most probable images of several frames, by matrix products over all of them.
-
-        Frames with missing coefficients or uncertain noise are solved one by one.
-        """
+        """Most probable images of several frames, by matrix products over all with known noise."""
         plain = [number for number, each in enumerate(frames) if self._is_plain(each)]
         result: dict[int, Estimate] = {}
         if plain:

@@ -34,7 +34,6 @@ class Pursuit:
     dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> "PursuitSolver":
-        """Solver of an operator's coefficients."""
         return PursuitSolver(operator, self.dictionary)
 
 
@@ -53,11 +52,7 @@ class PursuitSolver:
         self.gram = self._columns.T @ self._columns
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """Image (H, W) from coefficients (K,), complex if they are.
-
-        What the atoms do not explain is estimated by least squares: without noise the image agrees
-        with every coefficient.
-        """
+        """Image (H, W); what the atoms do not explain is estimated by least squares."""
         length = self.operator.row_length
         seen = self.varying & coefficients.measured
         measured = coefficients.values[seen] / length

@@ -47,10 +47,7 @@ class RandomPursuit:
     dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of an operator's coefficients.
-
-        Beyond the size limit of least squares it is the same solver: little is left to infer.
-        """
+        """Solver of an operator's coefficients; least squares beyond its size limit."""
         linear = LEAST_SQUARES.compile(operator)
         if not isinstance(linear, LeastSquaresSolver):
             return linear

@@ -30,10 +30,7 @@ class Recursive:
         return self._method.compile(operator)
 
     def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
-        """Start the method for one recording.
-
-        Raises InputError unless the patterns are from an orthogonal basis.
-        """
+        """Start the method for one recording; InputError unless the basis is orthogonal."""
         rows = [each for each in operators if isinstance(each, RowOperator)]
         if len(rows) < len(operators):
             raise InputError(

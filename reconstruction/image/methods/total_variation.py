@@ -20,6 +20,9 @@ from ..coefficients import Coefficients
 from ..method import Estimate
 from .least_squares import METHOD as LEAST_SQUARES
 
+Image = NDArray[Any]
+Pair = tuple[Image, Image]
+
 RESIDUAL = 0.01
 """Relative residuals at which the iteration stops."""
 MAX_ITERATIONS = 2000
@@ -41,7 +44,6 @@ class TotalVariation:
     title = "total variation"
 
     def compile(self, operator: MeasurementOperator) -> "TotalVariationSolver":
-        """Solver of an operator's coefficients."""
         return TotalVariationSolver(operator)
 
 
@@ -109,12 +111,7 @@ def _min_variation(image: NDArray[Any], near: Near) -> NDArray[Any]:
 
 
 def _converged(
-    image: NDArray[Any],
-    moved: NDArray[Any],
-    normals: tuple[NDArray[Any], NDArray[Any]],
-    turned: tuple[NDArray[Any], NDArray[Any]],
-    step: float,
-    rise: float,
+    image: Image, moved: Image, normals: Pair, turned: Pair, step: float, rise: float
 ) -> bool:
     """Whether the relative primal and dual residuals are below `RESIDUAL`."""
     moves, turns = image - moved, [a - b for a, b in zip(normals, turned, strict=True)]
@@ -127,7 +124,7 @@ def _converged(
     )
 
 
-def gradient(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def gradient(image: Image) -> Pair:
     """Differences to the next pixel down and along; 0 at the last."""
     down, along = np.zeros_like(image), np.zeros_like(image)
     np.subtract(image[1:], image[:-1], out=down[:-1])
@@ -135,7 +132,7 @@ def gradient(image: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return down, along
 
 
-def divergence(down: NDArray[Any], along: NDArray[Any]) -> NDArray[Any]:
+def divergence(down: Image, along: Image) -> Image:
     """Transpose of `gradient`."""
     total = np.zeros_like(down)
     total[1:] = down[:-1]

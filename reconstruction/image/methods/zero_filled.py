@@ -21,7 +21,6 @@ class ZeroFilled:
     title = "zero-filled inverse"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of an operator's coefficients."""
         varying, usual = operator.varying, operator.usual_noise
         worse = usual**2 - usual[varying].min(initial=np.inf) ** 2
         if not worse[varying].any():

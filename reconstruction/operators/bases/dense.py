@@ -40,17 +40,14 @@ class Dense(Basis):
 
     @property
     def rows(self) -> int:
-        """Number of patterns."""
         return len(self.patterns)
 
     @cached_property
     def dc_row(self) -> int | None:
-        """Index of a pattern that is 1 in every pixel, or None."""
         lit = np.flatnonzero((self.patterns == 1).all(axis=(1, 2)))
         return int(lit[0]) if lit.size else None
 
     def row(self, k: int) -> Floats:
-        """Row k, 2 p - 1 of pattern p, (H, W)."""
         return 2.0 * self.patterns[k].astype(np.float64) - 1.0
 
     @classmethod
@@ -62,7 +59,6 @@ class Dense(Basis):
         return basis
 
     def matrix(self, index: NDArray[np.int32]) -> Floats:
-        """Rows ``index`` (K,) as a matrix (K, N)."""
         chosen = self.patterns[index].reshape(len(index), -1)
         return 2.0 * chosen.astype(np.float64) - 1.0
 

@@ -34,11 +34,9 @@ class Fourier(Basis):
         return 2 * down, 2 * along
 
     def row(self, k: int) -> Floats:
-        """Row k, (H, W)."""
         return self.matrix(np.array([k], np.int32))[0].reshape(self.shape)
 
     def matrix(self, index: NDArray[np.int32]) -> Floats:
-        """Rows ``index`` (K,) as a matrix (K, N)."""
         vertical, horizontal, second = (part[index][:, None, None] for part in self._waves)
         height, width = self.shape
         y, x = np.arange(height)[:, None], np.arange(width)

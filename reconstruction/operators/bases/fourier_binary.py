@@ -24,7 +24,6 @@ class FourierBinary(Fourier):
     name = "fourier-binary"
 
     def matrix(self, index: NDArray[np.int32]) -> Floats:
-        """Rows ``index`` (K,) as a matrix (K, N)."""
         return _dithered(self.shape, index.astype(np.int32).tobytes()).astype(np.float64)
 
 

@@ -48,17 +48,14 @@ class Hadamard(Basis):
         return np.repeat(sequency(height), width), np.tile(sequency(width), height)
 
     def row(self, k: int) -> Floats:
-        """Row k, (H, W)."""
         unit = np.zeros(self.pixels)
         unit[k] = 1
         return fwht(unit).reshape(self.shape)
 
     def project(self, images: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Products of images (..., N) and the rows ``index`` (K,), summed over pixels: (..., K)."""
         return fwht(images)[..., index]
 
     def combine(self, weights: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Sum of the rows ``index`` (K,), weighted by ``weights`` (..., K): (..., N)."""
         dtype = np.result_type(weights, np.float64)
         full = np.zeros((*np.shape(weights)[:-1], self.pixels), dtype)
         full[..., index] = weights

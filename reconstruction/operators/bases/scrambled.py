@@ -33,30 +33,25 @@ class Scrambled(Basis):
         pixels = np.asarray(permutation)
         if not np.array_equal(np.sort(pixels.ravel()), np.arange(self.pixels)):
             raise InputError(
-                f"permutation: {pixels.size} entries that are no permutation of 0..{self.pixels - 1}"
+                f"permutation of {pixels.size} numbers: must contain 0..{self.pixels - 1} once"
             )
         self.permutation = pixels.ravel().astype(np.int32)
 
     def row(self, k: int) -> Floats:
-        """Row k, (H, W)."""
         return self._placed(self._plain.row(k).ravel()).reshape(self.shape)
 
     def project(self, images: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Products of images (..., N) and the rows ``index`` (K,), summed over pixels: (..., K)."""
         return self._plain.project(images[..., self.permutation], index)
 
     def combine(self, weights: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Sum of the rows ``index`` (K,), weighted by ``weights`` (..., K): (..., N)."""
         return self._placed(self._plain.combine(weights, index))
 
     @classmethod
     def restored(cls, shape: tuple[int, int], arrays: Mapping[str, NDArray[Any]]) -> Self:
-        """Basis of a stored permutation."""
         return cls(shape, arrays["permutation"])
 
     @classmethod
     def drawn(cls, shape: tuple[int, int], rng: np.random.Generator) -> Self:
-        """Basis of a random permutation."""
         return cls(shape, rng.permutation(Hadamard(shape).pixels))
 
     def _placed(self, columns: NDArray[Any]) -> NDArray[Any]:
