@@ -110,10 +110,10 @@ class NetworkInput:
     @cached_property
     def percentiles(self) -> tuple[float, float, float]:
         """Brightness of the darkest, of dark and of bright pixels."""
-        positions = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
-        below, above = np.floor(positions).astype(int), np.ceil(positions).astype(int)
+        ranks = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
+        below, above = np.floor(ranks).astype(int), np.ceil(ranks).astype(int)
         ordered = np.partition(self.image, np.append(below, above), axis=None)
-        values = ordered[below] + (positions - below) * (ordered[above] - ordered[below])
+        values = ordered[below] + (ranks - below) * (ordered[above] - ordered[below])
         return float(values[0]), float(values[1]), float(values[2])
 
     @property
@@ -145,7 +145,7 @@ class Inputs(NamedTuple):
 
 def inputs_of(frame: NetworkInput) -> Inputs:
     """Maps and numbers of a frame."""
-    level, best = frame.mean_log_depth, frame.best
+    mean, best = frame.mean_log_depth, frame.best
     spots = spot_geometry(frame)
     measured, fitted, sure = frame.plain.weight, frame.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
@@ -156,14 +156,14 @@ def inputs_of(frame: NetworkInput) -> Inputs:
     )
     # Log depth over its mean, if all surfaces reflected like those of the spots.
     by_bright, by_unveiled = (
-        log_depth - level + spots.around(log) / 2 for log in (bright, unveiled)
+        log_depth - mean + spots.around(log) / 2 for log in (bright, unveiled)
     )
     reflectance = np.nan_to_num(frame.log_reflectance - TYPICAL_LOG_REFLECTANCE)
     finite = np.isfinite(frame.log_reflectance) * sure
     spread = spots.spread(
-        (log_depth - level, sure),
-        (frame.plain.log_depth - level, measured),
-        (frame.fitted.log_depth - level, fitted),
+        (log_depth - mean, sure),
+        (frame.plain.log_depth - mean, measured),
+        (frame.fitted.log_depth - mean, fitted),
         (by_bright, sure),
         (by_unveiled, sure),
         (reflectance, finite),
@@ -172,7 +172,7 @@ def inputs_of(frame: NetworkInput) -> Inputs:
     start, unsure, plain = _anchored(frame, spots)
     maps = np.array(
         [
-            *(bright, unveiled, start - level, unsure, spread[0], spread[1], near[0], spread[2]),
+            *(bright, unveiled, start - mean, unsure, spread[0], spread[1], near[0], spread[2]),
             *(near[1], near[2], spread[3] - bright / 2, spread[4] - unveiled / 2, spread[5]),
             *(4 * spots.x, 4 * spots.y, plain - start),
         ],

@@ -26,7 +26,7 @@ MAX_SCORE = 3.5
 
 
 class Throughput:
-    """Throughput test by the ``usable`` (M,) readings of patterns exposed with their complements."""
+    """Throughput test by ``usable`` (M,) readings of patterns and their complements."""
 
     def __init__(self, plan: PatternPlan, usable: Mask) -> None:
         pairs = complements(plan, usable)
