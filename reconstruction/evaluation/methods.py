@@ -19,18 +19,18 @@ MAX_ALTERNATIVES, MIN_WEIGHT = 3, 0.01
 """Alternative ranges that `no_range` lists at most, and the weight that each must have."""
 
 
-def method_title(station: str, name: str) -> str:
+def method_title(stage: str, name: str) -> str:
     """Label of a method for plots and tables.
 
     Parameters
     ----------
-    station
+    stage
         Key of `METHODS`.
     name
         Name of the method, which is also the label if it is not installed.
     """
     try:
-        title = getattr(METHODS[station](name), "title", name)
+        title = getattr(METHODS[stage](name), "title", name)
     except InputError:
         return name
     dictionary = name.partition(":")[2]
