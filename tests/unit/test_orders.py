@@ -218,7 +218,7 @@ def test_scrambled_patterns_are_hadamard_patterns_with_their_pixels_elsewhere():
         BASES["scrambled"]((2, 2), [0, 1, 2, 2])
     with pytest.raises(InputError, match="pattern basis 'scrambled': add a seed"):
         make_plan((4, 8), basis="scrambled")
-    with pytest.raises(InputError, match="pattern basis 'dense' needs patterns; pass a basis"):
+    with pytest.raises(InputError, match="pattern basis 'dense': needs patterns; pass a basis"):
         make_plan((4, 8), basis="dense")
 
 
