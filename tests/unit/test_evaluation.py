@@ -62,7 +62,7 @@ def make_result(**changes):
     )
     values = {
         "images": {"pursuit": IMAGE, "zero-filled": IMAGE + 1},
-        "deviations": {},
+        "sigmas": {},
         "rangings": {"cw": ranges},
         "depths": {"anchored": IMAGE * 1.1, "nearest": IMAGE * 1.5},
         "range_over_depth": None,
