@@ -393,7 +393,7 @@ def test_measured_depths_join_by_inverse_variance():
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / total
     np.testing.assert_allclose(result.depth_m, [[np.exp(mean), 5.0, 3.0]])
     np.testing.assert_allclose(result.sigma, [[total**-0.5, total**-0.5, 0.2]])
-    np.testing.assert_allclose(result.no_return, [[0.1, learned.LIKELY, 0.1]])
+    np.testing.assert_allclose(result.no_return, [[0.1, learned.MAX_NO_RETURN, 0.1]])
 
 
 def test_the_corridor_is_judged_by_all_depths_and_their_deviations(capture):
