@@ -22,7 +22,7 @@ from reconstruction.depth import (
     lacks,
     pixel_rays,
 )
-from reconstruction.depth.anchored_prior import AnchoredPrior
+from reconstruction.depth.kriging import AnchoredPrior
 from reconstruction.depth.methods.anchored import Anchored
 from reconstruction.evaluation import depth_metrics
 from reconstruction.image import Imaging

@@ -140,7 +140,7 @@ def measured(case: Case, fraction: float) -> dict[str, Metrics]:
     scale = capture.buckets.electrons_per_count
     unknown = replace(capture, buckets=replace(capture.buckets, electrons_per_count=np.nan))
     forgotten = images(unknown)[DEFAULT] * (scale if np.isfinite(scale) else 1.0)
-    if capture.plan.patterns.level not in capture.plan.index or case.row == "measured car":
+    if capture.plan.patterns.dc_row not in capture.plan.index or case.row == "measured car":
         available = {name: level_of(image, case.truth) for name, image in available.items()}
         forgotten = level_of(forgotten, case.truth)
     flat = np.full_like(case.truth, case.truth.mean())

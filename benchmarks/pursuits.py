@@ -86,7 +86,7 @@ def measure(
         for each in compiled[digest].values():
             each(capture.frame())
     flat = squared_error(np.full_like(case.truth, case.truth.mean()), case.truth)
-    without_dc = capture.plan.patterns.level not in capture.plan.index
+    without_dc = capture.plan.patterns.dc_row not in capture.plan.index
     for name, reconstruct in compiled[digest].items():
         started = process_time()
         result = reconstruct(capture.frame())

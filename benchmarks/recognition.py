@@ -85,7 +85,7 @@ def answer(image: Image, order: str, polarity: str, rows: int, noise: str, seed:
     plan = make_plan(shape, rows, order, polarity)
     light = expose(plan, image)
     light = light + BACKGROUND * light.max() * (plan.polarity != 0)
-    varying = light[plan.index != plan.patterns.level]
+    varying = light[plan.index != plan.patterns.dc_row]
     rng = np.random.default_rng(seed)
     readings = light + NOISES[noise] * np.std(varying) * rng.standard_normal(light.shape)
     try:

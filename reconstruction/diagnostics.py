@@ -7,7 +7,7 @@ import numpy as np
 from .base.errors import InputError
 from .capture import Capture, Frames, FrameTruth
 from .default_ranging import default_ranges
-from .image import Imaging, doubt
+from .image import Imaging, plan_inconsistency
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m
 from .ranging.consistency import MIN_M
@@ -76,7 +76,7 @@ def _layout_warnings(capture: Capture, frame: int) -> list[str]:
     if capture.provenance.source == "simulation" or usable.mean() < 1 - MAX_UNUSABLE:
         return []
     filled = np.where(usable, signal, np.median(signal[usable]))
-    doubtful = doubt(capture.plan, filled[None])
+    doubtful = plan_inconsistency(capture.plan, filled[None])
     return [] if doubtful is None else [doubtful]
 
 
@@ -200,7 +200,7 @@ def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
     warnings += _wrapped_pixels(capture, frame)
     if capture.optics is None:
         warnings.append("the optics are not known: there are no dense ranges")
-    elif not decoder_for(capture.setup.plan_of(frame), ~saturated).level:
+    elif not decoder_for(capture.setup.plan_of(frame), ~saturated).has_dc:
         warnings.append(
             "pattern 0, the level of all light, is not shown or saturated: there are no dense "
             "ranges"

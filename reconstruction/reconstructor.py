@@ -272,7 +272,7 @@ class Reconstructor:
         for values in (image, *([] if sigma is None else [sigma])):
             if not np.isfinite(values).all():
                 raise InputError(f"{who} gave values that are not finite")
-        if not readings.level:  # the darkest pixel is taken to be dark
+        if not readings.has_dc:  # the darkest pixel is taken to be dark
             image = image - image.min()
         return Estimate(image, sigma, estimate.note)
 
@@ -301,7 +301,7 @@ class Reconstructor:
             or name is None
             or coupled
             or setup.buckets.unit != "electron"
-            or not readings.level
+            or not readings.has_dc
         ):
             return None
         return brightness_at(self._spots, images[name], sigmas[name])

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .base.arrays import Floats
-from .base.notebook import displayed, picture, reported
-from .base.plotting import draw_map, panels
+from .base.display import draw_map, html_summary, panels, picture, text_summary
 from .capture import Unit
 from .depth import MIN_FREE, nearest_obstacle_m
 from .ranging import RANGED, Ranges
@@ -66,10 +65,10 @@ class Result:
         pictures = [picture(self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")]
         if self.depth_m is not None:
             pictures.append(picture(self.depth_m, f"depth, {next(iter(self.depths))}", "m"))
-        return displayed("Result", self._facts, pictures)
+        return html_summary("Result", self._facts, pictures)
 
     def __repr__(self) -> str:
-        return reported("Result", self._facts)
+        return text_summary("Result", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:

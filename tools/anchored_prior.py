@@ -23,9 +23,8 @@ from scipy.optimize import minimize
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Optics
 from reconstruction.depth import DepthEstimate, pixel_of
-from reconstruction.depth.anchored_prior import FITTED as FILE
-from reconstruction.depth.anchored_prior import AnchoredPrior, fitted_prior
-from reconstruction.depth.kriging import anchored_depth
+from reconstruction.depth.kriging import FITTED as FILE
+from reconstruction.depth.kriging import AnchoredPrior, anchored_depth, fitted_prior
 
 FREE = (
     *("log_depth_deviation", "log_reflectance_deviation", "correlation_length", "similarity"),

@@ -24,13 +24,12 @@ from scipy.special import expit
 from depth_frames import from_arrays
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, Corridor, DepthEstimate, pixel_of, pixel_rays
-from reconstruction.depth.anchored_prior import fitted_prior
-from reconstruction.depth.kriging import anchored_depth
+from reconstruction.depth.kriging import anchored_depth, fitted_prior
 from reconstruction.depth.methods.learned import shipped
 from reconstruction.depth.methods.nearest import METHOD as NEAREST
 from reconstruction.depth.network_input import NetworkInput, inputs_of
 from reconstruction.depth.obstacle import FITTED, CorridorPrior, free_of
-from reconstruction.depth.rays import range_over_depth
+from reconstruction.depth.pixels import range_over_depth
 
 SCALES = (0.25, 0.35, 0.5, 0.7, 1.0)
 MAP_SIGMAS = (0.1, 0.2, 0.3)

@@ -4,7 +4,7 @@
 
 of `tools/drawn_images.py`, families `FITTED` alone: the exponent and the strength of the axes at
 which the cosines' mean power is likeliest (Whittle), scenes and leaves with the same weight.
-Writes them, and what they were fitted to, into reconstruction/image/fitted_spectrum.json.
+Writes them, and what they were fitted to, into reconstruction/image/methods/fitted_covariance.json.
 """
 
 import argparse
@@ -19,8 +19,8 @@ from dead_leaves import dead_leaves
 from drawn_images import FITTED
 from reconstruction.base.arrays import Floats
 from reconstruction.image.dictionaries.dct import DICTIONARY
-from reconstruction.image.fitted_spectrum import FITTED as FILE
-from reconstruction.image.fitted_spectrum import axial_sigma
+from reconstruction.image.methods.fitted_covariance import FITTED as FILE
+from reconstruction.image.methods.fitted_covariance import axial_sigma
 
 SEED = 3
 HIGHEST = 0.5

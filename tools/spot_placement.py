@@ -20,10 +20,8 @@ from matplotlib.figure import Figure
 
 from anchored_prior import View, seen
 from reconstruction.base.arrays import Floats
-from reconstruction.depth.anchored_prior import fitted_prior
-from reconstruction.depth.kriging import anchored_depth
-from reconstruction.depth.neighbours import around, between
-from reconstruction.depth.rays import squared_distances
+from reconstruction.depth.kriging import anchored_depth, fitted_prior
+from reconstruction.depth.pixels import around, between, squared_distances
 from spisim.report.style import plot_style
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "spot-placement.png"

@@ -1,4 +1,4 @@
-"""Measurement operators as other libraries have theirs, so that their methods run on any capture.
+"""Measurement operators in the form of other libraries, one module each.
 
-One module for each library; none is imported unless its library is there.
+A module imports its library, so none is imported here.
 """

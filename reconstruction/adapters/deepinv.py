@@ -1,4 +1,4 @@
-"""For DeepInverse (https://deepinv.github.io)."""
+"""Adapter for DeepInverse (https://deepinv.github.io)."""
 
 from typing import Any
 
@@ -9,10 +9,10 @@ from ..operators import MeasurementOperator
 
 
 def linear_physics(operator: MeasurementOperator, noise: float = 0.0) -> Any:
-    """A `deepinv.physics.LinearPhysics` from images (B, 1, H, W) to coefficients (B, K).
+    """`deepinv.physics.LinearPhysics` from images (B, 1, H, W) to coefficients (B, K).
 
-    Coefficients are divided by the rows' length, so that the operator's norm is 1, and have
-    Gaussian noise of this standard deviation; so must measured ones. Complex ones have no place.
+    Coefficients, measured ones too, are divided by the rows' length, so that the operator has norm
+    1, and have Gaussian noise of standard deviation ``noise``. Complex ones are not supported.
     """
     length = operator.row_length
 

@@ -1,4 +1,4 @@
-"""For PyLops (https://pylops.readthedocs.io)."""
+"""Adapter for PyLops (https://pylops.readthedocs.io)."""
 
 from typing import Any, cast
 
@@ -9,7 +9,7 @@ from ..operators import MeasurementOperator
 
 
 def linear_operator(operator: MeasurementOperator) -> Any:
-    """A `pylops.LinearOperator` from flat images (N,) to coefficients (K,)."""
+    """`pylops.LinearOperator` from flat images (N,) to coefficients (K,)."""
     result = pylops.LinearOperator(aslinearoperator(cast(Any, operator)))
     result.dims, result.dimsd = operator.image_shape, (operator.shape[0],)
     return result

@@ -1,4 +1,4 @@
-"""For SPyRiT (https://spyrit.readthedocs.io)."""
+"""Adapter for SPyRiT (https://spyrit.readthedocs.io)."""
 
 from typing import Any
 
@@ -11,11 +11,11 @@ from ..operators import MeasurementOperator
 
 
 def linear(operator: MeasurementOperator, noise: float = 0.0) -> Any:
-    """A `spyrit.core.meas.Linear` from images (..., H, W) to coefficients (..., K).
+    """`spyrit.core.meas.Linear` from images (..., H, W) to coefficients (..., K).
 
-    It holds all rows as a matrix, of the precision that is PyTorch's default. Coefficients are
-    divided by the rows' length, so that the rows are orthonormal, and have Gaussian noise of this
-    standard deviation; so must measured ones. Complex ones have no place.
+    It stores all rows as a matrix in PyTorch's default precision. Coefficients, measured ones too,
+    are divided by the rows' length, so that the rows are orthonormal, and have Gaussian noise of
+    standard deviation ``noise``. Complex ones are not supported.
     """
     rows = operator.back_project(np.eye(operator.shape[0])) / operator.row_length
     return spyrit.core.meas.Linear(

@@ -1,1 +1,1 @@
-"""What everything else stands on: arrays, errors, files and folders, registries, text."""
+"""Common foundation: arrays, errors, files and folders, registries, text."""

@@ -1,4 +1,4 @@
-"""Constants of nature; from here rather than from SciPy, which is slow to load."""
+"""Physical constants, defined here because SciPy is slow to import."""
 
 c = 299_792_458.0
 """Speed of light in vacuum, m/s."""

@@ -1,4 +1,4 @@
-"""Errors that a user can cause, told in a sentence."""
+"""Errors that a user can cause, with messages of one sentence."""
 
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -6,25 +6,25 @@ from difflib import get_close_matches
 from itertools import islice
 from pathlib import Path
 
-#: Names that are all told of.
+#: Number of names up to which all are listed.
 MAX_NAMES = 24
-#: Of a name, and names that are looked at: both may come from files of any size.
+#: Limits of a name, and of names that are searched: both may come from untrusted files.
 MAX_LETTERS, MAX_SEARCHED = 80, 10_000
-#: Of what an error says that is not ours.
+#: Characters of a foreign error message.
 MAX_REPORTED = 500
 
 
 class InputError(ValueError):
-    """A file, option or value cannot be used; the message says which and what is allowed."""
+    """A file, option or value cannot be used; the message states which, and what is allowed."""
 
 
 class LimitError(InputError):
-    """There is more of something than is read, which ends reading: nothing else makes up for it."""
+    """A file exceeds a limit, which ends reading: no other file format is tried."""
 
 
 @contextmanager
 def naming(path: str | Path) -> Iterator[None]:
-    """Put the file in front of the message of an InputError raised within, unless it is there."""
+    """Prefix the message of an InputError raised within by the file, unless it is there."""
     try:
         yield
     except InputError as error:
@@ -34,14 +34,14 @@ def naming(path: str | Path) -> Iterator[None]:
 
 
 def explain(error: OSError) -> str:
-    """What went wrong, and with which file where that is known."""
+    """Message of an OSError, with its file if known."""
     if error.filename is None:
         return error.strerror or str(error)
     return f"{error.filename}: {error.strerror or error}"
 
 
 def in_words(error: Exception) -> str:
-    """What went wrong in one line; of an error that nobody has foreseen its kind, too."""
+    """Message of any error in one line, with its type if it was not foreseen."""
     if isinstance(error, OSError):
         return explain(error)
     text = " ".join(str(error).split())[:MAX_REPORTED]
@@ -49,10 +49,7 @@ def in_words(error: Exception) -> str:
 
 
 def nearest(name: str, allowed: Iterable[str]) -> str:
-    """Point from an unknown name to the known ones: ``did you mean 'x'? allowed: a, b, c``.
-
-    Of many names only those that are a little like it are told.
-    """
+    """Hint for an unknown name: ``did you mean 'x'? allowed: a, b, c``; of many, similar names."""
     name, names = name[:MAX_LETTERS], [each[:MAX_LETTERS] for each in islice(allowed, MAX_SEARCHED)]
     if len(names) <= MAX_NAMES:
         available = f"allowed: {', '.join(names)}"

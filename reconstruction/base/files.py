@@ -1,4 +1,4 @@
-"""Files that exist whole or not at all, and that take the place of no one else's."""
+"""Atomic file output that never overwrites other files."""
 
 import os
 import re
@@ -11,21 +11,21 @@ from pathlib import Path
 
 from .errors import InputError, nearest
 
-#: Where a file tells who made it: in its first or last bytes.
+#: Bytes at either end of a file in which its mark is searched.
 MARK_WITHIN_BYTES = 4096
-#: Left free on a disk, whatever is written.
+#: Space that is left free on a disk.
 SPARE_BYTES = 4_000_000
-#: Temporary names of files that are being written.
+#: Temporary names of files being written.
 _BEGUN = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
 
 @dataclass(frozen=True)
 class Output:
-    """A file that a command will write.
+    """File that a command will write.
 
-    `kind` is what its mark tells, `suffixes` are the endings that its name may have, any where
-    there are none. A format without comments has a `sign` in place of the mark: text by which an
-    earlier output is known. It will take about `size_bytes`.
+    `kind` is stated in its mark, `suffixes` are the allowed endings, any if empty. A format without
+    comments has a `sign` in place of the mark: text that identifies an earlier output. The file
+    will take about `size_bytes`.
     """
 
     path: Path
@@ -36,21 +36,21 @@ class Output:
 
     @property
     def is_ours(self) -> bool:
-        """Whether the file that is there is an earlier output of the same kind."""
-        return not self.path.is_symlink() and _error_at(self.path, self.sign or mark(self.kind))
+        """Whether the existing file is an earlier output of the same kind."""
+        return not self.path.is_symlink() and _contains(self.path, self.sign or mark(self.kind))
 
 
 def mark(kind: str) -> str:
-    """What a file of a kind tells of its maker, where its format has a place for comments."""
+    """Comment that identifies a file of this kind as made by spisim."""
     return f"made by spisim: {kind}"
 
 
 def is_marked(path: str | Path, kind: str) -> bool:
-    """Whether a file says that it was made here and is of this kind."""
-    return _error_at(Path(path), mark(kind))
+    """Whether a file has the mark of this kind."""
+    return _contains(Path(path), mark(kind))
 
 
-def _error_at(path: Path, text: str) -> bool:
+def _contains(path: Path, text: str) -> bool:
     with path.open("rb") as file:
         head = file.read(MARK_WITHIN_BYTES)
         file.seek(0, os.SEEK_END)
@@ -61,15 +61,14 @@ def _error_at(path: Path, text: str) -> bool:
 def require_outputs(
     outputs: Iterable[Output], inputs: Iterable[str | Path] = (), *, overwrite: bool = False
 ) -> None:
-    """See to it, before the long work begins, that a command can write its files and harms none.
+    """Check that a command can write its files without harm, before the long work begins.
 
-    `inputs` are the files and folders that it reads, which stay as they are even where `overwrite`
-    lets outputs take the place of others than earlier ones of their kind. A symbolic link is then
-    replaced itself, not what it points to.
+    `inputs` are the files and folders that it reads, which are never overwritten. `overwrite`
+    allows outputs to replace other files than earlier ones of their kind. A symbolic link is
+    replaced itself, not its target.
 
-    Raises InputError for the name of something that is no file, of an input, with a wrong ending,
-    of a file that is not to be overwritten, or of two outputs, and for a place that cannot be
-    written into or is full.
+    Raises InputError if an output is not a regular file, is an input, has a wrong ending, would
+    overwrite a file or another output, or if its folder cannot be written or is full.
     """
     files, read = list(outputs), [Path(path) for path in inputs]
     for output in files:
@@ -88,26 +87,25 @@ def require_outputs(
 
 
 def require_file(path: str | Path) -> None:
-    """See to it that a file can be written, before the long work begins.
+    """Check that a file can be written, before the long work begins.
 
-    Raises InputError if there is something else of this name (a folder, a device), or as
-    `require_folder` for the folder it lies in.
+    Raises InputError if the name is taken by a folder or device, or as `require_folder`.
     """
     _require_regular(Path(path))
     _require_place(Path(path))
 
 
 def require_folder(folder: str | Path) -> None:
-    """See to it that a folder can be written into, or made. Raises InputError where not."""
+    """Check that a folder can be written or created; raises InputError if not."""
     _require_place(Path(folder) / "file")
 
 
 def write_atomically(path: str | Path, content: bytes) -> None:
-    """Write a file under a temporary name beside its own and rename it; make its folder.
+    """Write a file under a temporary name beside its own and rename it; create its folder.
 
-    A symbolic link is replaced itself, not what it points to. Raises InputError if there is
-    something of this name that is no file, or where its folder should be, and OSError if the file
-    cannot be written. Then nothing is left behind, no new folder either, and an older file stays.
+    A symbolic link is replaced itself, not its target. Raises InputError if the name is taken by
+    something other than a file, or its folder's name by something other than a folder, and OSError
+    if writing fails. In that case an older file stays, and no new file or folder does.
     """
     path = Path(path)
     _require_regular(path)
@@ -126,22 +124,19 @@ def write_atomically(path: str | Path, content: bytes) -> None:
             temporary.unlink(missing_ok=True)
             for folder in new_folders:
                 folder.rmdir()
-        if isinstance(error, OSError):  # tell of the file, not of its temporary name
+        if isinstance(error, OSError):  # name the file, not its temporary one
             raise OSError(error.errno, error.strerror, str(path)) from error
         raise
 
 
 def whole_name(path: Path) -> Path | None:
-    """What a file will be called when it is whole; None unless `write_atomically` has begun it."""
+    """Final name of a file that `write_atomically` has begun; None for other files."""
     begun = _BEGUN.fullmatch(path.name)
     return path.with_name(begun[1]) if begun else None
 
 
 def remove_unfinished(paths: Iterable[Path]) -> None:
-    """Remove what killed processes had not finished writing of these files.
-
-    No other process may be writing them.
-    """
+    """Remove what killed processes left unfinished of these files; no other may be writing them."""
     wanted = set(paths)
     for folder in {path.parent for path in wanted}:
         for path in folder.iterdir() if folder.is_dir() else ():
@@ -155,7 +150,7 @@ def _temporary(path: Path) -> Path:
 
 def _require_regular(path: Path) -> None:
     if "\0" in str(path):
-        raise InputError(f"{path}: a name of a file has no such character")
+        raise InputError(f"{path}: a file name must not contain a null character")
     if path.is_dir():
         raise InputError(f"{path} is a folder; the name of a file is needed")
     if path.exists() and not path.is_file():
@@ -191,12 +186,8 @@ def _require_own(output: Output, inputs: Iterable[Path], overwrite: bool) -> Non
             raise InputError(f"{path} belongs to {folder}, which is read by this command")
 
 
-def _same(one: Path, other: Path) -> bool:
-    return _identity(one) == _identity(other)
-
-
 def _identity(path: Path) -> object:
-    """What names of one file or folder share, of one that is yet to be made too."""
+    """Key shared by all names of a file or folder, even before it exists."""
     if path.exists():
         status = path.stat()
         return status.st_dev, status.st_ino
@@ -204,38 +195,38 @@ def _identity(path: Path) -> object:
 
 
 def _nearest_folder(folder: Path) -> Path:
-    """The folder itself, or the one in which it would be made; InputError where it cannot be."""
-    position = next(p for p in (folder, *folder.absolute().parents) if p.exists())
-    if not position.is_dir():
-        raise InputError(f"cannot write into {folder}: {position} is not a folder")
-    return position
+    """The folder, or its nearest existing parent; InputError if that is not a folder."""
+    existing = next(p for p in (folder, *folder.absolute().parents) if p.exists())
+    if not existing.is_dir():
+        raise InputError(f"cannot write into {folder}: {existing} is not a folder")
+    return existing
 
 
 def _require_place(path: Path) -> None:
-    """Try to write: what permissions say is not all there is to it."""
-    position, temporary = _nearest_folder(path.parent), _temporary(path)
-    longest = os.pathconf(position, "PC_NAME_MAX")
+    """Try to write, as permissions alone do not decide."""
+    existing, temporary = _nearest_folder(path.parent), _temporary(path)
+    longest = os.pathconf(existing, "PC_NAME_MAX")
     if max(len(os.fsencode(part)) for part in temporary.parts) > longest:
         spare = len(os.fsencode(temporary.name)) - len(os.fsencode(path.name))
-        raise InputError(f"{path}: a name of a file has at most {longest - spare} bytes")
-    probe = position / temporary.name
+        raise InputError(f"{path}: a file name has at most {longest - spare} bytes")
+    probe = existing / temporary.name
     try:
         probe.touch(exist_ok=False)
         probe.unlink()
     except OSError as error:
         reason = (error.strerror or "cannot be done").lower()
-        raise InputError(f"cannot write into {path.parent}: {position}: {reason}") from None
+        raise InputError(f"cannot write into {path.parent}: {existing}: {reason}") from None
 
 
 def _require_space(outputs: Iterable[Output]) -> None:
     needed: dict[int, int] = {}
     for output in outputs:
-        position = _nearest_folder(output.path.parent)
-        device = position.stat().st_dev
+        existing = _nearest_folder(output.path.parent)
+        device = existing.stat().st_dev
         needed[device] = needed.get(device, SPARE_BYTES) + output.size_bytes
-        disk = shutil.disk_usage(position)
+        disk = shutil.disk_usage(existing)
         if disk.total and disk.free < needed[device]:
             raise InputError(
-                f"{output.path}: {position} has {disk.free / 1e6:.3g} MB left, "
+                f"{output.path}: {existing} has {disk.free / 1e6:.3g} MB left, "
                 f"{needed[device] / 1e6:.3g} MB are needed"
             )

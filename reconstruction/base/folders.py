@@ -14,14 +14,13 @@ from .errors import InputError
 from .files import Output, remove_unfinished, require_folder, require_outputs
 
 LOCK = ".lock"
-"""Name of a folder's lock file; of what takes the place of another folder when it is whole, the
-lock file lies beside it."""
+"""Name of a folder's lock file. If the folder is replaced as a whole, the lock lies beside it."""
 
 _CONTENT = re.compile(rb"(\d+ .*\n?)?")
-"""What a lock file holds: nothing, or process and machine."""
+"""Content of a lock file: nothing, or process and machine."""
 _MAX_BYTES = 300
 _held: set[tuple[int, Path]] = set()
-"""Threads of this process and the lock files that they hold."""
+"""Threads of this process, and the lock files that they hold."""
 
 
 @contextmanager
@@ -32,10 +31,10 @@ def output_folder(
     *,
     overwrite: bool = False,
 ) -> Iterator[None]:
-    """Hold a folder as `locked_folder`, ready for these outputs of a command.
+    """Lock a folder as `locked_folder` does, ready for these outputs of a command.
 
-    What a killed run of the command had not finished writing is removed. Raises InputError as
-    `locked_folder` and `require_outputs`.
+    Files that a killed run left unfinished are removed. Raises InputError as `locked_folder` and
+    `require_outputs`.
     """
     files = list(outputs)
     with locked_folder(folder):
@@ -46,12 +45,12 @@ def output_folder(
 
 @contextmanager
 def locked_folder(folder: str | Path) -> Iterator[None]:
-    """Hold a folder for this thread alone, and make it if it is missing.
+    """Lock a folder for this thread, and create it if it is missing.
 
-    What writes a folder holds it, whoever calls it: the thread may hold it already. In the end a
-    folder that was made and is still empty is removed.
+    Every function that writes a folder locks it; the thread may hold the lock already. A folder
+    that was created and is still empty at the end is removed.
 
-    Raises InputError as `locked`, and where the folder cannot be made or written into.
+    Raises InputError as `locked`, and if the folder cannot be created or written.
     """
     folder = Path(folder)
     require_folder(folder)
@@ -68,22 +67,19 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
 
 @contextmanager
 def locked_name(output: Path) -> Iterator[None]:
-    """Hold the name of what is written elsewhere and takes this name when it is whole.
-
-    Raises InputError as `locked`.
-    """
+    """Lock the name of an output that is written elsewhere and renamed once it is complete."""
     with locked(output, output.with_name(f".{output.name}{LOCK}")):
         yield
 
 
 @contextmanager
 def locked(held: Path, lock: Path) -> Iterator[None]:
-    """Hold a lock file that tells process and machine; the system lets go of it if that dies.
+    """Hold a lock file that states process and machine; the system releases it if that dies.
 
-    It is removed in the end, unless the thread has held it before.
+    It is removed at the end, unless the thread has held it before.
 
-    Raises InputError where another process or thread holds it, and where something else has its
-    name; OSError where it cannot be made, and where the file system has no such locks.
+    Raises InputError if another process or thread holds it, or something else has its name; OSError
+    if it cannot be created, or the file system has no such locks.
     """
     key = get_ident(), lock.absolute()
     if key in _held:
@@ -105,10 +101,7 @@ def locked(held: Path, lock: Path) -> Iterator[None]:
 
 
 def holder(lock: Path) -> str | None:
-    """Process and machine that hold a lock file; None where none does, or it was killed.
-
-    Raises InputError where something else has its name.
-    """
+    """Process and machine that hold a lock file; None if none does, or it was killed."""
     try:
         file = _opened(lock, os.O_RDONLY)
     except FileNotFoundError:
@@ -123,7 +116,7 @@ def holder(lock: Path) -> str | None:
 
 
 def _taken(held: Path, lock: Path) -> tuple[int, bool]:
-    """Descriptor of a lock file that is held, and whether a process like this one made it."""
+    """Descriptor of a locked file, and whether a process like this one created it."""
     while True:
         made = not lock.exists()
         file = _opened(lock, os.O_RDWR | os.O_CREAT)
@@ -134,7 +127,7 @@ def _taken(held: Path, lock: Path) -> tuple[int, bool]:
         except BaseException:
             os.close(file)
             raise
-        os.close(file)  # who held it has removed it since
+        os.close(file)  # its holder has removed it since
 
 
 def _acquire(file: int, held: Path, lock: Path) -> None:
@@ -150,10 +143,10 @@ def _acquire(file: int, held: Path, lock: Path) -> None:
 
 
 def _opened(lock: Path, flags: int) -> int:
-    """Descriptor of a regular file, never of one behind a link."""
+    """Descriptor of a regular file, not followed through a link."""
     if lock.is_symlink():
-        raise InputError(f"{lock} is a link; a lock is none")
-    # What became a link since is an OSError; a pipe would be waited for.
+        raise InputError(f"{lock} is a link; a lock file must not be one")
+    # A new link is an OSError; opening a pipe would block.
     file = os.open(lock, flags | os.O_NOFOLLOW | os.O_NONBLOCK, 0o644)
     if not stat.S_ISREG(os.fstat(file).st_mode):
         os.close(file)

@@ -1,4 +1,4 @@
-"""Layers of small networks, evaluated as products of matrices, and files of their weights."""
+"""Layers of small networks, evaluated as matrix products, and files of their weights."""
 
 import zipfile
 from collections.abc import Mapping
@@ -14,10 +14,7 @@ Channels = NDArray[np.float32]
 
 
 class Layers:
-    """Convolutions by their names, of weights ``<name>.weight`` and ``<name>.bias``.
-
-    Of 3 x 3 pixels, with zeros around the maps, or of each pixel by itself.
-    """
+    """3 x 3 (zero-padded) and 1 x 1 convolutions, from ``<name>.weight`` and ``<name>.bias``."""
 
     def __init__(self, weights: Mapping[str, NDArray[Any]]) -> None:
         self._layers = {
@@ -32,27 +29,21 @@ class Layers:
     def __call__(
         self, name: str, channels: Channels, constants: Channels | None = None
     ) -> Channels:
-        """A convolution (D, H, W) of channels (C, H, W), behind which are ``constants`` (N,).
-
-        These are maps of one value each: together they are one of ones.
-        """
+        """Convolution (D, H, W) of channels (C, H, W) and constant maps ``constants`` (N,)."""
         weight, bias = self._layers[name]  # (down, D, along, C + N)
         count, height, width = channels.shape
         down, out, along, _ = weight.shape
         if constants is not None:
-            reported = weight[..., count:] @ constants
-            weight = np.concatenate([weight[..., :count], reported[..., None]], axis=-1)
+            summed = weight[..., count:] @ constants
+            weight = np.concatenate([weight[..., :count], summed[..., None]], axis=-1)
         if down == 1:
             result = weight.reshape(out, -1) @ channels.reshape(count, -1)
             return result.reshape(out, height, width) + bias
-        # Shifts along the rows are columns of one product, and down the columns its slices.
+        # Shifts along rows are columns of one product; shifts down are its slices.
         shifted = np.zeros((along, weight.shape[-1], height + 2, width), np.float32)
         own = shifted[:, :count, 1:-1]
-        own[0, :, :, 1:], own[1], own[2, :, :, :-1] = (
-            channels[..., :-1],
-            channels,
-            channels[..., 1:],
-        )
+        own[0, :, :, 1:], own[1] = channels[..., :-1], channels
+        own[2, :, :, :-1] = channels[..., 1:]
         if constants is not None:
             ones = shifted[:, count, 1:-1]
             ones[0, :, 1:], ones[1], ones[2, :, :-1] = 1, 1, 1
@@ -64,7 +55,7 @@ class Layers:
         return np.asarray(result)
 
     def changed(self, name: str, channels: Channels, blocks: int) -> Channels:
-        """With what pairs of convolutions ``<name>.0`` and so on add to it, block by block."""
+        """Residual blocks of two convolutions each, ``<name>.0`` and so on."""
         for number in range(0, 2 * blocks, 2):
             change = positive(self(f"{name}.{number}", channels))
             channels = channels + self(f"{name}.{number + 1}", change)
@@ -74,30 +65,27 @@ class Layers:
 def load_weights(
     file: Path, version: int, axes: Mapping[str, int]
 ) -> dict[str, NDArray[np.floating[Any]]]:
-    """Arrays of a file by their names, each along as many axes.
-
-    InputError where it holds no such weights, or those of another version.
-    """
+    """Arrays of a file by name, each with its number of ``axes``; InputError if they do not fit."""
     try:
-        with np.load(file, allow_pickle=False) as reported:
-            weights = dict(reported)
+        with np.load(file, allow_pickle=False) as archive:
+            weights = dict(archive)
     except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"{file} holds no weights of a network: {error}") from None
-    result = weights.pop("version", None)
-    if result is None or result != version:
-        raise InputError(f"{file}: version of the weights = {result}, must be {version}")
+        raise InputError(f"{file} contains no network weights: {error}") from None
+    stored = weights.pop("version", None)
+    if stored is None or stored != version:
+        raise InputError(f"{file}: version of the weights = {stored}, must be {version}")
     missing = [name for name in axes if name not in weights]
     if missing:
-        raise InputError(f"{file}: weights without {', '.join(missing)}")
+        raise InputError(f"{file}: missing weights {', '.join(missing)}")
     for name, count in axes.items():
         values = weights[name]
         if values.dtype.kind != "f" or values.ndim != count or not np.isfinite(values).all():
-            raise InputError(f"{file}: {name} must be finite numbers along {count} axes")
+            raise InputError(f"{file}: {name} must be finite numbers with {count} axes")
     return weights
 
 
 def axes_of(layers: tuple[str, ...]) -> dict[str, int]:
-    """Of weights and biases of layers."""
+    """Numbers of axes of the weights and biases of layers."""
     return {f"{layer}.weight": 4 for layer in layers} | {f"{layer}.bias": 1 for layer in layers}
 
 
@@ -111,7 +99,7 @@ def filled(maps: Channels, multiple: int) -> Channels:
 
 
 def positive(channels: Channels) -> Channels:
-    """Rectified, in its place."""
+    """Rectified channels, in place."""
     return np.maximum(channels, 0, out=channels)
 
 

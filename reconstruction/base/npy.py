@@ -1,4 +1,4 @@
-"""NPY files, whose headers are not believed."""
+"""NPY files from untrusted sources."""
 
 import math
 from collections.abc import Callable
@@ -16,50 +16,46 @@ _HEADERS: dict[tuple[int, int], Callable[..., tuple[tuple[int, ...], bool, np.dt
 
 
 class Header(NamedTuple):
-    """What an NPY file tells of its array."""
+    """Shape and type stated by an NPY file."""
 
     shape: tuple[int, ...]
     dtype: np.dtype[Any]
 
     @property
     def numbers(self) -> int:
-        """How many there are."""
+        """Number of entries."""
         return math.prod(self.shape)
 
 
 REAL, COMPLEX = "fiub", "fiubc"
-"""Kinds of numbers that are wanted."""
+"""Accepted kinds of numbers."""
 
 
 def read_header(file: IO[bytes], kinds: str = REAL) -> Header:
-    """Header of an open NPY file of numbers of these kinds; InputError for anything else."""
+    """Header of an open NPY file of these kinds of numbers; InputError for anything else."""
     start = file.tell()
     try:
         shape, _, dtype = _HEADERS[np.lib.format.read_magic(file)](file)
-    except Exception as error:  # the header is a text that NumPy parses
+    except Exception as error:  # NumPy parses the header as text
         raise InputError("not a readable NPY file: it has no valid header") from error
     file.seek(start)
     if dtype.kind not in kinds:
         wanted = "real numbers" if kinds == REAL else "numbers"
-        raise InputError(f"should hold {wanted}; found {dtype}")
+        raise InputError(f"must contain {wanted}, got {dtype}")
     if min(shape, default=0) < 0:
-        raise InputError(f"not a readable NPY file: its header tells of the shape {shape}")
+        raise InputError(f"not a readable NPY file: its header states the shape {shape}")
     return Header(shape, dtype)
 
 
 def read_npy(file: IO[bytes], max_bytes: int, kinds: str = REAL) -> NDArray[Any]:
-    """Array of numbers of these kinds from an open NPY file that can hold so many bytes.
-
-    Raises InputError for anything else, and where the header tells of more.
-    """
+    """Array from an open NPY file of these kinds of numbers; InputError for anything else."""
     header = read_header(file, kinds)
     size = header.numbers * header.dtype.itemsize
     if size > max_bytes:
         raise InputError(
-            f"not a readable NPY file: its header tells of {size} bytes, where at most "
-            f"{max_bytes} can be"
+            f"not a readable NPY file: its header states {size} bytes of at most {max_bytes}"
         )
     try:
         return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
-    except Exception as error:  # of a packed file: whatever its unpacking raises
+    except Exception as error:  # whatever unpacking raises
         raise InputError(f"not a readable NPY file ({error})") from error

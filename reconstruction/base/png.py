@@ -1,4 +1,4 @@
-"""PNG files (ISO/IEC 15948) of colours and of 16-bit grey, without a library of pictures."""
+"""PNG files (ISO/IEC 15948) of colours and of 16-bit grey, without an image library."""
 
 import struct
 import zlib
@@ -7,14 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 UP = 2
-"""Filter of a row: what it differs by from the one above, which is nothing in enlarged pixels."""
+"""Filter of a row: its difference from the row above, which is zero in enlarged pixels."""
 
 
 def png(values: NDArray[np.uint8] | NDArray[np.uint16], software: str) -> bytes:
-    """The file of a picture: colours (H, W, 3) of 8 bits, or grey levels (H, W) of 16 bits.
-
-    ``software`` tells in it who made it.
-    """
+    """PNG file of colours (H, W, 3) of 8 bits or grey levels (H, W) of 16 bits, by ``software``."""
     height, width = values.shape[:2]
     depth, colour_type = (8, 2) if values.ndim == 3 else (16, 0)
     rows = values.astype(values.dtype.newbyteorder(">")).view(np.uint8).reshape(height, -1)

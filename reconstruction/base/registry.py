@@ -1,9 +1,9 @@
-"""Things by name: those of a folder here, and those that other packages add.
+"""Registries of entries by name, extensible by other packages.
 
-Entries are the modules of a package, by their file names (`zero_filled.py` is "zero-filled"), each
-of which holds its entry under the registry's ``attribute``; folders, and modules whose names begin
-with an underscore, are none. Other packages add theirs as entry points of the registry's ``group``:
-each names an entry itself (``package.module:OBJECT``), or a package of such modules (``package``).
+Entries are the modules of a package, named after their files (`zero_filled.py` is "zero-filled"),
+each with its entry in the registry's ``attribute``; folders, and modules whose names begin with an
+underscore, are none. Other packages add theirs as entry points of the registry's ``group``: each
+names an entry itself (``package.module:OBJECT``), or a package of such modules (``package``).
 """
 
 import sys
@@ -21,20 +21,20 @@ Entry = TypeVar("Entry")
 
 
 class _Source(NamedTuple):
-    """Where an entry comes from, in words, and how to load it."""
+    """Origin of an entry in words, and how to load it."""
 
     owner: str
     load: Callable[[], Any]
 
 
 class Registry(Mapping[str, Entry], Generic[Entry]):
-    """Entries of one ``kind``, as "image method", by name; imported when first asked for.
+    """Entries of one ``kind``, such as "image method", by name; imported when first requested.
 
-    ``package`` holds the registry's own entries, if it has any; ``hint`` says what to do where
-    there is no entry at all.
+    ``package`` contains the registry's own entries, if any; ``hint`` is advice for an empty
+    registry.
 
-    Raises InputError for an unknown name, with the nearest one, for one that several packages
-    register, and where another package's entry cannot be loaded.
+    Raises InputError for an unknown name, with the nearest one, for a name that several packages
+    register, and if another package's entry cannot be loaded.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         self._loaded: dict[str, Entry] = {}
 
     def __getitem__(self, name: str) -> Entry:
-        """The entry of this name."""
+        """Entry of this name."""
         if name not in self._loaded:
             self._loaded[name] = self._load(name)
         return self._loaded[name]
@@ -58,7 +58,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return iter(self._sources)
 
     def loadable(self) -> Iterator[tuple[str, Entry]]:
-        """Names and entries; those of other packages that cannot be used are warned of."""
+        """Names and entries, with a warning for each foreign entry that cannot be used."""
         for name in self:
             try:
                 yield name, self[name]
@@ -70,12 +70,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return len(self._sources)
 
     def __contains__(self, name: object) -> bool:
-        """Whether there is an entry of this name; it is not loaded."""
+        """Whether an entry of this name exists; it is not loaded."""
         return name in self._sources
 
     @cached_property
     def _sources(self) -> dict[str, list[_Source]]:
-        """Where entries come from, by name: the registry's own package, packages, single ones."""
+        """Sources by name: the registry's own package, other packages, single entries."""
         points = sorted(
             _entry_points(tuple(sys.path)).select(group=self.group), key=lambda each: each.name
         )
@@ -91,7 +91,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return sources
 
     def _modules(self, package: str, owner: str) -> dict[str, list[_Source]]:
-        """Of the modules of a package; a foreign one that cannot be imported is warned of."""
+        """Sources of a package's modules, with a warning if a foreign one cannot be imported."""
         try:
             home = import_module(package)
         except Exception as error:
@@ -124,11 +124,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
                 "rename theirs"
             )
         (source,) = sources
-        if source.owner == self._package:  # a fault of our own is no matter of input
+        if source.owner == self._package:  # our own faults are not input errors
             return cast(Entry, source.load())
         try:
             return cast(Entry, source.load())
-        except Exception as error:  # whatever another package does when it is imported
+        except Exception as error:  # whatever importing another package raises
             raise InputError(
                 f"{self.kind} {name!r} of {source.owner} cannot be loaded: "
                 f"{type(error).__name__}: {error}"
@@ -137,10 +137,10 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
 @lru_cache(maxsize=1)
 def _entry_points(path: tuple[str, ...]) -> Any:
-    """Those of all packages on the ``path``, which takes a while to search."""
+    """Entry points of all packages on the ``path``, cached because the search is slow."""
     return entry_points()
 
 
 def _owner(point: EntryPoint) -> str:
-    """Name of the distribution that has an entry point."""
+    """Name of the distribution of an entry point."""
     return "an unnamed package" if point.dist is None else point.dist.name

@@ -1,4 +1,4 @@
-"""Words of strangers, shown so that they can do nothing."""
+"""Untrusted text, made safe to display."""
 
 import codecs
 import json
@@ -10,47 +10,32 @@ from contextlib import suppress
 from io import TextIOWrapper
 from typing import Any
 
-#: Control characters but tabs and line breaks, turns of the writing's direction, halves of others.
+#: Control characters but tab and line feed, direction overrides, surrogates.
 _STEERING = re.compile(
     "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff\ud800-\udfff]"
 )
 
-#: Of a message: letters of a word without spaces, as names and values may be, and of all of it.
+#: Limits of a message: letters of a word, which may be any name or value, and in total.
 MAX_LETTERS, MAX_CHARACTERS = 400, 4000
 
-#: How characters that this software writes are told where there is nothing but ASCII.
-_PLAIN = {
-    "×": "x",
-    "·": "*",
-    "–": "-",
-    "−": "-",
-    "⁻": "^-",
-    "√": "sqrt ",
-    "≤": "<=",
-    "≥": ">=",
-    "°": " deg",
-    "’": "'",
-    "µ": "u",
-    "α": "alpha",
-    "σ": "sigma",
-    "ρ": "rho",
-    "λ": "lambda",
-}
+#: ASCII substitutes for characters that this software writes.
+_PLAIN = {"×": "x", "·": "*", "–": "-", "−": "-", "⁻": "^-", "√": "sqrt ", "≤": "<=", "≥": ">="}
+_PLAIN |= {"°": " deg", "’": "'", "µ": "u", "α": "alpha", "σ": "sigma", "ρ": "rho", "λ": "lambda"}
 
 
 def printable(text: str) -> str:
-    """Text in which whatever could steer a terminal, or turn its writing, is shown as an escape."""
+    """Text with escapes in place of characters that could control a terminal or its direction."""
     return _STEERING.sub(_escape, text)
 
 
 def shortened(text: str) -> str:
-    """A message whose words, and all of it, are short enough to be read: the middle is left out."""
+    """Message whose words and total length are limited, with the middle left out."""
     words = re.sub(rf"\S{{{MAX_LETTERS + 1},}}", lambda word: _ends(word[0], MAX_LETTERS), text)
     return _ends(words, MAX_CHARACTERS)
 
 
 def _ends(text: str, maximum: int) -> str:
-    """The beginning and the end of what is too long."""
+    """Beginning and end of a text that is too long."""
     return text if len(text) <= maximum else f"{text[: maximum // 2]}…{text[-maximum // 4 :]}"
 
 
@@ -60,23 +45,20 @@ def _escape(match: re.Match[str]) -> str:
 
 
 def json_line(report: Any) -> str:
-    """One JSON object in ASCII, so that it passes every terminal. Raises ValueError for NaN."""
+    """JSON object in ASCII, which every terminal can display. Raises ValueError for NaN."""
     return json.dumps(report, allow_nan=False).replace("\x7f", r"\u007f")
 
 
 def write_anything() -> None:
-    """Let stdout and stderr of this process take all text, whatever their encoding has."""
-    codecs.register_error("told plainly", _in_ascii)
+    """Let stdout and stderr of this process accept all text, whatever their encoding."""
+    codecs.register_error("ascii substitutes", _in_ascii)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):
-            stream.reconfigure(errors="told plainly")
+            stream.reconfigure(errors="ascii substitutes")
 
 
 def flush_output() -> None:
-    """Hand on what was printed, or raise OSError: nobody reads it, or its disk is full.
-
-    What is left is dropped then, so that the end of the program does not try again.
-    """
+    """Flush stdout; if nobody reads it or its disk is full, drop the rest and raise OSError."""
     if sys.stdout is None:
         return
     try:
@@ -88,7 +70,7 @@ def flush_output() -> None:
 
 
 def _in_ascii(error: UnicodeError) -> tuple[str, int]:
-    """An error handler of codecs: what an encoding lacks, in ASCII."""
+    """Codec error handler: ASCII in place of what an encoding lacks."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     lacking = error.object[error.start : error.end]

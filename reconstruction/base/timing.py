@@ -1,4 +1,4 @@
-"""How long things take."""
+"""Timing of steps."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from time import perf_counter
 
 @contextmanager
 def timed(seconds: dict[str, float], step: str) -> Iterator[None]:
-    """Note how long a step takes."""
+    """Record how long a step takes."""
     started = perf_counter()
     yield
     seconds[step] = perf_counter() - started

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.arrays import Floats
+from ..base.display import draw_map, drawing, figure, html_summary, panels, picture, text_summary
 from ..base.errors import InputError
-from ..base.notebook import displayed, drawing, figure, picture, reported
-from ..base.plotting import draw_map, panels
 from ..operators import PatternPlan
 from .buckets import Buckets
 from .pattern_taps import PatternTaps
@@ -163,7 +162,7 @@ class Setup:
     later_plans: tuple[PatternPlan, ...] = ()
 
     def __repr__(self) -> str:
-        return reported("Setup", self.facts)
+        return text_summary("Setup", self.facts)
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -215,7 +214,7 @@ class Frames:
         facts: dict[str, Any] = {"first": self.first, "frames": len(self)}
         if self.spots is not None:
             facts["ranging"] = self.spots.summary
-        return reported("Frames", facts | {"exposures": self.buckets.counts.shape[1]})
+        return text_summary("Frames", facts | {"exposures": self.buckets.counts.shape[1]})
 
     def __len__(self) -> int:
         """Number of frames."""
@@ -281,7 +280,7 @@ class Capture:
         return int(self.buckets.counts.shape[0])
 
     def __repr__(self) -> str:
-        return reported("Capture", self._facts)
+        return text_summary("Capture", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:
@@ -302,7 +301,7 @@ class Capture:
         pictures = [figure(lines, f"readings of frame 0, {low:.4g} to {high:.4g} counts")]
         if self.truth is not None:
             pictures.append(picture(self.truth.image[0], "true image", "electrons"))
-        return displayed("Capture", self._facts, pictures)
+        return html_summary("Capture", self._facts, pictures)
 
     def plot(self, frame: int = 0) -> Any:
         """Draw a frame's readings and, where they are known, its true image and depth.

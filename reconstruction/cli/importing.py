@@ -35,7 +35,7 @@ from ..capture.importers import (
     readings_of,
 )
 from ..diagnostics import capture_warnings
-from ..image import UNLIT, Candidate, dark_estimate, recognise
+from ..image import WITHOUT_DARK, Candidate, dark_estimate, recognise
 from ..operators import ORDERS, POLARITIES, PatternPlan, decoder_for, make_plan, transposed
 from . import taps
 from .numbers import band, number, shape
@@ -318,11 +318,11 @@ def _with_dark(
     """Readings and plan, with a dark exposure in the end where one is told and not recorded."""
     if options.dark is None:
         return readings, plan
-    level = plan.patterns.level
-    assert level is not None
-    dark = (plan.index == level) & (plan.polarity == -1)
+    dc_row = plan.patterns.dc_row
+    assert dc_row is not None
+    dark = (plan.index == dc_row) & (plan.polarity == -1)
     if not dark.any():
-        index, sign = np.append(plan.index, level), np.append(plan.polarity, -1)
+        index, sign = np.append(plan.index, dc_row), np.append(plan.polarity, -1)
         plan = PatternPlan(plan.shape, index, sign, plan.order, plan.patterns)
     counts = readings_of(readings, plan.exposures - 1)
     return np.column_stack([counts, np.full(len(counts), options.dark)]), plan
@@ -344,7 +344,7 @@ def _recognised(
             print(printable(_reported(candidate)), file=sys.stderr if options.json else sys.stdout)
     if probability < SURE:
         print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
-    if layout.polarity == UNLIT:
+    if layout.polarity == WITHOUT_DARK:
         dark = dark_estimate(layout.plan, trusted[0])
         hint = f"; these readings suggest about {dark:.4g}" if np.isfinite(dark) else ""
         raise InputError(

@@ -1,10 +1,9 @@
-"""From image, ranges and readings to depth maps: methods, rays, point clouds."""
+"""From image, ranges and readings to depth maps: methods, rays and point clouds."""
 
 from .method import MAX_RANGE_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
 from .obstacle import DISTANCES_M, MIN_FREE, Corridor, check_min_free, nearest_obstacle_m
-from .pointcloud import point_cloud_ply
-from .rays import pixel_of, pixel_rays, range_over_depth
+from .pixels import pixel_of, pixel_rays, point_cloud_ply, range_over_depth
 
 __all__ = [
     "DEPTH_METHODS",

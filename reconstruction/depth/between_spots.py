@@ -1,4 +1,4 @@
-"""Depth methods that know the valid spots alone, and nothing of the image."""
+"""Depth methods that use the valid spots alone, not the image."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,22 +7,18 @@ import numpy as np
 
 from ..base.arrays import Floats
 from .method import Context, DepthEstimate, DepthSolver, Need, View
-from .rays import pixel_of, range_over_depth, squared_distances
+from .pixels import pixel_of, range_over_depth, squared_distances
 
 
 @dataclass(frozen=True)
 class BetweenSpots:
-    """Ranges by how far each pixel is from the valid spots.
-
-    ``between`` makes ranges (H, W) of squared distances (H, W, K) in pixels and ranges (K,).
-    """
+    """Ranges (H, W) by ``between``, from squared distances (H, W, K) in pixels and ranges (K,)."""
 
     title: str
     between: Callable[[Floats, Floats], Floats]
     needs: tuple[Need, ...] = ("optics", "spots")
 
     def compile(self, context: Context) -> DepthSolver:
-        """Solver of one recording's frames."""
         setup = context.setup
         assert setup.optics is not None
         assert setup.spots is not None
@@ -39,7 +35,7 @@ class BetweenSpots:
         return solve
 
     def ranges(self, shape: tuple[int, int], anchors: Floats, range_m: Floats) -> Floats | None:
-        """Range in each pixel, (H, W), of the valid anchors (K, 2). None without one."""
+        """Range in each pixel, (H, W), from the valid anchors (K, 2); None without one."""
         usable = np.isfinite(range_m) & (range_m > 0)
         if not usable.any():
             return None

@@ -1,30 +1,66 @@
-"""A depth map from an image and four ranges, by brightness and kriging.
+"""Depth map from an image and a few ranges, by brightness and kriging.
 
-The light that returns from a surface of reflectance rho under the incidence angle theta at depth z
-is proportional to rho cos(theta) / z^2, so log z = (log(rho cos theta) - log I) / 2 + constant.
-Brightness tells depth as far as reflectance does not vary: the linear minimum-mean-square-error
-estimate follows -log(I)/2 by the share that depth has in the variance of log I. How much depths
-vary in a view is told by those of its anchors: where all are alike, it is the reflectance that
-varies. What is left is interpolated between the anchors by ordinary kriging, with a covariance that
-falls off with distance in the image and with difference in brightness, so that it does not cross
-edges. Its variance is that of the estimate (N. Cressie, Statistics for Spatial Data, 1993, ch. 3).
+The light that returns from a surface of reflectance rho at incidence angle theta and depth z is
+proportional to rho cos(theta) / z^2, so log z = (log(rho cos theta) - log I) / 2 + constant.
+Brightness determines depth as far as reflectance is constant: the linear minimum-mean-square-error
+estimate follows -log(I)/2 by the fraction of the variance of log I that is due to depth. The
+anchors show how much depth varies in a view: if their depths are equal, it is the reflectance that
+varies. The residual is interpolated between the anchors by ordinary kriging, with a covariance that
+decays with distance in the image and with difference in brightness, so that it does not cross
+edges. The kriging variance is that of the estimate (N. Cressie, Statistics for Spatial Data, 1993,
+ch. 3).
 
 The constants are those of an `AnchoredPrior`. The obliquity of the field, 1.5 % at 10 degrees, is
-left out.
+neglected.
 """
 
+import json
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
 from ..base.arrays import Floats, Mask
-from .anchored_prior import AnchoredPrior
 from .method import DepthEstimate
-from .neighbours import around, between
+from .pixels import around, between
 
 BRIGHT = 90
-"""Percentile of bright pixels."""
+"""Percentile that represents bright pixels."""
+FITTED = Path(__file__).with_name("anchored_prior.json")
+
+
+@dataclass(frozen=True)
+class AnchoredPrior:
+    """Constants of the depth map, fitted by `tools/anchored_prior.py`.
+
+    ``log_depth_sigma``: prior spread of ln depth within a view, which counts as one anchor.
+    ``log_reflectance_sigma``: spread of ln(rho cos theta). ``correlation_length``: in the image,
+    relative to its longer side. ``similarity``: difference of ln I that decorrelates two pixels.
+    ``nugget``: fraction of the variance that is uncorrelated between pixels. ``min_brightness``:
+    lower limit of brightness, relative to the 90th percentile. ``uncertain``: relative sigma above
+    which a range does not bound the map. ``max_nearer``: factor by which the map may be nearer than
+    the nearest anchor; it is never beyond the farthest, since what is bright must be near, but what
+    is dark may just be dark. ``sigma_factor``: factor of the reported over the kriging sigma.
+    """
+
+    log_depth_sigma: float
+    log_reflectance_sigma: float
+    correlation_length: float
+    similarity: float
+    nugget: float
+    min_brightness: float
+    uncertain: float
+    max_nearer: float
+    sigma_factor: float
+
+
+@cache
+def fitted_prior() -> AnchoredPrior:
+    """Constants fitted to synthetic scenes."""
+    return AnchoredPrior(**json.loads(FITTED.read_text())["prior"])
 
 
 def anchored_depth(
@@ -32,9 +68,9 @@ def anchored_depth(
 ) -> DepthEstimate | None:
     """Depth map in metres from an image (H, W) and depths (K,) at pixels (K, 2).
 
-    ``anchors`` are fractional rows and columns, ``sigma_m`` (K,) the depths' standard deviations;
-    depths that are not finite are ignored, and those that are uncertain count as little as they
-    tell. None if there is none left or the image is dark.
+    ``anchors`` are fractional rows and columns, ``sigma_m`` (K,) the standard deviations of the
+    depths. Depths that are not finite are ignored, and uncertain ones count less. None without any
+    depth, or if the image is dark.
     """
     reference = float(np.percentile(image, BRIGHT))
     if reference <= 0:
@@ -43,10 +79,7 @@ def anchored_depth(
 
 
 class AnchoredImage:
-    """An image (H, W) whose bright pixels are as bright as a ``reference`` above 0.
-
-    With ``anchors`` at pixels (K, 2), of which the depths may be told more than once.
-    """
+    """Image (H, W) of bright pixels at ``reference`` > 0, with ``anchors`` (K, 2) of any depths."""
 
     def __init__(
         self, image: Floats, reference: float, anchors: Floats, prior: AnchoredPrior
@@ -71,12 +104,12 @@ class AnchoredImage:
         )
 
     def __call__(self, depth_m: Floats, sigma_m: Floats) -> DepthEstimate | None:
-        """The map of these depths (K,), None where there are none."""
+        """Map from these depths (K,), None without any."""
         result = self.log_depth(depth_m, sigma_m)
         return None if result is None else DepthEstimate(np.exp(result.mean), result.sigma())
 
     def log_depth(self, depth_m: Floats, sigma_m: Floats) -> "LogDepth | None":
-        """Its logarithm."""
+        """Logarithm of the map."""
         usable, prior = np.isfinite(depth_m) & (depth_m > 0), self._prior
         if not usable.any():
             return None
@@ -92,25 +125,21 @@ class AnchoredImage:
         weights, to_pixels = self._krige(usable, unexplained, log_sigma)
         shape = self._brightness.shape
         kriged = (residual @ weights[:-1]).reshape(shape) - fraction / 2 * self._brightness
-        # An uncertain range may be anywhere within its deviation.
+        # An uncertain range may be off by its sigma.
         log_factor = np.where(log_sigma > prior.uncertain, log_sigma, 0.0)
         nearest = (log_depth - log_factor).min() - np.log(prior.max_nearer)
         farthest = (log_depth + log_factor).max()
 
         def sigma() -> Floats:
-            reported = (weights * to_pixels).sum(axis=0).reshape(shape)
+            explained = (weights * to_pixels).sum(axis=0).reshape(shape)
             return np.asarray(
-                prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - reported)
+                prior.sigma_factor * np.sqrt((1 + prior.nugget) * unexplained - explained)
             )
 
         return LogDepth(np.clip(kriged, nearest, farthest), sigma)
 
     def _krige(self, usable: Mask, variance: float, sigma: Floats) -> tuple[Floats, Floats]:
-        """Ordinary kriging of n values that are known up to ``sigma``.
-
-        Weights (n + 1, N) of each for each pixel, and their covariances; the last of both is that
-        of the mean.
-        """
+        """Ordinary kriging weights (n + 1, N) of n values and a mean, and their covariances."""
         count, nugget = len(sigma), self._prior.nugget
         system = np.ones((count + 1, count + 1))  # the last row makes the weights sum to one
         of_anchors, of_pixels = self._of_anchors, self._of_pixels
@@ -125,7 +154,7 @@ class AnchoredImage:
 
 
 class LogDepth(NamedTuple):
-    """Log depth of a map (H, W), and what tells its deviation."""
+    """Log depth (H, W), and a function that computes its standard deviation."""
 
     mean: Floats
     sigma: Callable[[], Floats]

@@ -1,4 +1,4 @@
-"""What a method of making depth maps is."""
+"""Interface of depth methods."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Need = Literal["optics", "spots", "pattern_taps"]
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a depth method is compiled for: a recording, and its compiled image methods."""
+    """What a depth method is compiled for: a recording and its compiled image methods."""
 
     setup: Setup
     imaging: Imaging
@@ -25,7 +25,7 @@ class Context:
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """What is known of one frame: ``image`` (H, W), the spots' ranges if any, and the readings."""
+    """Data of one frame: ``image`` (H, W), the spots' ranges if any, and the readings."""
 
     image: Floats
     ranges: Ranges | None
@@ -33,19 +33,26 @@ class View:
 
 
 MAX_RANGE_M = 40.0
-"""What is farther than this counts as nothing: it returns too little, and can wait."""
+"""Maximum range: anything farther counts as no return."""
 
 
 @dataclass(frozen=True, eq=False)
 class DepthEstimate:
-    """A depth map and how sure of it a method is, each (H, W).
+    """Result of a depth method.
 
-    ``depth_m``: along the optical axis, nan where there is none. ``sigma``: standard deviation
-    of ln depth, at least where there is a depth, and ``no_return``: probability in each pixel that
-    there is nothing within REACH_M; both None where the method cannot tell. ``free`` (K,):
-    probability that the corridor ahead is free up to each of `DISTANCES_M`, None where it is to be
-    read off the map (see `Corridor.free`). ``note``: what the user must know of it, such as that
-    another method took over.
+    Parameters
+    ----------
+    depth_m
+        Depth (H, W) along the optical axis in metres, nan where there is none.
+    sigma
+        Standard deviation (H, W) of ln depth, at least where there is a depth; None if unknown.
+    no_return
+        Probability (H, W) that there is nothing within MAX_RANGE_M; None if unknown.
+    note
+        Message to the user, such as that another method was used instead.
+    free
+        Probability (K,) that the corridor ahead is free up to each of `DISTANCES_M`; None if it
+        follows from the map (see `Corridor.free`).
     """
 
     depth_m: NDArray[Any]
@@ -56,19 +63,16 @@ class DepthEstimate:
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]
-"""From a frame to depths; None where the frame tells nothing of them."""
+"""From a frame to a depth map, or None if the frame contains no depth information."""
 
 
 class DepthMethod(Protocol):
-    """A way from image, ranges or readings to depths; what frames share is done by `compile`."""
+    """Depth method; `compile` does the work that frames share."""
 
     title: str
-    """A few words for plots and tables."""
+    """Short label for plots and tables."""
     needs: tuple[Need, ...]
-    """What a recording must have."""
+    """Parts that a recording must have."""
 
     def compile(self, context: Context) -> DepthSolver:
-        """Solver of one recording's frames.
-
-        Raises InputError where the recording does not tell what the method needs.
-        """
+        """Create the solver of a recording's frames; InputError if the recording is unsuitable."""

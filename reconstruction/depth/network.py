@@ -1,8 +1,8 @@
-"""A small network that says how deep a view is, how sure that is, and where there is nothing.
+"""Small network that predicts depth, its uncertainty and the probability of no return.
 
-A U-net (O. Ronneberger, P. Fischer, T. Brox, MICCAI 2015) from half the resolution, the pixels of
-each square as channels, to an eighth, where its 3 x 3 pixels see a good part of the image. See
-`inputs_of` for what it is given.
+A U-net (O. Ronneberger, P. Fischer, T. Brox, MICCAI 2015) from half the resolution, with the pixels
+of each square as channels, to an eighth, where 3 x 3 pixels cover a large part of the image. See
+`inputs_of` for its input.
 """
 
 from collections.abc import Mapping
@@ -25,21 +25,21 @@ from ..base.layers import (
     squares_as_channels,
 )
 from ..capture import Optics
-from .network_input import NUMBERS, Inputs, NetworkInput, plainly
-from .rays import pixel_of
+from .network_input import NUMBERS, Inputs, NetworkInput, in_units
+from .pixels import pixel_of
 
 VERSION = 2
-"""Of weights, inputs and layers together: what `load` takes."""
+"""Version of weights, inputs and layers that `load` accepts."""
 MULTIPLE = 8
-"""Sides of what is evaluated; others are mirrored up to one."""
+"""Sides are mirrored up to multiples of this."""
 MIDDLE_BLOCKS, DEEP_BLOCKS = 1, 2
 LOG_SIGMA = -4.5, 1.0
-"""What is surer or less sure is not told apart."""
+"""Limits of the log standard deviation."""
 
 
 @dataclass(frozen=True, eq=False)
-class Told:
-    """What the network says, each (H, W): log depth, its deviation, probability of nothing."""
+class Prediction:
+    """Output of the network, each (H, W): log depth, its sigma, probability of no return."""
 
     log_depth: Floats
     sigma: Floats
@@ -47,40 +47,31 @@ class Told:
 
 
 class DepthNetwork:
-    """What `tools/depth_network.py` trained: weights by the names of its layers.
-
-    ``limits`` (2, features): the least and the most of each of the `FEATURES` that it saw;
-    ``calibration`` (1,): log of what its deviations are to be multiplied by.
-    """
+    """Network trained by `tools/depth_network.py`: weights by layer, ``limits`` (2, features)."""
 
     def __init__(self, weights: dict[str, NDArray[Any]]) -> None:
         self._limits, self._calibration = weights["limits"], float(weights["calibration"][0])
         self._layers = Layers(weights)
 
-    def __call__(self, inputs: Inputs) -> Told:
-        """What is told of a frame."""
+    def __call__(self, inputs: Inputs) -> Prediction:
+        """Prediction for one frame."""
         height, width = inputs.start.shape
         out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
         out = out[:, :height, :width].astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
         start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
-        return Told(start + out[0], np.exp(log_sigma), logistic(out[2]))
+        return Prediction(start + out[0], np.exp(log_sigma), logistic(out[2]))
 
     def out_of_distribution(self, inputs: Inputs) -> str | None:
-        """In what a frame is unlike all that the network has seen, in words; None if in nothing.
-
-        `of_view` tells what its recording is unlike in.
-        """
+        """First feature of a frame outside its training range, as a message; None if all are in."""
         return self.outside(of_frame(inputs))
 
-    def outside(self, reported: Mapping[str, float]) -> str | None:
-        """The first of some `FEATURES` that is not as they were, in words; None if all are."""
+    def outside(self, values: Mapping[str, float]) -> str | None:
+        """First of some `FEATURES` outside its training range, as a message; None if all are in."""
         for name, minimum, maximum in zip(FEATURES, *self._limits.tolist(), strict=True):
-            if name in reported and not minimum <= reported[name] <= maximum:
-                value, *limits = (
-                    plainly(name, each) for each in (reported[name], minimum, maximum)
-                )
-                return f"{name} = {value}, learned from {' to '.join(limits)}"
+            if name in values and not minimum <= values[name] <= maximum:
+                value, *limits = (in_units(name, each) for each in (values[name], minimum, maximum))
+                return f"{name} = {value}, trained for {' to '.join(limits)}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
@@ -98,7 +89,7 @@ class DepthNetwork:
 
 
 def logistic(values: Floats) -> Floats:
-    """Of log odds the probability."""
+    """Probability of log odds."""
     return 0.5 + 0.5 * np.tanh(values / 2)
 
 
@@ -107,30 +98,30 @@ FEATURES = (
     *("half width", "half height", "rows", "columns", "spread of log brightness", "steepness"),
     *("farthest spot", "spots off a line"),
 )
-"""By these a frame is like those learned from, or not."""
+"""Features that decide whether a frame is in distribution."""
 
 
-def features(displayed: NetworkInput, inputs: Inputs) -> Channels:
-    """What `FEATURES` names."""
-    rows, columns = displayed.image.shape
-    reported = of_frame(inputs) | of_view((rows, columns), displayed.optics, displayed.directions)
-    return np.array([reported[name] for name in FEATURES], np.float32)
+def features(frame: NetworkInput, inputs: Inputs) -> Channels:
+    """Values of `FEATURES`."""
+    rows, columns = frame.image.shape
+    values = of_frame(inputs) | of_view((rows, columns), frame.optics, frame.directions)
+    return np.array([values[name] for name in FEATURES], np.float32)
 
 
 def of_frame(inputs: Inputs) -> dict[str, float]:
-    """The `FEATURES` that differ from frame to frame."""
+    """The `FEATURES` that vary from frame to frame."""
     bright = inputs.maps[0]
     down, along = bright[1:] - bright[:-1], bright[:, 1:] - bright[:, :-1]
     slopes = np.mean(down**2) + np.mean(along**2)
-    reported = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
-    return reported | {
+    values = dict(zip(NUMBERS, inputs.numbers.tolist(), strict=True))
+    return values | {
         "spread of log brightness": float(bright.std()),
         "steepness": float(np.sqrt(slopes)),
     }
 
 
 def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[str, float]:
-    """The `FEATURES` of field, size of the image and places of the spots."""
+    """The `FEATURES` of field of view, image size and positions of the spots."""
     positions = 2 * (pixel_of(directions, optics, shape) + 0.5) / np.array(shape) - 1
     extent = np.linalg.svd(positions - positions.mean(axis=0), compute_uv=False)
     return {
@@ -144,7 +135,7 @@ def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[
 
 
 def load(file: Path) -> DepthNetwork:
-    """The network of a file; InputError where that holds none, or one of another version."""
+    """Network of a file; InputError if it has no weights, or those of another version."""
     return DepthNetwork(load_weights(file, VERSION, _AXES))
 
 
@@ -155,4 +146,4 @@ _AXES = {"limits": 2, "calibration": 1} | axes_of(
         *(f"{name}.{number}" for name, blocks in _PAIRS.items() for number in range(2 * blocks)),
     )
 )
-"""What a file has, and along how many axes."""
+"""Arrays of a file, and their numbers of axes."""

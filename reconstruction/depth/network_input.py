@@ -1,9 +1,9 @@
-"""What the network of depths sees of a frame: image, ranges and fog, as maps and numbers.
+"""Input of the depth network: image, ranges and fog of a frame, as maps and numbers.
 
-Physics comes in as features, not as rules. Light that returns from a surface of reflectance rho at
-the depth z is proportional to rho / z^2, so that log z = (log rho - log I) / 2 + constant: the
-constant is that of the spots, interpolated. Their laser light tells rho. Of the image the fog's
-veil is taken off as far as the fog is known.
+Physics enters as features, not as rules. The light that returns from a surface of reflectance rho
+at depth z is proportional to rho / z^2, so that log z = (log rho - log I) / 2 + constant, where the
+constant is interpolated between the spots; their laser light determines rho. The veil of the fog is
+subtracted from the image as far as the fog is known.
 """
 
 import math
@@ -16,29 +16,27 @@ import numpy as np
 from ..base.arrays import Floats, Mask
 from ..base.layers import Channels
 from ..capture import Optics
-from .anchored_prior import AnchoredPrior
-from .kriging import BRIGHT, AnchoredImage, LogDepth
-from .neighbours import wide_hats
-from .rays import pixel_of, pixel_rays, squared_distances
+from .kriging import BRIGHT, AnchoredImage, AnchoredPrior, LogDepth
+from .pixels import pixel_of, pixel_rays, squared_distances, wide_hats
 
 DARKEST = 0.01
-"""Brightness over that of the 90th percentile: what is darker is not told apart."""
+"""Minimum brightness, relative to the 90th percentile."""
 USUAL_M = 5.0
-"""Depth in the middle of what is seen where no spot tells one."""
+"""Mean depth if no spot has a range."""
 NARROW = 0.1
-"""Standard deviation of a spot's neighbourhood, over the image's longer side."""
+"""Standard deviation of a spot's neighbourhood, relative to the image's longer side."""
 SOFTENING = 0.02
-"""Of inverse squared distances, over that side squared."""
+"""Offset of squared distances in inverse squares, relative to that side squared."""
 SURE = 0.1
-"""A range of this relative deviation counts half."""
+"""Relative sigma at which a range counts half."""
 VEIL_FROM_M = 0.4
-"""Range from which the detector sees the fog that the projector lights."""
+"""Range from which the detector sees fog lit by the projector."""
 BRIGHTEST = 10.0
-"""Veil over bright pixels: what is brighter is not told apart."""
+"""Maximum veil, relative to bright pixels."""
 DARKEST_OF_ALL, DARK = 1, 5
 """Percentiles of dark pixels."""
 MAX_VEIL = 0.95
-"""Of the darkest hundredth of the pixels."""
+"""Maximum veil, relative to the darkest hundredth of the pixels."""
 TYPICAL_LOG_REFLECTANCE = -1.2
 START = AnchoredPrior(
     log_depth_sigma=0.4,
@@ -51,22 +49,23 @@ START = AnchoredPrior(
     max_nearer=1.3,
     sigma_factor=1.0,
 )
-"""Constants of the map that is corrected: part of what was learned, whatever others come to fit."""
+"""Constants of the map that the network corrects: part of the training, whatever is fitted later.
+"""
 SIGMA = 0.01, 1.0
-"""Of that map: what is surer or less sure is not told apart."""
+"""Limits of the sigma of that map."""
 CLEAR_PER_M = 1e-3
-"""Extinction below which fog is not told from clear air."""
+"""Minimum extinction; anything less is clear air."""
 
 
 class Anchors(NamedTuple):
-    """What is told of four spots, each (4,): ``log_depth`` and ``log_sigma``, nan where nothing."""
+    """Log depths of four spots: ``log_depth`` and ``log_sigma``, (4,) each, nan if unknown."""
 
     log_depth: Floats
     log_sigma: Floats
 
     @property
     def weight(self) -> Floats:
-        """How much each counts, 0 where nothing is told."""
+        """Weight of each spot, 0 if its depth is unknown."""
         finite = np.isfinite(self.log_depth) & np.isfinite(self.log_sigma)
         return np.where(finite, 1 / (1 + (np.where(finite, self.log_sigma, 1) / SURE) ** 2), 0.0)
 
@@ -76,12 +75,11 @@ class NetworkInput:
     """One frame as the network sees it.
 
     ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
-    the method that was asked for, ``fitted`` those of target and fog fitted together, and ``lost``
-    (4,) where nothing came back. ``log_reflectance`` (4,) by the laser light, nan where unknown.
-    ``noise`` is the rms noise of a reading over what readings vary by, ``fraction`` the number of
-    patterns over that of pixels, ``max_range_m`` the range from which on spots look nearer than
-    they are. ``extinction_per_m`` and ``backscatter_per_m_sr`` are those of fog, nan where not
-    known.
+    the chosen method, ``fitted`` those fitted together with the fog, ``lost`` (4,) marks spots
+    without a return. ``log_reflectance`` (4,) by the laser light, nan if unknown. ``noise`` is the
+    rms noise of a reading over the spread of the readings, ``fraction`` the number of patterns over
+    pixels, ``max_range_m`` the unambiguous range. ``extinction_per_m`` and ``backscatter_per_m_sr``
+    are those of fog, nan if unknown.
     """
 
     image: Floats
@@ -99,24 +97,24 @@ class NetworkInput:
 
     @cached_property
     def best(self) -> Anchors:
-        """Of each spot what was fitted, or else its plain range."""
+        """Fitted depth of each spot if available, else its plain one."""
         fitted = np.isfinite(self.fitted.log_depth)
         pairs = zip(self.fitted, self.plain, strict=True)
         return Anchors(*(np.where(fitted, *pair) for pair in pairs))
 
     @property
     def ranged(self) -> bool:
-        """Whether there is a range of anything; those of lost spots are but what is likely."""
+        """Whether any spot has a range; those of lost spots are only probable."""
         return bool(np.any((self.best.weight > 0) & ~self.lost))
 
     @cached_property
     def percentiles(self) -> tuple[float, float, float]:
         """Brightness of the darkest, of dark and of bright pixels."""
-        positions = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
-        below, above = np.floor(positions).astype(int), np.ceil(positions).astype(int)
+        ranks = np.array([DARKEST_OF_ALL, DARK, BRIGHT]) / 100 * (self.image.size - 1)
+        below, above = np.floor(ranks).astype(int), np.ceil(ranks).astype(int)
         ordered = np.partition(self.image, np.append(below, above), axis=None)
-        reported = ordered[below] + (positions - below) * (ordered[above] - ordered[below])
-        return float(reported[0]), float(reported[1]), float(reported[2])
+        values = ordered[below] + (ranks - below) * (ordered[above] - ordered[below])
+        return float(values[0]), float(values[1]), float(values[2])
 
     @property
     def bright(self) -> float:
@@ -124,7 +122,7 @@ class NetworkInput:
         return self.percentiles[-1]
 
     @cached_property
-    def level(self) -> float:
+    def mean_log_depth(self) -> float:
         """Mean of the spots' log depths."""
         best, weight = self.best, self.best.weight
         if not weight.any():
@@ -133,10 +131,10 @@ class NetworkInput:
 
 
 class Inputs(NamedTuple):
-    """What the network is given, ``maps`` (C, H, W) and ``numbers`` (N,), and what it corrects.
+    """Input of the network, ``maps`` (C, H, W) and ``numbers`` (N,), and the maps it corrects.
 
-    ``start`` (H, W) is log depth of the map anchored on what is known best of the spots, ``plain``
-    on their plain ranges alone: whether these are right, the network is to see.
+    ``start`` (H, W) is the log depth anchored on the best ranges of the spots, ``plain`` on their
+    plain ranges alone; the network chooses between them.
     """
 
     maps: Channels
@@ -145,62 +143,51 @@ class Inputs(NamedTuple):
     plain: Channels
 
 
-def inputs_of(displayed: NetworkInput) -> Inputs:
+def inputs_of(frame: NetworkInput) -> Inputs:
     """Maps and numbers of a frame."""
-    level, best = displayed.level, displayed.best
-    positions = positions_of(displayed)
-    measured, fitted, sure = displayed.plain.weight, displayed.fitted.weight, best.weight
+    mean, best = frame.mean_log_depth, frame.best
+    spots = spot_geometry(frame)
+    measured, fitted, sure = frame.plain.weight, frame.fitted.weight, best.weight
     log_depth = np.nan_to_num(best.log_depth)
-    in_front = veil(displayed, positions)
-    hidden = min(in_front, MAX_VEIL * displayed.percentiles[0])
+    in_front = veil(frame, spots)
+    hidden = min(in_front, MAX_VEIL * frame.percentiles[0])
     bright, unveiled = (
-        _log(displayed.image - each, displayed.bright - each) for each in (0.0, max(hidden, 0.0))
+        _log(frame.image - each, frame.bright - each) for each in (0.0, max(hidden, 0.0))
     )
-    # Log depth over the level, were all surfaces as bright as those of the spots.
+    # Log depth over its mean, if all surfaces reflected like those of the spots.
     by_bright, by_unveiled = (
-        log_depth - level + positions.around(log) / 2 for log in (bright, unveiled)
+        log_depth - mean + spots.around(log) / 2 for log in (bright, unveiled)
     )
-    reflectance = np.nan_to_num(displayed.log_reflectance - TYPICAL_LOG_REFLECTANCE)
-    finite = np.isfinite(displayed.log_reflectance) * sure
-    spread = positions.spread(
-        (log_depth - level, sure),
-        (displayed.plain.log_depth - level, measured),
-        (displayed.fitted.log_depth - level, fitted),
+    reflectance = np.nan_to_num(frame.log_reflectance - TYPICAL_LOG_REFLECTANCE)
+    finite = np.isfinite(frame.log_reflectance) * sure
+    spread = spots.spread(
+        (log_depth - mean, sure),
+        (frame.plain.log_depth - mean, measured),
+        (frame.fitted.log_depth - mean, fitted),
         (by_bright, sure),
         (by_unveiled, sure),
         (reflectance, finite),
     )
-    near = positions.summed(positions.near, np.array([measured, fitted, displayed.lost]))
-    start, unsure, plain = _anchored(displayed, positions)
+    near = spots.summed(spots.near, np.array([measured, fitted, frame.lost]))
+    start, unsure, plain = _anchored(frame, spots)
     maps = np.array(
         [
-            bright,
-            unveiled,
-            start - level,
-            unsure,
-            spread[0],
-            spread[1],
-            near[0],
-            spread[2],
-            near[1],
-            near[2],
-            spread[3] - bright / 2,
-            spread[4] - unveiled / 2,
-            spread[5],
-            4 * positions.x,
-            4 * positions.y,
-            plain - start,
+            *(bright, unveiled, start - mean, unsure, spread[0], spread[1], near[0], spread[2]),
+            *(near[1], near[2], spread[3] - bright / 2, spread[4] - unveiled / 2, spread[5]),
+            *(4 * spots.x, 4 * spots.y, plain - start),
         ],
         np.float32,
     )
-    numbers = _numbers(displayed, finite, reflectance, in_front)
+    numbers = _numbers(frame, finite, reflectance, in_front)
     return Inputs(maps, numbers, start.astype(np.float32), plain.astype(np.float32))
 
 
-class Places(NamedTuple):
-    """Where spots are: pixels (4, 2), nearness and inverse squares (4, H, W); slopes (H, W).
+class SpotGeometry(NamedTuple):
+    """Spots among the pixels of an image.
 
-    ``down`` (4, H) and ``along`` (4, W): what pixels count in the mean around each spot.
+    ``anchors`` (4, 2): their pixels; ``near`` and ``inverse`` (4, H, W): Gaussian and inverse
+    squares of distances; ``x`` and ``y`` (H, W): slopes of the rays; ``down`` (4, H) and ``along``
+    (4, W): weights of the mean around each spot.
     """
 
     anchors: Floats
@@ -216,32 +203,31 @@ class Places(NamedTuple):
         return np.asarray(((self.down @ image) * self.along).sum(axis=1))
 
     def summed(self, nearness: Floats, weights: Floats) -> Floats:
-        """Sums (n, H, W) of maps of each spot (4, H, W) by weights (n, 4)."""
+        """Sums (n, H, W) of maps (4, H, W) of the spots, weighted by (n, 4)."""
         whole = weights @ nearness.reshape(4, -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
-    def spread(self, *reported: tuple[Floats, Floats]) -> Floats:
-        """Of values and weights, (4,) each, values (n, H, W) between the spots.
-
-        They are near 0 far from all that count.
-        """
-        values, weights = np.array(reported).swapaxes(0, 1)
+    def spread(self, *pairs: tuple[Floats, Floats]) -> Floats:
+        """Interpolate pairs of values and weights, (4,) each: (n, H, W), tending to 0 far away."""
+        values, weights = np.array(pairs).swapaxes(0, 1)
         sums = np.where(weights > 0, values, 0) * weights
         both = self.summed(self.inverse, np.concatenate([sums, weights]))
-        return np.asarray(both[: len(reported)] / (both[len(reported) :] + 0.1))
+        return np.asarray(both[: len(pairs)] / (both[len(pairs) :] + 0.1))
 
 
-def positions_of(displayed: NetworkInput) -> Places:
-    """Those of a frame."""
-    return _positions(displayed.optics, displayed.image.shape, tuple(displayed.directions.flat))
+def spot_geometry(frame: NetworkInput) -> SpotGeometry:
+    """Geometry of a frame's spots."""
+    return _spot_geometry(frame.optics, frame.image.shape, tuple(frame.directions.flat))
 
 
 @lru_cache(maxsize=4)  # the same for all frames of a recording
-def _positions(optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]) -> Places:
+def _spot_geometry(
+    optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]
+) -> SpotGeometry:
     anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
     squared = np.moveaxis(squared_distances(shape, anchors), -1, 0) / max(shape) ** 2
     rays = pixel_rays(optics, shape)
-    return Places(
+    return SpotGeometry(
         anchors,
         np.exp(-squared / (2 * NARROW**2)),
         1 / (squared + SOFTENING),
@@ -252,119 +238,107 @@ def _positions(optics: Optics, shape: tuple[int, int], directions: tuple[float, 
 
 
 NUMBERS = (
-    *("level", "spread", "ranges", "lost", "deviation", "deviation fitted", "noise", "share"),
-    *("extinction", "fog known", "reach", "reflectance", "reflectance known"),
-    *("veil", "darkest"),
+    *("mean depth", "spread", "ranges", "lost", "sigma", "fitted sigma", "noise"),
+    *("patterns over pixels", "extinction", "fog known", "unambiguous range", "reflectance"),
+    *("reflectance known", "veil", "darkest"),
 )
 MAPS = 16
 _LOGARITHMS = {
-    "level": (USUAL_M, 1, " m"),
-    "deviation": (1.0, 4, ""),
-    "deviation fitted": (1.0, 4, ""),
-    "noise": (1.0, 4, ""),
-    "share": (1.0, 4, ""),
+    **dict.fromkeys(("sigma", "fitted sigma", "noise", "patterns over pixels"), (1.0, 4, "")),
+    "mean depth": (USUAL_M, 1, " m"),
     "extinction": (CLEAR_PER_M, 4, " per m"),
-    "reach": (10.0, 1, " m"),
+    "unambiguous range": (10.0, 1, " m"),
 }
-"""Of those of `NUMBERS` that are logarithms: of which multiple, by what divided, in which unit."""
+"""For those of `NUMBERS` that are logarithms: reference value, divisor and unit."""
 
 
-def _anchored(displayed: NetworkInput, positions: Places) -> tuple[Floats, Floats, Floats]:
-    """Log depth of the map anchored on the best spots, log of its deviation, both (H, W).
+def _anchored(frame: NetworkInput, spots: SpotGeometry) -> tuple[Floats, Floats, Floats]:
+    """Log depth (H, W) on the best ranges, log of its sigma, and log depth on the plain ranges."""
+    mapped = AnchoredImage(frame.image, frame.bright, spots.anchors, START)
+    nowhere = np.full(frame.image.shape, frame.mean_log_depth)
 
-    And log depth of that on the plain ones, or the best where there are none.
-    """
-    mapped = AnchoredImage(displayed.image, displayed.bright, positions.anchors, START)
-    nowhere = np.full(displayed.image.shape, displayed.level)
-
-    def of(spots: Anchors) -> LogDepth | None:
-        depth_m = np.exp(spots.log_depth)
+    def of(anchors: Anchors) -> LogDepth | None:
+        depth_m = np.exp(anchors.log_depth)
         with np.errstate(invalid="ignore"):
-            return mapped.log_depth(depth_m, spots.log_sigma * depth_m)
+            return mapped.log_depth(depth_m, anchors.log_sigma * depth_m)
 
-    best = of(displayed.best)
+    best = of(frame.best)
     if best is None:
         start, unsure = nowhere, np.zeros(nowhere.shape)
     else:
         start, unsure = best.mean, np.log(np.clip(best.sigma(), *SIGMA))
-    if not displayed.plain.weight.any():
+    if not frame.plain.weight.any():
         return start, unsure, start
-    plain = of(displayed.plain)
+    plain = of(frame.plain)
     return start, unsure, nowhere if plain is None else plain.mean
 
 
-def _numbers(
-    displayed: NetworkInput, given: Floats, reflectance: Floats, in_front: float
-) -> Channels:
-    """What is the same for all pixels: see `NUMBERS`.
-
-    The veil that the fitted fog would have, over bright pixels, beside what dark ones have: where
-    that is less, there is less fog.
-    """
-    best = displayed.best
+def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: float) -> Channels:
+    """Values of `NUMBERS`; the veil of the fitted fog is comparable with the darkness of pixels."""
+    best = frame.best
     weight = best.weight
     total = max(weight.sum(), 1e-6)
-    away = np.nan_to_num(best.log_depth - displayed.level)
-    foggy = bool(np.isfinite(displayed.extinction_per_m))
+    away = np.nan_to_num(best.log_depth - frame.mean_log_depth)
+    foggy = bool(np.isfinite(frame.extinction_per_m))
     numbers = [
-        displayed.level - np.log(USUAL_M),
+        frame.mean_log_depth - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
-        np.count_nonzero(displayed.plain.weight) / 4,
-        np.count_nonzero(displayed.lost) / 4,
-        _mean_sigma(displayed.plain),
-        _mean_sigma(displayed.fitted),
-        math.log(min(max(displayed.noise, 1e-4), 10)) / 4,
-        of_fraction(displayed.fraction),
-        np.log(max(displayed.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
+        np.count_nonzero(frame.plain.weight) / 4,
+        np.count_nonzero(frame.lost) / 4,
+        _mean_sigma(frame.plain),
+        _mean_sigma(frame.fitted),
+        math.log(min(max(frame.noise, 1e-4), 10)) / 4,
+        of_fraction(frame.fraction),
+        np.log(max(frame.extinction_per_m, CLEAR_PER_M) / CLEAR_PER_M) / 4 if foggy else 0.0,
         float(foggy),
-        math.log(min(max(displayed.max_range_m, 1), 100) / 10),
+        math.log(min(max(frame.max_range_m, 1), 100) / 10),
         given @ reflectance / max(given.sum(), 1e-6),
         given.sum() / 4,
-        math.log1p(min(max(in_front / displayed.bright, 0), BRIGHTEST)),
-        math.log1p(min(max(displayed.percentiles[1] / displayed.bright, -0.5), 1)),
+        math.log1p(min(max(in_front / frame.bright, 0), BRIGHTEST)),
+        math.log1p(min(max(frame.percentiles[1] / frame.bright, -0.5), 1)),
     ]
     return np.array(numbers, np.float32)
 
 
-def plainly(name: str, number: float) -> str:
-    """One of `NUMBERS`, or another, in the units of what it tells."""
+def in_units(name: str, number: float) -> str:
+    """One of `NUMBERS`, or another, in the unit of its quantity."""
     multiple, divided_by, unit = _LOGARITHMS.get(name, (None, 1, ""))
     value = number if multiple is None else multiple * np.exp(divided_by * number)
     return f"{value:.3g}{unit}"
 
 
 def of_fraction(fraction: float) -> float:
-    """The number "share" of patterns over pixels."""
+    """The number for patterns over pixels."""
     return float(np.log(fraction)) / 4
 
 
 def _mean_sigma(anchors: Anchors) -> float:
-    """Of the log, on a scale of some units; that of a spot without a range is 1."""
+    """Mean scaled log sigma; 1 for a spot without a range."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
     return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
 
 
-def veil(displayed: NetworkInput, positions: Places) -> float:
+def veil(frame: NetworkInput, spots: SpotGeometry) -> float:
     """Brightness of the fog in front of everything, as far as the fog is known.
 
-    A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), fog of
+    A surface of reflectance rho at z returns K rho exp(-2 alpha z) / (pi z^2), and fog of
     backscattering beta in front of it K beta times the integral of exp(-2 alpha r) / r^2 from where
-    the detector sees it; K follows from the spots, whose rho and z are known. The fog beyond a
-    surface is missing in its veil, a few per cent where that is metres away.
+    the detector sees it; K follows from the spots, whose rho and z are known. The fog behind a
+    surface is missing from its veil, a few per cent at metres of distance.
     """
-    best, weight = displayed.best, displayed.best.weight
-    usable = (weight > 0) & np.isfinite(displayed.log_reflectance)
-    if not (np.isfinite(displayed.extinction_per_m) and usable.any()):
+    best, weight = frame.best, frame.best.weight
+    usable = (weight > 0) & np.isfinite(frame.log_reflectance)
+    if not (np.isfinite(frame.extinction_per_m) and usable.any()):
         return 0.0
-    alpha, beta = displayed.extinction_per_m, displayed.backscatter_per_m_sr
-    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(displayed.log_reflectance[usable])
+    alpha, beta = frame.extinction_per_m, frame.backscatter_per_m_sr
+    depth, reflectance = np.exp(best.log_depth[usable]), np.exp(frame.log_reflectance[usable])
     returned = reflectance * np.exp(-2 * alpha * depth) / (np.pi * depth**2)
     in_fog = beta * np.exp(-2 * alpha * VEIL_FROM_M) / VEIL_FROM_M
-    seen = positions.around(displayed.image)[usable]
+    seen = spots.around(frame.image)[usable]
     scale = float(np.median(seen / (returned + in_fog)))
     return max(scale * in_fog, 0.0)
 
 
 def _log(image: Floats, bright: float) -> Floats:
-    """Log of brightness over that of bright pixels."""
+    """Log brightness relative to bright pixels."""
     return np.log(np.maximum(image, DARKEST * bright) / bright)

@@ -1,4 +1,4 @@
-"""From a frame to what the network of depths sees of it."""
+"""From a frame to the input of the depth network."""
 
 from dataclasses import dataclass, replace
 
@@ -13,23 +13,24 @@ from .method import View
 from .network_input import Anchors, NetworkInput
 
 LOST = ("no signal", "weak")
-"""Spots of which nothing came back."""
-FOG_REPORTED = 0.4
-"""Deviation of the log of backscattering below which fog is known; beforehand it is 0.6."""
+"""Statuses of spots without a return."""
+MAX_FOG_SIGMA = 0.4
+"""Maximum standard deviation of log backscattering for fog to count as known; a priori it is 0.6.
+"""
 USUAL_NOISE = 0.03
-"""Of readings whose noise is not known."""
+"""Noise of readings that do not state theirs."""
 MAX_SIGMA = 2.0
-"""Relative deviation of a range beyond which it tells nothing."""
+"""Relative sigma at which a range carries no information."""
 LOG_REFLECTANCE = -6.0, 3.0
-"""What lies beyond is not told apart."""
+"""Limits of log reflectance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Observer:
-    """What the frames of one recording share; ``fog`` is None where fog cannot be told.
+    """Data shared by the frames of a recording; ``fog`` is None if fog cannot be estimated.
 
-    ``gain`` is the amplitude of the first taps, in electrons, were all of a laser's light to come
-    back; nan where that is not known.
+    ``gain``: amplitude of the first taps, in electrons, if all of a laser's light returned; nan if
+    unknown.
     """
 
     optics: Optics
@@ -41,7 +42,7 @@ class Observer:
 
     @classmethod
     def of(cls, setup: Setup) -> "Observer":
-        """That of a recording with optics and spots."""
+        """Observer of a recording with optics and spots."""
         assert setup.optics is not None
         assert setup.spots is not None
         spots = setup.spots
@@ -56,11 +57,7 @@ class Observer:
         )
 
     def __call__(self, view: View) -> NetworkInput:
-        """What is seen of a frame that has ranges.
-
-        Of plain ranges and those of target and fog together, the ones that are not given are found
-        here.
-        """
+        """Network input for a frame with ranges; missing plain or fitted ranges are computed."""
         assert view.ranges is not None
         assert view.frame.spots is not None
         own = self.plain(view.frame.spots)
@@ -70,10 +67,10 @@ class Observer:
         else:
             plain, fitted = own, view.ranges
         fog = None if fitted is None else fitted.fog
-        if fog is None or fog.log_sigma >= FOG_REPORTED:
+        if fog is None or fog.log_sigma >= MAX_FOG_SIGMA:
             fog = FogOptics(np.nan, np.nan, np.nan)
         no_return = Anchors(np.full(4, np.nan), np.full(4, np.nan))
-        displayed = NetworkInput(
+        frame = NetworkInput(
             image=view.image,
             optics=self.optics,
             directions=self.spots.directions,
@@ -87,9 +84,7 @@ class Observer:
             extinction_per_m=fog.extinction_per_m,
             backscatter_per_m_sr=fog.backscatter_per_m_sr,
         )
-        return replace(
-            displayed, log_reflectance=self._log_reflectance(displayed, own.signal_electrons)
-        )
+        return replace(frame, log_reflectance=self._log_reflectance(frame, own.signal_electrons))
 
     def _anchors(self, ranges: Ranges) -> Anchors:
         range_m, sigma_m = ranges.likeliest
@@ -99,18 +94,18 @@ class Observer:
                 np.minimum(sigma_m / range_m, MAX_SIGMA),
             )
 
-    def _log_reflectance(self, displayed: NetworkInput, amplitudes: Floats) -> Floats:
-        """Of Lambertian surfaces that face the instrument; light lost in known fog is put back."""
-        range_m = np.exp(displayed.best.log_depth) / self.spots.directions[:, 2]
+    def _log_reflectance(self, frame: NetworkInput, amplitudes: Floats) -> Floats:
+        """Log reflectance of Lambertian surfaces facing the instrument, corrected for known fog."""
+        range_m = np.exp(frame.best.log_depth) / self.spots.directions[:, 2]
         collected = self.spots.aperture_radii_m**2 / range_m**2
         with np.errstate(divide="ignore", invalid="ignore"):
             result = np.log(amplitudes / (self.gain * collected))
-        lost = 2 * np.nan_to_num(displayed.extinction_per_m) * range_m
+        lost = 2 * np.nan_to_num(frame.extinction_per_m) * range_m
         return np.where(np.isfinite(result), np.clip(result + lost, *LOG_REFLECTANCE), np.nan)
 
 
 def _fog_solver(spots: Spots) -> RangingSolver | None:
-    """None where the recording does not tell what ranging in fog needs."""
+    """Solver for ranging in fog, None if the recording lacks what it needs."""
     try:
         return RANGING_METHODS["fog"].compile(spots)
     except InputError:
@@ -118,7 +113,7 @@ def _fog_solver(spots: Spots) -> RangingSolver | None:
 
 
 def _gain(spots: Spots) -> float:
-    """Amplitude in electrons of the taps of the first frequency, of all of a laser's light."""
+    """Amplitude in electrons of the taps of the first frequency, for all of a laser's light."""
     if not isinstance(spots, CwSpots):
         return np.nan
     first = spots.tap_frequencies_hz == spots.tap_frequencies_hz[0]
@@ -130,7 +125,7 @@ def _gain(spots: Spots) -> float:
 
 
 def _noise(view: View) -> float:
-    """Rms noise of a reading over what the readings vary by."""
+    """Rms noise of a reading over the spread of the readings."""
     buckets = view.frame.buckets
     usable, signal, variance = buckets.usable[0], buckets.signal[0], buckets.variance[0]
     if not usable.all():

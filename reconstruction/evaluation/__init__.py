@@ -1,10 +1,9 @@
-"""How good a result is, against the truth that a simulation knows, or by what frames repeat."""
+"""Quality of a result, against the truth of a simulation or by repeated frames."""
 
 from .depths import depth_metrics
-from .methods import METHODS, method_title
+from .methods import METHODS, method_title, no_range
 from .metrics import evaluate, image_metrics
 from .recordings import evaluate_recording
-from .words import no_range
 
 __all__ = [
     "METHODS",

@@ -1,16 +1,17 @@
-"""How good a depth map is, where it says that nothing is, and what a drone would make of it."""
+"""Metrics of depth maps, of their probability of no return, and of the corridor ahead."""
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats, Mask
 from ..depth import DISTANCES_M, MAX_RANGE_M, MIN_FREE, Corridor, nearest_obstacle_m
-from .numbers import number
 
 Figures = dict[str, float | None]
 
 CLOSE = 1.25
-"""Ratio of depths up to which one is near the other."""
+"""Ratio of depths up to which one is close to the other."""
 
 
 def depth_metrics(
@@ -23,21 +24,35 @@ def depth_metrics(
     free: Floats | None = None,
     min_free: float = MIN_FREE,
 ) -> Figures:
-    """Metrics of depths (..., H, W), nan where there is none, against true ones.
+    """Metrics of depth maps; those that are undefined are None.
 
-    What is farther than REACH_M counts as nothing. ``sigma`` is the standard deviation of ln
-    depth, ``no_return`` the probability of nothing within reach; `obstacle_metrics`, of one map,
-    need the ``rays`` (H, W, 3) of its pixels, z = 1, and where it is stated the probability
-    ``free`` (K,) that the corridor is free up to each of `DISTANCES_M`. What cannot be told is
-    None.
+    Over pixels with a depth and a true surface: ``mae_m``, ``rmse_m``, ``median_relative``,
+    ``within_25_percent``, and as defined by D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
+    ``abs_rel``, the mean of |d - t| / t, and ``delta_1_25``, the fraction with max(d / t, t / d) <
+    1.25. ``coverage`` is the fraction of true surfaces that have a depth; ``within_1_sigma`` and
+    ``within_2_sigma`` are the fractions of these whose ln depth has no larger error, 0.683 and
+    0.954 for Gaussian errors. See `no_return_metrics`, `free_metrics` and `obstacle_metrics` for
+    the others.
 
-    Over the pixels that have a depth and where something is hit, ``mae_m``, ``rmse_m``,
-    ``median_relative``, ``within_25_percent``, and as D. Eigen, C. Puhrsch, R. Fergus (NIPS 2014)
-    have them ``abs_rel``, the mean of |d - t| / t, and ``delta_1_25``, the share of pixels where
-    max(d / t, t / d) < 1.25. ``coverage`` is the share of the pixels where something is hit that
-    have a depth. Of these, ``within_1_sigma`` and ``within_2_sigma`` is the share whose ln depth is
-    off by no more: 0.683 and 0.954 of Gaussian errors. See `no_return_metrics` and `free_metrics`
-    for the others.
+    Parameters
+    ----------
+    depth_m, true_m
+        Depths (..., H, W) in metres, nan for none; beyond MAX_RANGE_M there is no return.
+    sigma
+        Standard deviation of ln depth.
+    no_return
+        Probability that there is nothing within MAX_RANGE_M.
+    rays
+        Rays (H, W, 3) of the pixels, z = 1; needed, for one map, by `obstacle_metrics`.
+    free
+        Stated probability (K,) that the corridor is free up to each of `DISTANCES_M`.
+    min_free
+        Probability below which the corridor counts as blocked.
+
+    Returns
+    -------
+    dict
+        Metrics by name.
     """
     values, true_values = (np.asarray(each, dtype=np.float64) for each in (depth_m, true_m))
     empty = ~(true_values <= MAX_RANGE_M)
@@ -74,12 +89,12 @@ def _errors(depth_m: Floats, true_m: Floats, hit: Mask, sigma: ArrayLike | None)
 
 
 def no_return_metrics(depth_m: Floats, empty: Mask, no_return: ArrayLike | None) -> Figures:
-    """How well depths (H, W) tell where it is ``empty`` (H, W), nothing within reach.
+    """Metrics of where depths (..., H, W) have no return, against the mask ``empty``.
 
-    ``nothing_share``: of the pixels where there is nothing. ``nothing_brier``: mean squared
-    difference of the probability told and 0 or 1; the share b of a whole set, told of all its
-    pixels, has b (1 - b) (G. W. Brier, Mon. Weather Rev. 78, 1 (1950)). ``invented``: share of the
-    empty pixels that have a depth within reach.
+    ``nothing_share``: fraction of empty pixels. ``nothing_brier``: mean squared difference of the
+    probability and 0 or 1; a constant probability equal to the fraction b scores b (1 - b) (G. W.
+    Brier, Mon. Weather Rev. 78, 1 (1950)). ``invented``: fraction of the empty pixels with a depth
+    within the maximum range.
     """
     result: Figures = {
         "nothing_share": number(empty.mean()),
@@ -93,21 +108,19 @@ def no_return_metrics(depth_m: Floats, empty: Mask, no_return: ArrayLike | None)
 
 
 def free_metrics(depth_m: Floats, true_m: Floats, no_return: ArrayLike | None) -> Figures:
-    """Free space before the surfaces, as lengths along the optical axis, summed over pixels.
+    """Free space in front of surfaces, as lengths along the optical axis, summed over pixels.
 
-    What is free in a pixel is all up to its depth, up to REACH_M where there is nothing, and none
-    that is told where it is not known. ``free_precision`` is the share of the length told free that
-    is free, ``free_recall`` the share of what is free that is told.
+    A pixel is free up to its depth, up to MAX_RANGE_M if it has no return, and nowhere if it is
+    unknown. ``free_precision``: fraction of the estimated length that is free; ``free_recall``:
+    fraction of the free length that is estimated.
     """
     true_free = np.where(true_m <= MAX_RANGE_M, true_m, MAX_RANGE_M)
-    reported = np.minimum(np.nan_to_num(depth_m), MAX_RANGE_M)
+    stated = np.minimum(np.nan_to_num(depth_m), MAX_RANGE_M)
     if no_return is not None:
-        reported = np.where(
-            np.isnan(depth_m) & (np.asarray(no_return) >= 0.5), MAX_RANGE_M, reported
-        )
-    both = np.minimum(reported, true_free).sum()
+        stated = np.where(np.isnan(depth_m) & (np.asarray(no_return) >= 0.5), MAX_RANGE_M, stated)
+    both = np.minimum(stated, true_free).sum()
     return {
-        "free_precision": number(both / reported.sum()) if reported.any() else None,
+        "free_precision": number(both / stated.sum()) if stated.any() else None,
         "free_recall": number(both / true_free.sum()),
     }
 
@@ -119,14 +132,14 @@ def obstacle_metrics(
     free: Floats | None = None,
     min_free: float = MIN_FREE,
 ) -> Figures:
-    """Nearest obstacle in the corridor ahead: where ``free`` is below ``min_free``, or the map's.
+    """Metrics of the nearest obstacle: where ``free`` is below ``min_free``, or of the map.
 
-    ``obstacle_error``: relative, above 0 is too far. ``obstacle_missed``: 1 where it is reported
-    more than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 where one
-    is reported that is more than 25 % too near or not there, else 0. ``free_brier``: mean squared
-    difference, over `DISTANCES_M`, of the probability that the corridor is free up to there and 0
-    or 1; ``free_bias``: mean difference, above 0 where too much is called free. All are None
-    without ``rays``, the latter two without ``free`` (K,).
+    ``obstacle_error``: relative, positive if too far. ``obstacle_missed``: 1 if it is reported more
+    than 25 % too far or not at all, else 0; None without one. ``obstacle_false``: 1 if one is
+    reported that is more than 25 % too near or absent, else 0. ``free_brier``: mean squared
+    difference, over `DISTANCES_M`, of ``free`` (K,) and 0 or 1; ``free_bias``: mean difference,
+    positive if too much is called free. All are None without ``rays``, the last two without
+    ``free``.
     """
     if rays is None:
         names = ("obstacle_error", "obstacle_missed", "obstacle_false", "free_brier", "free_bias")
@@ -143,3 +156,8 @@ def obstacle_metrics(
         "free_brier": None if off is None else number(np.mean(off**2)),
         "free_bias": None if off is None else number(np.mean(off)),
     }
+
+
+def number(value: Any) -> float | None:
+    """Value as a float for JSON, None unless it is finite."""
+    return float(value) if np.isfinite(value) else None

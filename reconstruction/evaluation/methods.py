@@ -1,11 +1,11 @@
-"""Methods by the stations under which `evaluate` tells of them."""
+"""Methods by stage, and texts for plots and tables."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 
 from ..base.errors import InputError
 from ..depth import DEPTH_METHODS, DepthMethod
 from ..image import ImageMethod, image_method
-from ..ranging import RANGING_METHODS, RangingMethod
+from ..ranging import RANGING_METHODS, Alternative, RangingMethod, Status
 
 Method = ImageMethod | RangingMethod | DepthMethod
 
@@ -14,14 +14,43 @@ METHODS: Mapping[str, Callable[[str], Method]] = {
     "spots": RANGING_METHODS.__getitem__,
     "depths": DEPTH_METHODS.__getitem__,
 }
-"""By station what finds a method by its name; InputError if there is none."""
+"""Functions that return a method by name, by the stages of `evaluate`; InputError if unknown."""
+MAX_ALTERNATIVES, MIN_WEIGHT = 3, 0.01
+"""Alternative ranges that `no_range` lists at most, and the weight that each must have."""
 
 
-def method_title(station: str, name: str) -> str:
-    """What plots and tables call a method: its name where it is not installed here."""
+def method_title(stage: str, name: str) -> str:
+    """Label of a method for plots and tables.
+
+    Parameters
+    ----------
+    stage
+        Key of `METHODS`.
+    name
+        Name of the method, which is also the label if it is not installed.
+    """
     try:
-        title = getattr(METHODS[station](name), "title", name)
+        title = getattr(METHODS[stage](name), "title", name)
     except InputError:
         return name
     dictionary = name.partition(":")[2]
     return f"{title}, {dictionary}" if dictionary else title
+
+
+def no_range(status: Status, alternatives: Iterable[Alternative]) -> str:
+    """Describe why a spot has no range, and which ranges it may have, most probable first.
+
+    Parameters
+    ----------
+    status
+        Status of the spot.
+    alternatives
+        Its possible ranges with their weights.
+    """
+    likely = [each for each in alternatives if each.weight >= MIN_WEIGHT][:MAX_ALTERNATIVES]
+    if not likely:
+        return status
+    if len(likely) == 1:
+        return f"{status}: {likely[0].range_m:.2f} ± {likely[0].sigma_m:.2f} m"
+    ranges = (f"{each.range_m:.2f} m ({100 * each.weight:.0f} %)" for each in likely)
+    return f"{status}: {', '.join(ranges)}"

@@ -1,4 +1,4 @@
-"""How good a result is, against the truth that a simulation knows."""
+"""Metrics of a result against the truth of a simulation."""
 
 from typing import Any
 
@@ -10,32 +10,44 @@ from ..capture import Capture, FrameTruth
 from ..depth import pixel_rays
 from ..ranging import Ranges
 from ..result import BASELINE, Result
-from .depths import depth_metrics
-from .numbers import number
+from .depths import depth_metrics, number
 
 
 def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
-    """Metrics of a result against the truth of its frame, as plain numbers, ready for JSON.
+    """Compare a result with the truth of its frame.
 
-    ``frame``: its number. ``images``, by method: see `image_metrics`. ``truth``: the rms standard
-    error of its image over the image's rms, ``image_error``, below which an nrmse tells nothing.
-    ``spots``, by method: for each spot range_m, true_m, error_m, sigma_m, status and alternatives,
-    each with range_m, sigma_m and weight; a range without true_m is a false alarm. ``depths``, by
-    method: see `depth_metrics`. What does not exist is empty or None.
+    Parameters
+    ----------
+    result
+        Result of a frame of ``recording``.
+    recording
+        Simulated capture.
 
-    Raises InputError where the result is of other readings than this capture's frame of the same
-    number, and where the truth of that frame is not known.
+    Returns
+    -------
+    dict
+        Plain numbers, ready for JSON; what does not exist is empty or None. ``frame``: its index.
+        ``images``, by method: see `image_metrics`. ``truth``: ``image_error``, the rms standard
+        error of the true image over its rms, below which an nrmse is meaningless. ``spots``, by
+        method: for each spot range_m, true_m, error_m, sigma_m, status and alternatives, each with
+        range_m, sigma_m and weight; a range without true_m is a false alarm. ``depths``, by method:
+        see `depth_metrics`.
+
+    Raises
+    ------
+    InputError
+        If the result is not of this capture, or the truth of its frame is unknown.
     """
     if recording.truth is None:
         raise InputError(
-            "the capture holds no truth to compare with; simulated captures do (what frames "
-            "repeat: `evaluate_recording`)"
+            "the capture contains no truth, only simulated captures do; use `evaluate_recording` "
+            "for the noise of repeated frames"
         )
     frame = recording.frame(result.frame)
     if result.recording != frame.digest(recording.setup):
         raise InputError(
             f"the result is not one of frame {result.frame} of this capture: patterns or readings "
-            "are different"
+            "differ"
         )
     truth = recording.truth.at(result.frame)
     optics = recording.setup.optics
@@ -67,11 +79,22 @@ def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
 def image_metrics(
     image: ArrayLike, true_image: ArrayLike, zero_filled: ArrayLike | None = None
 ) -> dict[str, float | None]:
-    """Pearson correlation, rms error over the truth's rms, PSNR with the truth's peak, and gain.
+    """Correlation, errors and gain of an image.
 
-    ``gain_db``: mean squared error of the better of two images that know nothing of images over
-    that of this one: the ``zero_filled`` inverse, and a flat one as bright as the truth is on
-    average, which wins where there is more noise than image. None without the former.
+    Parameters
+    ----------
+    image, true_image
+        Images of one shape; pixels without a finite true value are ignored.
+    zero_filled
+        Zero-filled inverse, the baseline of the gain.
+
+    Returns
+    -------
+    dict
+        ``correlation`` (Pearson); ``nrmse``, rms error over the truth's rms; ``psnr_db``, with the
+        truth's peak; ``gain_db``, mean squared error of the better of two trivial images over that
+        of this one, None without ``zero_filled``. Those two are the zero-filled inverse and a flat
+        image of the true mean, which wins where noise exceeds the image.
     """
     true_values = np.asarray(true_image, dtype=np.float64)
     finite = np.isfinite(true_values)

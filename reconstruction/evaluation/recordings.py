@@ -1,4 +1,4 @@
-"""What frames of a still scene tell of a recording without truth: noise, saturation, ranges."""
+"""Noise, saturation and ranges of a recording without truth, from frames of a still scene."""
 
 from collections.abc import Sequence
 from contextlib import suppress
@@ -14,50 +14,50 @@ from ..chosen_methods import Names
 from ..ranging import RANGED, Ranges
 from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result
-from .numbers import number
+from .depths import number
 
 MAX_FRAMES = 256
-"""Frames that are looked at, from the first on."""
+"""Number of leading frames that are evaluated."""
 
 
 def evaluate_recording(
     recording: Recording, ranging: Names = None, *, weather: str | float | None = None
 ) -> dict[str, Any]:
-    """What a recording tells of itself, as plain numbers, ready for JSON.
+    """Measure the noise of a recording of a still scene, by repetition.
 
-    Noise is measured by differences of successive frames that show the same patterns, so it is that
-    of scene and rig that stand still, whatever drifts slowly; None of fewer than two such frames.
+    Noise is measured by differences of successive frames with the same patterns, so slow drift does
+    not enter; it is None for fewer than two such frames.
 
     Parameters
     ----------
     recording
-        A capture in memory or in its file; the first `MAX_FRAMES` frames are looked at.
+        A capture in memory or in its file; its first `MAX_FRAMES` frames are used.
     ranging, weather
-        Methods and what is stated of the weather, as for `Reconstructor`.
+        Methods and stated weather, as for `Reconstructor`.
 
     Returns
     -------
     dict
-        ``frames``: their number. ``readings`` (None without an image) and ``taps`` (None without
-        time of flight), with
-        ``unit``, ``saturated`` (fraction), ``noise`` (rms, measured), ``expected`` (rms, of light
-        and electronics as the capture states them; None where it does not) and ``noise_ratio``,
-        the first over the second. ``image``, of the zero-filled images: ``noise``, ``contrast``
-        (standard deviation over the pixels of their mean) and ``signal_over_noise``. ``spots``, by
-        method, of each spot: ``range_m`` (mean), ``spread_m`` (measured), ``sigma_m`` (rms of those
-        stated), ``spread_ratio``, the one over the other, and ``ranged`` (fraction of the frames).
+        Plain numbers, ready for JSON. ``frames``: their number. ``readings`` (None without an
+        image) and ``taps`` (None without time of flight), with ``unit``, ``saturated`` (fraction),
+        ``noise`` (rms, measured), ``expected`` (rms, of light and electronics as the capture states
+        them, else None) and ``noise_ratio``, the first over the second. ``image``, of the
+        zero-filled images: ``noise``, ``contrast`` (standard deviation over the pixels of their
+        mean) and ``signal_over_noise``. ``spots``, by method, for each spot: ``range_m`` (mean),
+        ``spread_m`` (measured), ``sigma_m`` (rms of those stated), ``spread_ratio``, the one over
+        the other, and ``ranged`` (fraction of the frames).
 
     Raises
     ------
     InputError
-        For unknown methods, and plans that do not tell the background.
+        If a method is unknown, or the plan does not determine the background.
     """
     setup, count = recording.setup, min(recording.frames, MAX_FRAMES)
     every, period = recording.batch(0, count), len(setup.plans)
     reconstructor = Reconstructor(setup, image=BASELINE, ranging=ranging, depth=[], weather=weather)
     results: list[Result] = []
     for frame in range(count):
-        with suppress(InputError):  # all of it saturated
+        with suppress(InputError):  # saturated throughout
             results.append(reconstructor(every.between(frame, frame + 1)))
     in_turn = bool(results) and (period == 1 or len(results) == count)
     return {
@@ -134,7 +134,7 @@ def _spots(rangings: Sequence[Ranges]) -> list[dict[str, float | None]]:
 
 
 def _differences(values: Floats, period: int) -> Floats:
-    """Of frames ``period`` apart, as large as the noise of one."""
+    """Differences of frames ``period`` apart, scaled to the noise of one."""
     return np.asarray((values[period:] - values[:-period]) / np.sqrt(2))
 
 

@@ -1,29 +1,27 @@
-"""From coefficients to an image: methods, dictionaries, priors."""
+"""From coefficients to images: methods, dictionaries and priors."""
 
-from .atoms import StrongestAtoms
-from .coefficients import CoefficientDecoder, Coefficients
+from .coefficients import CoefficientDecoder, Coefficients, without_shared_errors
 from .dictionaries import DICTIONARIES
-from .dictionary import Band, Dictionary
+from .dictionary import Band, Dictionary, StrongestAtoms
 from .imaging import Imaging, UsableReadings
 from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver, SolverOfMany
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp, load_pursuit
 from .prior import Prior, fit_variance
 from .recognition import (
-    UNLIT,
+    WITHOUT_DARK,
     Candidate,
     Layout,
     candidate_layouts,
     dark_estimate,
-    doubt,
+    plan_inconsistency,
     recognise,
 )
-from .shared_errors import without_shared_errors
 
 __all__ = [
     "DICTIONARIES",
     "IMAGE_METHODS",
-    "UNLIT",
+    "WITHOUT_DARK",
     "Band",
     "Candidate",
     "CarryingMethod",
@@ -42,10 +40,10 @@ __all__ = [
     "batch_omp",
     "candidate_layouts",
     "dark_estimate",
-    "doubt",
     "fit_variance",
     "image_method",
     "load_pursuit",
+    "plan_inconsistency",
     "recognise",
     "without_shared_errors",
 ]

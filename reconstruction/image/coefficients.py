@@ -1,4 +1,18 @@
-"""From readings to coefficients of an image, and how noisy these are."""
+"""From readings to coefficients of an image, and their noise.
+
+A single-ended plan decodes to 2 y - all - dark: the errors of the all-on and the dark reading enter
+every coefficient, and the inverse transform gathers them in one false pixel in the corner. The
+error covariance of the coefficients is S V S^T + diag(own), with S the columns of the decoder that
+belong to shared readings, V = diag(v) their variance, and ``own`` the variance due to all other
+readings. A priori, coefficients are independent, of zero mean and variance ``prior``. With m = c +
+S n + (own errors), the most probable shared errors n given m minimise
+
+    sum_k w_k (m - S n)_k^2 + sum_j n_j^2 / v_j,    w = 1 / (prior + own),
+
+so n = (S^T W S + V^-1)^-1 S^T W m. For a single number e common to all coefficients, e = sum(w m) /
+(sum(w) + 1/v): it is determined by rows that hardly any image excites. The residual m - S n
+contains own errors and those of n, of covariance (S^T W S + V^-1)^-1.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,21 +26,25 @@ from ..base.arrays import Floats, Mask
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
 from .prior import Prior, usual_contrast
-from .shared_errors import without_shared_errors
 
 MIN_ERROR = 4e-6
-"""Least error of readings of patterns that are not orthogonal, over their spread: converters have
-16 bits or so, of which a step errs by 2^-16 / sqrt(12) rms, and such patterns may tell some
-directions worse than that."""
+"""Minimum error of readings of non-orthogonal patterns, relative to their spread: a step of a
+16-bit converter has an rms error of 2^-16 / sqrt(12), and such patterns may amplify it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """``values`` (K,), which may be complex, and the standard deviation ``noise`` (K,) of each.
+    """Coefficients of one frame, with their noise.
 
-    That of complex ones is of both parts together. It is infinite where nothing was measured, as
-    far as can be told; the value is then 0. Where noise is not sure, ``levels`` are what it may be,
-    over ``noise``.
+    Parameters
+    ----------
+    values
+        Coefficients (K,), real or complex; 0 where nothing was measured.
+    noise
+        Standard deviation (K,), of both parts together if complex; infinite where nothing was
+        measured.
+    levels
+        Possible noise levels relative to ``noise``, if the noise is uncertain.
     """
 
     values: NDArray[Any]
@@ -35,14 +53,11 @@ class Coefficients:
 
     @property
     def measured(self) -> NDArray[np.bool_]:
-        """Where there is a measurement (K,)."""
+        """Mask (K,) of the measured coefficients."""
         return np.isfinite(self.noise)
 
     def signal_over_noise(self, rows: NDArray[np.bool_]) -> float | None:
-        """Rms of those of some ``rows`` (K,), without their noise, over that noise.
-
-        At least what may be noise by chance, one standard error; None where there is no noise.
-        """
+        """Noise-corrected rms of ``rows`` (K,) over their noise, at least one standard error."""
         valid = rows & self.measured & (self.noise > 0)
         if not valid.any():
             return None
@@ -51,11 +66,20 @@ class Coefficients:
 
 
 class CoefficientDecoder:
-    """Decodes readings (M,), and takes off the errors that many coefficients share.
+    """Decodes readings (M,) and removes errors that many coefficients share.
 
-    ``prior`` makes what is known of the coefficients; it is not asked where it is not needed.
-    ``redundant`` are the combinations of readings that tell their noise, as far as ``throughput``
-    is the same for all patterns; ``drift`` tells how their offset drifts, where anything does.
+    Parameters
+    ----------
+    decoder
+        Decoder of the plan.
+    prior
+        Creates the prior of the coefficients; called only if needed.
+    redundant
+        Combinations (D, M) of readings that measure the noise if throughput is uniform.
+    throughput
+        Test whether it is.
+    drift
+        Estimator of offset drift, or None.
     """
 
     def __init__(
@@ -70,7 +94,7 @@ class CoefficientDecoder:
         self._drift = drift
         self._redundant = redundant
         self._throughput = throughput
-        self._alike = isinstance(decoder.operator, RowOperator)  # all rows are
+        self._uniform = isinstance(decoder.operator, RowOperator)
         self._columns = decoder.shared_columns()
         self._make_prior = prior
 
@@ -81,11 +105,18 @@ class CoefficientDecoder:
     def __call__(
         self, signal: NDArray[Any], variance: Floats, usable: Mask | None = None
     ) -> Coefficients:
-        """Coefficients of one frame's ``signal`` (M,) with ``variance`` (M,), nan where unknown.
+        """Decode one frame.
 
-        Those that do not rest on ``usable`` (M,) readings alone are not measured; all are if None.
-        An unknown variance is taken to be the median of the known ones; where none is known it is
-        estimated.
+        Parameters
+        ----------
+        signal
+            Readings (M,).
+        variance
+            Their variance (M,). Where it is nan, the median of the others is used; if all are nan,
+            the noise is estimated from the readings.
+        usable
+            Mask (M,) of the readings to use, all by default. Coefficients that rest on others are
+            not measured.
         """
         if self._drift is not None:
             signal = signal - self._drift(signal, usable)
@@ -101,7 +132,7 @@ class CoefficientDecoder:
             variance = np.full(variance.shape, estimated.mean**2)
         elif not given.all():
             variance = np.where(given, variance, np.median(variance[given]))
-        if self._alike:
+        if self._uniform:
             values, left = self._unshared(values, variance, measured)
             noise = np.full(
                 left.shape, np.sqrt(np.median(left if measured is None else left[measured]))
@@ -117,10 +148,7 @@ class CoefficientDecoder:
     def _unshared(
         self, values: NDArray[Any], variance: Floats, measured: Mask | None
     ) -> tuple[NDArray[Any], Floats]:
-        """Coefficients without the errors that they share, and the variance of the rest.
-
-        Those that are not ``measured`` tell nothing, and stay 0.
-        """
+        """Coefficients without shared errors, 0 unless ``measured``, and the remaining variance."""
         own = self._decoder.own_variance(variance)
         if not self._columns.size:
             return values, own
@@ -141,19 +169,19 @@ class CoefficientDecoder:
         usable: Mask | None,
         measured: Mask | None,
     ) -> NoiseLevels:
-        """Noise of each reading, where nothing is known of it."""
+        """Noise of each reading, estimated from the readings."""
         redundant = self._redundant
         if usable is not None:
             redundant = redundant.only(redundant.resting_on(usable))
-        reported = variance_by_repetition(redundant, signal)
-        if reported is not None:
-            repeated = NoiseLevels(np.sqrt([reported]), np.ones(1))
+        repeated_variance = variance_by_repetition(redundant, signal)
+        if repeated_variance is not None:
+            repeated = NoiseLevels(np.sqrt([repeated_variance]), np.ones(1))
             sure = self._throughput.probability_of_noise(signal, usable)
             if sure == 1:
                 return repeated
             return repeated.or_less(sure, self._by_spectrum(values, measured))
         levels = self._by_spectrum(values, measured)
-        if self._columns.size:  # what all share looks white, too
+        if self._columns.size:  # shared errors look white, too
             values, _ = self._unshared(values, np.full(signal.shape, levels.mean**2), measured)
             levels = self._by_spectrum(values, measured)
         return levels
@@ -171,11 +199,43 @@ class CoefficientDecoder:
         return levels_by_spectrum(scaled, expected * length**2 / of_one, contrast)
 
     def _contrast(self, values: NDArray[Any], measured: Mask | None) -> float | None:
-        """The usual contrast of images of this level, None where it is not measured."""
+        """Typical contrast of images with this DC coefficient, None if it is not measured."""
         operator = self._decoder.operator
-        if operator.level is None or not operator.varying.any():
+        if operator.dc_row is None or not operator.varying.any():
             return None
-        if measured is not None and not measured[operator.level]:
+        if measured is not None and not measured[operator.dc_row]:
             return None
-        mean = operator.mean_dc(values[operator.level], np.zeros(operator.image_shape))
+        mean = operator.dc_offset(values[operator.dc_row], np.zeros(operator.image_shape))
         return usual_contrast(abs(mean) ** 2, float((self._prior.sigma**2).mean())) or None
+
+
+def without_shared_errors(
+    columns: Floats, coefficients: NDArray[Any], *, own: Floats, shared: Floats, prior: Floats
+) -> tuple[NDArray[Any], Floats]:
+    """Remove the most probable shared errors; see the module.
+
+    Parameters
+    ----------
+    columns
+        Contribution (K, S) of the shared readings to the coefficients.
+    coefficients
+        Coefficients (K,), real or complex; variances are of both parts together.
+    own
+        Variance (K,) due to all other readings.
+    shared
+        Variance (S,) of the shared readings.
+    prior
+        Prior variance (K,) of the coefficients, infinite if unknown.
+
+    Returns
+    -------
+    tuple
+        Corrected coefficients (K,), and the variance (K,) of their errors.
+    """
+    weighted = columns / (prior + own)[:, None]
+    # Both sides times V: a reading without error, v = 0, is fine.
+    system = np.eye(shared.size) + shared[:, None] * (columns.T @ weighted)
+    inverse = np.linalg.inv(system)
+    errors, covariance = inverse @ (shared * (weighted.T @ coefficients)), inverse * shared
+    left = ((columns @ covariance) * columns).sum(axis=1)
+    return coefficients - columns @ errors, own + left

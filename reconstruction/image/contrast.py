@@ -1,16 +1,15 @@
-"""How much images vary, as far as their coefficients and their level tell.
+"""Posterior of the contrast of images, given their coefficients and their DC coefficient.
 
-Independent components of coefficients have variances v l_k + s_k^2. The contrast v is hardly told
-where noise is the stronger part: its likelihood is nearly flat, and where it is highest says little
-(often v = 0). So nothing is decided there: everything is averaged over v, each as probable as the
-data make it. The exponent of the spectrum, by which the l_k differ from one scene to the next, is
-treated alike. Before the coefficients are looked at,
+Independent components of coefficients have variances v l_k + s_k^2. Where noise dominates, the
+contrast v is poorly determined: its likelihood is nearly flat, and its maximum means little (often
+v = 0). Therefore everything is averaged over the posterior of v. The exponent of the spectrum,
+which determines the l_k and differs between scenes, is treated likewise. The prior of v is:
 
-* the rms contrast of an image over its mean is the usual one (`prior`), give or take the factor
-  e^`SPREAD`, where the mean is measured;
-* otherwise the share of a component that is noise is as likely any number between 0 and 1
-  (W. E. Strawderman, Ann. Math. Statist. 42, 385 (1971); M. J. Daniels, Can. J. Statist. 27, 567
-  (1999)): wherever the data tell anything, this hardly matters.
+* if the mean of the image is measured, the rms contrast over the mean has its typical value
+(`prior`) within the factor e^`SPREAD`;
+* otherwise, the noise fraction of a component is uniform between 0 and 1 (W. E. Strawderman, Ann.
+Math. Statist. 42, 385 (1971); M. J. Daniels, Can. J. Statist. 27, 567 (1999)), which hardly matters
+as soon as the data are informative.
 """
 
 from typing import Any, NamedTuple
@@ -25,22 +24,18 @@ from .noise import CERTAIN, NoiseLevels
 from .prior import SPREAD, usual_contrast
 
 POINTS, ROUNDS = 12, 3
-"""Contrasts in each round, of which the next looks closer at the likely ones."""
+"""Contrasts per round, and rounds; each round refines the grid around the likely ones."""
 STEPS = np.linspace(0, 1, POINTS)
 UNLIKELY = 8.0
-"""Log-density below the highest that is not looked at more closely."""
-MIN = 1e-3
-"""Least contrast that is looked at, over that at which the strongest component is half noise."""
-NOISELESS = 1e-12
-"""Least variance of noise over the mean power of components."""
+"""Log density below the maximum at which a contrast is no longer refined."""
+MIN_CONTRAST = 1e-3
+"""Minimum contrast, relative to that at which the strongest component is half noise."""
+MIN_VARIANCE = 1e-12
+"""Minimum noise variance, relative to the mean power of the components."""
 
 
 class Contrasts(NamedTuple):
-    """Contrasts ``value`` (L E, J) of each of E spectra, and their ``probability`` (L E, J).
-
-    Those of each of L levels of noise follow each other. ``given`` (L E,): mean contrast, given
-    each spectrum and level.
-    """
+    """Grid ``value`` and ``probability`` (L E, J) of L levels and E spectra, means ``given``."""
 
     value: Floats
     probability: Floats
@@ -48,34 +43,27 @@ class Contrasts(NamedTuple):
 
 
 class Shrunk(NamedTuple):
-    """Of components (K,), over all contrasts and spectra.
-
-    ``gain``: posterior mean over what was measured. The variance is ``by_noise``, and ``between``
-    contrasts and spectra times the square of what was measured.
-    """
+    """Posterior ``gain`` (K,); the variance is ``by_noise`` + ``between`` * squared measurement."""
 
     gain: Floats
     by_noise: Floats
     between: Floats
 
 
-class ContrastByLevel:
-    """What the level of an image tells of its contrast before anything else is looked at.
-
-    ``variance``: mean variance of pixels of images of v = 1.
-    """
+class ContrastByDc:
+    """Prior median of the contrast by the DC coefficient; ``variance``: of pixels for v = 1."""
 
     def __init__(self, operator: MeasurementOperator, variance: float) -> None:
-        self._level = operator.level
+        self._dc_row = operator.dc_row
         self._variance = variance
-        if operator.level is not None:
-            self._mean = float(operator.mean_dc(1.0, np.zeros(operator.image_shape)))
+        if operator.dc_row is not None:
+            self._mean = float(operator.dc_offset(1.0, np.zeros(operator.image_shape)))
 
     def __call__(self, coefficients: Coefficients) -> float | None:
-        """The median v, None where the level is not measured."""
-        if self._level is None or not coefficients.measured[self._level]:
+        """Median v, or None if the DC coefficient is not measured."""
+        if self._dc_row is None or not coefficients.measured[self._dc_row]:
             return None
-        value, error = coefficients.values[self._level], coefficients.noise[self._level]
+        value, error = coefficients.values[self._dc_row], coefficients.noise[self._dc_row]
         square = float(abs(value) ** 2 + error**2) * self._mean**2
         return usual_contrast(square, self._variance) or None
 
@@ -89,16 +77,16 @@ def contrasts(
     usual: Floats | None = None,
     lost: Floats | None = None,
 ) -> Contrasts:
-    """Posterior of v, of components (K,), not all 0, with noise of variance ``noise``.
+    """Posterior of v from components (K,), not all 0, with noise of variance ``noise``.
 
-    ``spreads`` (E, K): variances l, of each spectrum; ``expected``: median of v before, if told;
-    ``levels``: what the standard deviation may be, over that of ``noise``; ``usual`` (K,): the
-    variances by which contrasts are looked for, the mean of ``spreads`` if None. Where noise is
-    equal, ``lost`` (K, f) are combinations of the components of which nothing is known.
-    A complex component counts as one number, as if all of the image had one phase.
+    ``spreads`` (E, K): variances l of each spectrum. ``expected``: prior median of v, if known.
+    ``levels``: possible noise levels relative to ``noise``. ``usual`` (K,): variances that set the
+    range of v, by default the mean of ``spreads``. ``lost`` (K, f): unmeasured combinations of the
+    components, for uniform noise. A complex component counts as one number, as if the whole image
+    had one phase.
     """
-    reported = None if expected is None else np.array([expected])
-    result = contrasts_of_frames(measured[None], spreads, noise, reported, levels, usual, lost)
+    prior = None if expected is None else np.array([expected])
+    result = contrasts_of_frames(measured[None], spreads, noise, prior, levels, usual, lost)
     return Contrasts(*(each[0] for each in result))
 
 
@@ -111,23 +99,20 @@ def contrasts_of_frames(
     usual: Floats | None = None,
     lost: Floats | None = None,
 ) -> Contrasts:
-    """The same of components (F, K) of several frames: each result has an axis of frames before.
-
-    ``noise`` is to be broadcast to (F, K), ``expected`` (F,); ``lost`` are of one frame alone.
-    """
+    """`contrasts` of components (F, K) of several frames; results have a leading frame axis."""
     usual = spreads.mean(axis=0) if usual is None else usual
     seen = usual > 1e-12 * usual.max()
     power = np.abs(measured) ** 2
     frames, count = power.shape
-    min_noise = NOISELESS * (power.sum(axis=1, keepdims=True) / count)
+    min_noise = MIN_VARIANCE * (power.sum(axis=1, keepdims=True) / count)
     variances = np.maximum(np.broadcast_to(noise, power.shape), min_noise)
-    times = np.repeat(np.maximum(levels.sigma, NOISELESS) ** 2, len(spreads))
-    # At ``equal`` (F, L E, 1) half of the strongest component is noise.
+    times = np.repeat(np.maximum(levels.sigma, MIN_VARIANCE) ** 2, len(spreads))
+    # At contrast ``equal`` (F, L E, 1), half of the strongest component is noise.
     equal = (variances[:, seen] / usual[seen]).min(axis=1)[:, None, None] * times[:, None]
     maximum = np.maximum((power[:, seen] / usual[seen]).max(axis=1)[:, None, None], equal)
     expected = None if expected is None else expected[:, None, None]
-    minimum = MIN * equal if expected is None else expected * np.exp(-6 * SPREAD)
-    low, high = np.log(np.minimum(minimum, MIN * equal)), np.log(10 * maximum)
+    minimum = MIN_CONTRAST * equal if expected is None else expected * np.exp(-6 * SPREAD)
+    low, high = np.log(np.minimum(minimum, MIN_CONTRAST * equal)), np.log(10 * maximum)
     logs = low + (high - low) * STEPS  # (F, L E, J)
     signal = spreads.T[:, None] / variances.T[..., None]
     signal = np.concatenate([signal] * levels.sigma.size, axis=-1) / times
@@ -135,7 +120,7 @@ def contrasts_of_frames(
     power /= variances
     missing = None if lost is None else _Missing(measured[0] / np.sqrt(variances[0]), lost)
     for last in np.arange(ROUNDS) == ROUNDS - 1:
-        variance = np.exp(logs).ravel() * signal  # over that of noise
+        variance = np.exp(logs).ravel() * signal  # relative to the noise
         variance += 1
         precision = 1 / variance
         misfit = power[:, None] @ precision.reshape(count, frames, -1).swapaxes(0, 1)
@@ -145,7 +130,11 @@ def contrasts_of_frames(
             misfit, volume = misfit - explained, volume + log_determinant
         misfit = misfit.reshape(logs.shape) / times[:, None]
         density = -(volume.reshape(logs.shape) + misfit) / 2
-        density += _reported(logs, expected) if expected is not None else _untold(logs, equal)
+        density += (
+            _log_prior(logs, expected)
+            if expected is not None
+            else _log_prior_without_dc(logs, equal)
+        )
         if not last:
             logs = _closer(logs, density)
     weight = np.exp(density - density.max(axis=-1, keepdims=True))
@@ -159,10 +148,7 @@ def contrasts_of_frames(
 
 
 class _Missing:
-    """What likelihoods of components (K,) lack where combinations ``lost`` (K, f) are not known.
-
-    Both are over the noise, which is equal.
-    """
+    """Corrections for unmeasured combinations ``lost`` (K, f) of components, in units of noise."""
 
     def __init__(self, measured: NDArray[Any], lost: Floats) -> None:
         self._count = lost.shape[1]
@@ -170,7 +156,7 @@ class _Missing:
         self._seen = (lost * measured[:, None]).T
 
     def __call__(self, precision: Floats) -> tuple[Floats, Floats]:
-        """Chi squared and volume (n,) that they account for, of precisions (K, n)."""
+        """Their contributions to chi squared and log volume (n,), for precisions (K, n)."""
         matrix = (self._squares @ precision).T.reshape(-1, self._count, self._count)
         seen = (self._seen @ precision).T[..., None]
         explained = (np.conj(seen) * np.linalg.solve(matrix, seen)).real.sum(axis=(1, 2))
@@ -178,13 +164,13 @@ class _Missing:
 
 
 def _sum_of_logs(values: Floats) -> Floats:
-    """Along the first axis, of numbers from 1 to 1e30: products of eight take fewer logarithms."""
+    """Sum of logarithms along the first axis, for numbers in 1..1e30."""
     products = np.multiply.reduceat(values, np.arange(0, len(values), 8), axis=0)
     return np.asarray(np.log(products).sum(axis=0))
 
 
 def _closer(logs: Floats, density: Floats) -> Floats:
-    """As many logarithms (..., J) about the likely ones of each spectrum."""
+    """Refined grid (..., J) around the likely contrasts of each spectrum."""
     likely = density > density.max(axis=-1, keepdims=True) - UNLIKELY
     first = np.maximum(likely.argmax(axis=-1) - 1, 0)
     last = np.minimum(POINTS - likely[..., ::-1].argmax(axis=-1), POINTS - 1)
@@ -192,13 +178,13 @@ def _closer(logs: Floats, density: Floats) -> Floats:
     return low + (high - low) * STEPS
 
 
-def _reported(logs: Floats, expected: Floats) -> Floats:
-    """Log-density of logarithms of v before anything but the level is measured."""
+def _log_prior(logs: Floats, expected: Floats) -> Floats:
+    """Log prior density of log v, given its median."""
     return np.asarray(-(((logs - np.log(expected)) / (2 * SPREAD)) ** 2) / 2)
 
 
-def _untold(logs: Floats, equal: Floats) -> Floats:
-    """The same where not even that is."""
+def _log_prior_without_dc(logs: Floats, equal: Floats) -> Floats:
+    """Log prior density of log v if no DC coefficient is measured."""
     size = logs - np.log(equal)
     return np.asarray(size - 2 * np.logaddexp(0, size))
 
@@ -206,10 +192,7 @@ def _untold(logs: Floats, equal: Floats) -> Floats:
 def shrunk(
     given: Contrasts, spreads: Floats, noise: Floats | float, levels: NoiseLevels = CERTAIN
 ) -> Shrunk:
-    """Posterior of components with ``spreads`` (E, K) and noise of variance ``noise``.
-
-    ``levels``: as for `contrasts`. Of several frames, ``noise`` is (F, 1, 1, 1).
-    """
+    """Shrinkage of components with ``spreads`` (E, K) and noise of variance ``noise``."""
     noise = np.repeat(levels.sigma**2, len(spreads))[:, None, None] * noise
     signal = given.value[..., None] * np.concatenate([spreads] * levels.sigma.size)[:, None]
     gains = signal / (signal + noise)

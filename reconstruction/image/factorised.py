@@ -1,4 +1,4 @@
-"""Gaussian images, given coefficients that have noise of different sizes."""
+"""Gaussian images, given coefficients with non-uniform noise."""
 
 from typing import Any
 
@@ -11,15 +11,11 @@ from .contrast import contrasts
 from .posterior import Field, Posterior
 
 BLOCK = 4
-"""Side of the blocks of pixels of which one stands for all."""
+"""Side of the blocks of pixels represented by one pixel."""
 
 
 class Factorised(Posterior):
-    """The posterior of one frame, by a Cholesky factorisation; see `gaussian`.
-
-    ``rows`` (K, N) are spectra R, ``gram`` (K, K) is R C R^T and ``seen`` (K, N) the images of R C.
-    Coefficients of infinite noise are left out.
-    """
+    """Posterior of one frame by Cholesky factorisation; see `gaussian` for R and C."""
 
     def __init__(
         self,
@@ -43,21 +39,21 @@ class Factorised(Posterior):
         matrix = self.contrast * gram
         matrix[np.diag_indices_from(matrix)] += variance
         self._factor = cho_factor(matrix, lower=True, overwrite_a=True, check_finite=False)
-        self._reported, self._seen, self._field = finite, seen, field
+        self._measured, self._seen, self._field = finite, seen, field
         self._rows = rows[finite]
         self._prior = self.contrast * field.variance
         self.mean = self._prior * self._spread(self._solved(measured[finite]))
 
     @property
     def own_mean(self) -> NDArray[Any]:
-        """The mean: there is no other."""
+        """Posterior mean; the same as `mean`."""
         return self.mean
 
     @property
     def seen(self) -> NDArray[Any]:
-        """What rows (K,) see of the mean, 0 of those that are left out."""
+        """Products of the rows (K,) with the mean; 0 for ignored rows."""
         seen = np.zeros(self.noise.size, self.mean.dtype)
-        seen[self._reported] = self._rows @ self.mean.ravel()
+        seen[self._measured] = self._rows @ self.mean.ravel()
         return seen
 
     def _solved(self, coefficients: NDArray[Any]) -> NDArray[Any]:
@@ -68,7 +64,7 @@ class Factorised(Posterior):
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W), by one of every few: a scattered one, as patterns are regular."""
+        """Variance of each pixel (H, W), evaluated at one scattered pixel per block."""
         prior = self._field.pixel_variance
         height, width = prior.shape
         down, across = (np.arange(0, side, BLOCK) for side in (height, width))
@@ -76,14 +72,14 @@ class Factorised(Posterior):
         row = np.minimum(down[:, None] + offset // BLOCK, height - 1)
         column = np.minimum(across + offset % BLOCK, width - 1)
         lower, _ = self._factor
-        seen = self._seen[:, (row * width + column).ravel()][self._reported]
-        reported = solve_triangular(lower, seen, lower=True, check_finite=False)
-        explained = self.contrast**2 * (reported**2).sum(axis=0).reshape(row.shape)
+        seen = self._seen[:, (row * width + column).ravel()][self._measured]
+        whitened = solve_triangular(lower, seen, lower=True, check_finite=False)
+        explained = self.contrast**2 * (whitened**2).sum(axis=0).reshape(row.shape)
         left = self.contrast * prior[row, column] - explained
         blocks = np.repeat(np.repeat(left, BLOCK, axis=0), BLOCK, axis=1)
         return np.maximum(blocks[:height, :width], 0)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance times a spectrum (H, W)."""
+        """Product of the posterior covariance and a spectrum (H, W)."""
         weighed = self._prior * spectrum
         return weighed - self._prior * self._spread(self._solved(self._rows @ weighed.ravel()))

@@ -1,18 +1,18 @@
 """Images as Gaussian fields of known covariance, given some of their coefficients.
 
-Before they are measured, images x are taken for Gaussian with covariance v C, where C is diagonal
-in the atoms of a dictionary and the contrast v is fitted. Of coefficients m = R x + n, with
-noise n of variance s^2 T^2, T diagonal, the posterior is
+A priori, images x are Gaussian with covariance v C, where C is diagonal in the atoms of a
+dictionary and the contrast v is fitted. For coefficients m = R x + n with noise n of variance s^2
+T^2, T diagonal, the posterior is
 
     mean = C R^T (R C R^T + s^2 T^2 / v)^-1 m,
     covariance = v (C - C R^T (R C R^T + s^2 T^2 / v)^-1 R C)
 
-(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006,
-ch. 2). One eigendecomposition of T^-1 R C R^T T^-1 = U diag(l) U^T serves every v, every s and
-every frame: the components U^T T^-1 m of coefficients vary independently, by v l + s^2. Noise of
-many sizes, which is another in every frame, is not worth one: there a Cholesky factorisation serves
-the frame, v is fitted as if coefficients were independent, and the variance of one pixel stands for
-those around it.
+(C. E. Rasmussen, C. K. I. Williams, Gaussian Processes for Machine Learning, MIT Press 2006, ch.
+2). One eigendecomposition of T^-1 R C R^T T^-1 = U diag(l) U^T serves every v, every s and every
+frame: the components U^T T^-1 m of the coefficients vary independently, with variance v l + s^2. If
+the noise is non-uniform and changes from frame to frame, a Cholesky factorisation per frame is
+cheaper; v is then fitted as if coefficients were independent, and the variance of one pixel
+represents its neighbours.
 """
 
 from collections.abc import Iterator
@@ -27,14 +27,15 @@ from .noise import CERTAIN, NoiseLevels
 from .posterior import Combined, Components, Field, OwnPosterior, Posterior
 
 MIN_NOISE = 1e-6
-"""Least noise over the rms of coefficients: without any the posterior is a limit."""
+"""Minimum noise, relative to the rms of the coefficients; without noise the posterior is singular.
+"""
 MAX_LOST = 32
-"""Coefficients of which nothing is known, at most, that are taken out of the eigendecomposition of
-all: the remaining ones have their own otherwise."""
+"""Maximum number of unmeasured coefficients that are removed from the eigendecomposition of all;
+with more, the measured ones get their own."""
 AT_A_TIME = 16
-"""Frames, so that what is known of their contrasts stays in the cache of a processor."""
+"""Frames per batch, so that their contrast grids fit into the processor's cache."""
 ALIKE = 1e-6
-"""Relative difference of noise that is none."""
+"""Relative difference of noise that is neglected."""
 
 
 class _Turned(NamedTuple):
@@ -48,10 +49,10 @@ class _Turned(NamedTuple):
 
 
 class GaussianModel:
-    """Images of a field, times v, of which ``rows`` (K, N), spectra of any length, are measured.
+    """Gaussian images of a field, measured by ``rows`` (K, N), spectra of any length.
 
-    ``usual`` (K,): relative noise for which the eigendecomposition is made, equal noise if None;
-    ``combined``: what sums up rows by weights (..., K), where that is faster than a product.
+    ``usual`` (K,): relative noise for the eigendecomposition, uniform by default; ``combined``:
+    sums of rows weighted by (..., K), if faster than a matrix product.
     """
 
     def __init__(
@@ -74,11 +75,11 @@ class GaussianModel:
         expected: float | None = None,
         levels: NoiseLevels = CERTAIN,
     ) -> Posterior:
-        """The posterior of coefficients (K,), not all 0, with standard deviations ``noise`` (K,).
+        """Posterior given coefficients (K,), not all 0, with standard deviations ``noise`` (K,).
 
-        Those of which the noise is infinite are not looked at. ``expected``: median contrast v
-        before they are, where something tells; ``levels``: what noise may be, over ``noise``,
-        which is looked at where it is the usual one.
+        Coefficients of infinite noise are ignored. ``expected``: prior median of the contrast v, if
+        known; ``levels``: possible noise levels relative to ``noise``, used if the noise is the
+        usual one.
         """
         noise, relative = self._noise(measured, noise)
         if relative is None:
@@ -88,10 +89,7 @@ class GaussianModel:
     def many(
         self, measured: NDArray[Any], rms: Floats, expected: Floats
     ) -> Iterator[tuple[NDArray[Any], Floats, float]]:
-        """Mean, variance and contrast of frames (F, K) of the usual noise times ``rms`` (F,).
-
-        ``expected`` (F,) as for `given`.
-        """
+        """Mean, variance and contrast of frames (F, K) with the usual noise times ``rms`` (F,)."""
         for start in range(0, len(measured), AT_A_TIME):
             some = np.s_[start : start + AT_A_TIME]
             turned = measured[some] @ self._components.turn.T
@@ -99,7 +97,7 @@ class GaussianModel:
             yield from zip(*result, strict=True)
 
     def usual_rms(self, measured: NDArray[Any], noise: Floats) -> float | None:
-        """By what ``noise`` (K,) is larger than the usual one, None where it is another."""
+        """Ratio of ``noise`` (K,) to the usual noise, None if it is not constant."""
         if not np.isfinite(noise).all():
             return None
         return self._noise(measured, noise)[1]
@@ -107,18 +105,17 @@ class GaussianModel:
     def own(
         self, measured: NDArray[Any], noise: Floats, expected: float | None = None
     ) -> OwnPosterior:
-        """The same of the prior's own exponent alone, and one contrast."""
+        """Posterior for the prior's own exponent and one contrast."""
         noise, relative = self._noise(measured, noise)
         if relative is None:
             return self._factorised(measured, noise, expected)
-        reported = self._turned(measured, noise, relative)
-        contrast = reported.components.own_contrast(
-            reported.turned, reported.lost, reported.rms, expected
-        )
-        return OwnPosterior(*reported, contrast)
+        turned = self._turned(measured, noise, relative)
+        components, values, lost, _, rms = turned
+        own = components.contrasts(values, lost, rms, expected, exponents=1)
+        return OwnPosterior(*turned, float(own.given[0]))
 
     def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
-        """Noise (K,) to divide by, and its size over the usual one, None where it is another."""
+        """Positive noise (K,), and its ratio to the usual noise, None if that is not constant."""
         given, usual = np.isfinite(noise), self.usual
         if not given.all():
             measured, usual = measured[given], usual[given]
@@ -134,7 +131,7 @@ class GaussianModel:
     def _factorised(
         self, measured: NDArray[Any], noise: Floats, expected: float | None
     ) -> Posterior:
-        from .factorised import Factorised  # SciPy takes long to import
+        from .factorised import Factorised  # SciPy is slow to import
 
         return Factorised(measured, noise, self.rows, self.gram, self.seen, self.field, expected)
 
@@ -165,7 +162,7 @@ class GaussianModel:
         return self.field.image(spectra).reshape(len(spectra), -1)
 
     def _of_some(self, given: NDArray[np.bool_]) -> Components:
-        """Those of the coefficients that are known, kept for as long as it is the same ones."""
+        """Components of the measured coefficients, cached while these are the same."""
         key = given.tobytes()
         if self._fewer is None or self._fewer[0] != key:
             self._fewer = key, Components(self.field, self.rows, self.usual, given)

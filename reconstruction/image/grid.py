@@ -1,4 +1,4 @@
-"""Coarser grids for images of which nothing finer was measured."""
+"""Coarser grids for images whose finest details were not measured."""
 
 from typing import Any
 
@@ -12,10 +12,7 @@ Shape = tuple[int, int]
 
 
 class Grid:
-    """Images of the lowest ``shape`` (h, w) frequencies of finer ones, as pixels of their own.
-
-    `finer` leaves the length of an image as it is, so that its values become smaller by `scale`.
-    """
+    """Images of the lowest ``shape`` (h, w) frequencies; `finer` divides values by `scale`."""
 
     def __init__(self, shape: Shape, finer: Shape) -> None:
         self.shape = shape
@@ -30,12 +27,12 @@ class Grid:
         return np.asarray(self._down @ image @ self._across.T)
 
     def finer_density(self, image: Floats) -> Floats:
-        """What is the same for pixels of any size, as a relative variance, on the finer grid."""
+        """A relative variance per pixel, interpolated on the finer grid."""
         return np.maximum(self.scale * self.finer(image), 0)
 
 
 def band(seen: Floats, fraction: float) -> Shape:
-    """The lowest frequencies that hold a share of what is ``seen`` (H, W) of all."""
+    """Lowest frequencies that contain a fraction of the total of ``seen`` (H, W)."""
     rows, columns = (
         int(np.searchsorted(np.cumsum(seen.sum(axis=1 - axis)), fraction * seen.sum())) + 1
         for axis in (0, 1)
@@ -44,5 +41,5 @@ def band(seen: Floats, fraction: float) -> Shape:
 
 
 def at_most(shape: Shape, limit: Shape) -> Shape:
-    """A shape, no side longer than the limit's."""
+    """Shape with no side longer than the limit's."""
     return min(shape[0], limit[0]), min(shape[1], limit[1])

@@ -1,4 +1,4 @@
-"""Image methods compiled for a pattern plan, for whichever of its readings are usable."""
+"""Image methods compiled for a pattern plan, for the usable readings of each frame."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -23,12 +23,16 @@ from .prior import Prior
 
 
 class Imaging:
-    """Everything that frames share, made once for each plan.
+    """Compiled decoders and solvers of one recording.
 
-    ``plans`` are those of successive frames, over and over. Readings that are not usable have
-    infinite noise, which takes no compiling. Only where patterns are not orthogonal, and so every
-    coefficient rests on every reading, the usable ones are compiled for, and kept as long as it is
-    the same ones. Methods that carry something from frame to frame begin here.
+    Unusable readings get infinite noise, which needs no recompilation. Only if the patterns are not
+    orthogonal, so that every coefficient rests on every reading, are decoder and solvers compiled
+    for the usable readings, and cached as long as these stay the same.
+
+    Parameters
+    ----------
+    *plans
+        Plans of successive frames, repeated cyclically.
     """
 
     def __init__(self, *plans: PatternPlan) -> None:
@@ -38,9 +42,19 @@ class Imaging:
         self._begun: dict[str, ImageMethod] = {}
 
     def of(self, usable: Mask, frame: int = 0) -> "UsableReadings":
-        """What is compiled for a frame of which these readings (M,) are ``usable``.
+        """Compiled plan of a frame.
 
-        Raises InputError where the plan does not tell the background.
+        Parameters
+        ----------
+        usable
+            Mask (M,) of its usable readings.
+        frame
+            Its index, which selects the plan.
+
+        Raises
+        ------
+        InputError
+            If the plan does not determine the background.
         """
         turn = frame % len(self._plans)
         plan = self._plans[turn]
@@ -54,7 +68,7 @@ class Imaging:
         return UsableReadings(self._whole[turn], None if usable.all() else usable)
 
     def _method(self, name: str) -> ImageMethod:
-        """A method by its name, for this recording alone where it carries something."""
+        """Image method by name; one that carries state is started once per recording."""
         if name not in self._begun:
             method = image_method(name)
             if isinstance(method, CarryingMethod):
@@ -64,7 +78,7 @@ class Imaging:
 
 
 class CompiledPlan:
-    """Decoding of some readings (M,) of a plan, and solvers of its coefficients by method."""
+    """Decoder for some readings (M,) of a plan, and solvers of its coefficients by method."""
 
     def __init__(
         self, plan: PatternPlan, readings: Mask, method: Callable[[str], ImageMethod]
@@ -75,7 +89,7 @@ class CompiledPlan:
 
     @cached_property
     def outliers(self) -> OutlierDetector:
-        """Which of the readings cannot be right."""
+        """Detector of outlier readings."""
         return OutlierDetector(self._plan, self._readings, self._throughput)
 
     @cached_property
@@ -84,7 +98,7 @@ class CompiledPlan:
 
     @cached_property
     def decode(self) -> CoefficientDecoder:
-        """From readings to coefficients."""
+        """Decoder from readings to coefficients."""
         return CoefficientDecoder(
             self.decoder,
             lambda: Prior(self.decoder.operator),
@@ -94,14 +108,14 @@ class CompiledPlan:
         )
 
     def solver(self, method: str) -> ImageSolver:
-        """From coefficients to an image by a method; InputError where it cannot be used."""
+        """Solver of an image method; InputError if the method cannot be used."""
         if method not in self._solvers:
             self._solvers[method] = self._method(method).compile(self.decoder.operator)
         return self._solvers[method]
 
 
 class UsableReadings:
-    """A compiled plan, and which readings (M,) of a frame are ``usable``, None for all of them."""
+    """Compiled plan of one frame with a mask ``usable`` (M,) of its readings, None for all."""
 
     def __init__(self, compiled: CompiledPlan, usable: Mask | None) -> None:
         self._compiled, self._usable = compiled, usable
@@ -110,27 +124,27 @@ class UsableReadings:
 
     @cached_property
     def measured(self) -> Mask:
-        """Which coefficients (K,) there are."""
+        """Mask (K,) of the measured coefficients."""
         if self._usable is None:
             return np.ones(self.decoder.operator.shape[0], dtype=bool)
         return self.decoder.measured(self._usable)
 
     @property
     def patterns(self) -> int:
-        """Number of different patterns that an image rests on."""
+        """Number of distinct patterns that the image rests on."""
         if self._usable is None:
             return self.decoder.index.size
         return int(np.count_nonzero(self.measured))
 
     @property
-    def level(self) -> bool:
-        """Whether the mean level of an image is told."""
-        return self.decoder.level and bool(self.measured[self.decoder.operator.level])
+    def has_dc(self) -> bool:
+        """Whether the DC coefficient is measured."""
+        return self.decoder.has_dc and bool(self.measured[self.decoder.operator.dc_row])
 
     def outliers(self, signal: NDArray[Any]) -> Mask:
-        """Which of the usable readings (M,) cannot be right."""
+        """Mask (M,) of usable readings that are outliers."""
         return self._compiled.outliers(signal, self._usable)
 
     def decode(self, signal: NDArray[Any], variance: Floats) -> Coefficients:
-        """From readings (M,) to coefficients."""
+        """Coefficients of readings (M,) with this ``variance`` (M,)."""
         return self._compiled.decode(signal, variance, self._usable)

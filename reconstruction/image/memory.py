@@ -1,24 +1,23 @@
-"""What earlier frames tell of the coefficients of the next: a Kalman filter, coefficient by
-coefficient, over several speeds at which a scene may move.
+"""Kalman filter over frames, coefficient by coefficient, for several speeds of scene motion.
 
-A coefficient x of variance S from image to image has in a later frame the value a x + w with
-var w = (1 - a^2) S: the image as a whole stays as likely as it was, and a tells how much of it is
-left. Where the image shifts by v pixels a frame, N(0, delta^2) along either axis, a cosine of f
-cycles per pixel keeps exp(-(2 pi f delta n)^2 / 2) of its phase for n frames, so with the prior
-spectrum S(f) and the weights A of a row's cosines one frame leaves
-a = sum(A^2 S exp(...)) / sum(A^2 S). Things that move go on moving: what is n frames old has lost
-a^(n^2), and loses a^(2n + 1) until the next frame. How fast the scene moves is not known: each of
-some speeds, from none to a cut (a = 0), is as likely as the new readings are when it is assumed,
+From one frame to the next, a coefficient x of variance S becomes a x + w with var w = (1 - a^2) S:
+the image as a whole stays equally likely, and a is the fraction retained. If the image shifts by v
+pixels per frame, N(0, delta^2) along either axis, a cosine of f cycles per pixel retains exp(-(2 pi
+f delta n)^2 / 2) of its phase after n frames. With the prior spectrum S(f) and the weights A of a
+row's cosines, one frame retains a = sum(A^2 S exp(...)) / sum(A^2 S). Motion persists: after n
+frames a^(n^2) is retained, and a factor a^(2n + 1) of it until the next frame. The speed is
+unknown: each of several speeds, from none to a cut (a = 0), is weighted by the likelihood of the
+new readings,
 
     y ~ N(a m, (1 - a^2 rho) S + r),
 
-where m is the mean and (1 - rho) S the variance that earlier frames leave, and r the noise of y.
-Weights of the speeds follow a Markov chain; the mixture is replaced by one Gaussian for each
-coefficient (generalised pseudo-Bayes of first order: G. A. Ackerson, K. S. Fu, IEEE Trans. Autom.
-Control 15, 10 (1970)), with a mean of m sum(p a) and rho sum(p a^2) in place of rho.
+where m is the mean and (1 - rho) S the variance given earlier frames, and r the noise variance of
+y. The weights follow a Markov chain; the mixture is approximated by one Gaussian per coefficient
+(generalised pseudo-Bayes of first order: G. A. Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15,
+10 (1970)), with mean m sum(p a) and rho sum(p a^2) in place of rho.
 
-What is handed on are not the posterior means, which the prior has drawn towards zero, but values
-with noise that would give these with the prior: measurements as any image method takes them.
+The output are not posterior means, which the prior shrinks towards zero, but values with noise that
+yield these means under the prior: measurements, as any image method expects.
 """
 
 from collections.abc import Sequence
@@ -33,27 +32,23 @@ from .dictionaries.dct import DICTIONARY
 from .prior import fit_scale
 
 SPEEDS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
-"""Pixels that the image may shift by from one frame to the next, rms along either axis."""
+"""Image shifts from frame to frame, in pixels rms along either axis."""
 FASTER = 0.6
-"""Probability of each speed beforehand, over that of the one before it."""
+"""Prior probability of each speed, relative to the next slower one."""
 CUT = 0.05
-"""Probability beforehand that a frame shows something else than the one before it."""
+"""Prior probability of a cut."""
 CHANGE = 0.2
-"""Probability that the scene moves otherwise than before, as it may beforehand."""
-LEVEL = 100.0
-"""Variance of the level over that of the coefficient that varies most."""
+"""Probability that the speed is drawn anew from its prior."""
+DC_VARIANCE = 100.0
+"""Variance of the DC coefficient, relative to the largest variance of the others."""
 MIN_NOISE = 1e-4
-"""Least rms noise of a coefficient over what they vary by: no scene holds still more exactly."""
+"""Minimum rms noise of a coefficient, relative to its spread, as no scene is perfectly still."""
 FORGOTTEN = 1e-6
-"""Share of a coefficient's variance below which what earlier frames explain of it is dropped."""
+"""Fraction of a coefficient's variance below which earlier frames are ignored."""
 
 
 class Memory:
-    """Coefficients of an operator (K, N) as far as the frames until now tell them.
-
-    ``weights``: how likely each of the ``speeds`` is, in pixels a frame, rms along either axis, and
-    as the last a cut.
-    """
+    """Coefficients of an operator (K, N); ``weights``: probabilities of the speeds and a cut."""
 
     def __init__(self, operator: MeasurementOperator, speeds: Sequence[float] = SPEEDS) -> None:
         self.operator = operator
@@ -67,7 +62,7 @@ class Memory:
         self._scale = 0.0
 
     def take(self, rows: NDArray[np.intp], coefficients: Coefficients) -> Coefficients:
-        """All coefficients (K,) after a frame that tells those of these ``rows`` (n,)."""
+        """All coefficients (K,) after a frame that measures the ``rows`` (n,)."""
         length = self.operator.row_length
         seen = coefficients.measured
         rows, values = rows[seen], coefficients.values[seen] / length
@@ -81,12 +76,8 @@ class Memory:
     def _scaled(
         self, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats
     ) -> tuple[Floats | None, Floats]:
-        """Prior variance (K,) at the scale of this image, and noise (n,) that is not zero.
-
-        No variance where the image is flat and without noise. As faint images may seem to be flat
-        by chance, the scale at most halves from frame to frame.
-        """
-        varying = rows != self._level
+        """Prior variance (K,) at this image's scale, None if it is flat; positive noise (n,)."""
+        varying = rows != self._dc_row
         expected = self._expected[rows[varying]]
         measured = values[varying]
         if not measured.any():
@@ -96,8 +87,8 @@ class Memory:
         return self._expected * self._scale, noise
 
     @property
-    def _level(self) -> int:
-        return -1 if self.operator.level is None else self.operator.level
+    def _dc_row(self) -> int:
+        return -1 if self.operator.dc_row is None else self.operator.dc_row
 
     def _predict(
         self,
@@ -106,9 +97,9 @@ class Memory:
         values: NDArray[np.inexact],
         noise: Floats,
     ) -> None:
-        """Weigh the speeds by the new readings, and let what is known fade accordingly."""
-        reported = self._precision * prior
-        rho = reported / (1 + reported)
+        """Weight the speeds by the new readings, and let the estimate decay accordingly."""
+        snr = self._precision * prior
+        rho = snr / (1 + snr)
         fading = self._left ** (2 * self._age + 1)
         left = fading[:, rows]
         variance = (1 - left**2 * rho[rows]) * prior[rows] + noise
@@ -125,7 +116,7 @@ class Memory:
         self._precision = rho / (prior * (1 - rho))
 
     def _update(self, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats) -> None:
-        """Mean of what is known and what is read, each by its precision."""
+        """Precision-weighted mean of estimate and readings."""
         before = self._precision[rows]
         self._precision[rows] = before + 1 / noise
         self._age[rows] *= before / self._precision[rows]
@@ -137,7 +128,7 @@ class Memory:
 def _expected_and_left(
     operator: MeasurementOperator, speeds: Sequence[float]
 ) -> tuple[Floats, Floats]:
-    """Prior variance (K,) up to a common factor, and what a frame of each speed and a cut leave."""
+    """Prior variance (K,) up to a factor, and the fraction retained for each speed and a cut."""
     height, width = operator.image_shape
     sigma = DICTIONARY.sigma(operator.image_shape)
     atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
@@ -145,15 +136,15 @@ def _expected_and_left(
     expected = np.empty(operator.shape[0])
     expected[varying] = atoms.by_row(sigma**2)
     left = np.zeros((len(speeds) + 1, operator.shape[0]))
-    # 2 pi f, as the deviation is 1 / 2f; the constant, which has none, stays.
+    # 2 pi f, as sigma is 1 / 2f; the constant, with sigma 0, does not decay.
     turn = np.divide(np.pi, sigma, out=np.zeros_like(sigma), where=sigma > 0)
     for retained, speed in zip(left, speeds, strict=False):
         decayed = sigma**2 * np.exp(-((turn * speed) ** 2) / 2)
         retained[varying] = atoms.by_row(decayed) / expected[varying]
-    if operator.level is not None:
-        # The level changes by as much as the coefficient that varies most, and a cut changes all.
+    if operator.dc_row is not None:
+        # DC changes by as much as the coefficient that varies most; a cut replaces it.
         maximum = np.argmax(np.where(varying, expected, 0.0))
-        expected[operator.level] = LEVEL * expected[maximum]
-        changed = (1 - left[:-1, maximum] ** 2) / LEVEL
-        left[:-1, operator.level] = np.sqrt(1 - changed)
+        expected[operator.dc_row] = DC_VARIANCE * expected[maximum]
+        changed = (1 - left[:-1, maximum] ** 2) / DC_VARIANCE
+        left[:-1, operator.dc_row] = np.sqrt(1 - changed)
     return expected, left

@@ -1,4 +1,4 @@
-"""What a method of making images is."""
+"""Interface of image methods."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,10 +13,16 @@ from .coefficients import Coefficients
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """An ``image`` (H, W), complex where its coefficients are, and how sure of it a method is.
+    """Result of an image method.
 
-    ``sigma`` (H, W): standard deviation of each pixel, None where the method cannot tell.
-    ``note``: what the user must know of it, such as that another method took over.
+    Parameters
+    ----------
+    image
+        Image (H, W), complex if the coefficients are.
+    sigma
+        Standard deviation (H, W) of the pixels, None if the method cannot estimate it.
+    note
+        Message to the user, such as that another method was used instead.
     """
 
     image: NDArray[Any]
@@ -30,35 +36,40 @@ ImageSolver = Callable[[Coefficients], Estimate]
 
 @runtime_checkable
 class SolverOfMany(Protocol):
-    """An `ImageSolver` that is faster with several frames at once."""
+    """`ImageSolver` that processes several frames faster together than one by one."""
 
     def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
-        """What it makes of each frame."""
+        """Estimate for each frame."""
 
 
 class ImageMethod(Protocol):
-    """A way from coefficients to an image; everything that frames share is done by `compile`."""
+    """Image method; `compile` does the work that frames share."""
 
     title: str
-    """A few words for plots and tables."""
+    """Short label for plots and tables."""
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of this operator's coefficients.
-
-        Raises InputError where the method cannot use the operator.
-        """
+        """Create the solver of an operator's coefficients; InputError if it cannot be used."""
 
 
 @runtime_checkable
 class CarryingMethod(ImageMethod, Protocol):
-    """A method whose images rest on earlier frames too, of frames that are taken in their order.
+    """Method that carries state from frame to frame, for frames taken in order.
 
-    What `compile` makes knows of no others.
+    The solver from `compile` carries none.
     """
 
     def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
-        """The method of one recording, which holds what it carries.
+        """Start the method for one recording.
 
-        ``operators`` are those of its successive frames, over and over, where all readings are
-        usable. Raises InputError where the method cannot use them.
+        Parameters
+        ----------
+        operators
+            Operators of its successive frames, repeated cyclically, for frames whose readings are
+            all usable.
+
+        Raises
+        ------
+        InputError
+            If the method cannot use them.
         """

@@ -1,8 +1,8 @@
-"""A small network that says what is wrong with an image, and how sure of it one may be.
+"""Small network that predicts the error of an image and its uncertainty.
 
-It sees an image at half its resolution, the pixels of each square as channels (K. Zhang, W. Zuo, L.
-Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes once to a quarter and back, and is
-evaluated as products of matrices.
+It works at half the resolution of the image, with the pixels of each square as channels (K. Zhang,
+W. Zuo, L. Zhang, IEEE Trans. Image Process. 27, 4608 (2018)), goes down to a quarter and back once,
+and is evaluated as matrix products.
 """
 
 from dataclasses import dataclass
@@ -25,27 +25,27 @@ from ..base.layers import (
 )
 
 VERSION = 1
-"""Of weights, inputs and layers together: what `load` takes."""
+"""Version of weights, inputs and layers that `load` accepts."""
 MULTIPLE = 4
-"""Sides of what is evaluated; others are mirrored up to one."""
+"""Sides are mirrored up to multiples of this."""
 WIDE_LAYERS = 4
 NOISE = 1e-3, 1e3
-"""Over the contrast: what lies farther is not told apart."""
+"""Limits of the noise over the contrast."""
 FEATURES = (
-    *("share of patterns", "noise over contrast", "deviation over contrast"),
+    *("patterns over pixels", "noise over contrast", "sigma over contrast"),
     *("change by edges", "steepness", "peak over contrast"),
 )
 MIN_SIGMA = 1e-3
-"""Of the contrast: what is surer than that is not told apart."""
+"""Minimum standard deviation, relative to the contrast."""
 
 
 @dataclass(frozen=True, eq=False)
 class NetworkInput:
-    """What the network sees of one frame, its level left out.
+    """Input of the network for one frame, without the DC coefficient.
 
-    ``first`` and ``better`` (H, W) are estimates of the image, ``sigma`` (H, W) that of the
-    better one; ``fraction`` is the number of coefficients over that of pixels, ``noise`` that of a
-    coefficient of a row of length 1.
+    ``first`` and ``better`` (H, W) are estimates of the image, ``sigma`` (H, W) the standard
+    deviation of the better one; ``fraction`` is the number of coefficients over pixels, ``noise``
+    that of a coefficient of a row of length 1.
     """
 
     first: Floats
@@ -56,32 +56,32 @@ class NetworkInput:
 
     @property
     def contrast(self) -> float:
-        """Rms of the image, as far as it is known."""
+        """Estimated rms of the image."""
         return float(np.sqrt(np.mean(self.better**2) + np.mean(self.sigma**2)))
 
     def maps(self) -> Channels:
-        """Channels (3, H, W)."""
+        """Input channels (3, H, W)."""
         contrast = self.contrast
         sigma = np.maximum(self.sigma, MIN_SIGMA * contrast)
         change = (self.better - self.first) / sigma
         return np.array([self.better / contrast, change, np.log(sigma / contrast)], np.float32)
 
     def numbers(self) -> Channels:
-        """What is the same for all pixels (2,)."""
+        """Inputs that are the same for all pixels, (2,)."""
         return np.log(np.array([self.fraction, self._relative_noise], np.float32))
 
     def features(self) -> Channels:
-        """What `FEATURES` names: by these a frame is like those learned from, or not."""
+        """Values of `FEATURES`, which decide whether a frame is in distribution."""
         contrast = self.contrast
         change = np.sqrt(np.mean((self.better - self.first) ** 2) / np.mean(self.sigma**2))
         slopes = np.mean(np.diff(self.better, axis=0) ** 2)
         slopes += np.mean(np.diff(self.better, axis=1) ** 2)
-        # Of the finest details that so many patterns see.
+        # Relative to the finest details that the patterns resolve.
         steepness = np.sqrt(slopes / self.fraction) / contrast
         peak = np.abs(self.better).max() / contrast
         unsure = np.sqrt(np.mean(self.sigma**2)) / contrast
-        reported = [self.fraction, self._relative_noise, unsure, change, steepness, peak]
-        return np.array(reported, np.float32)
+        features = [self.fraction, self._relative_noise, unsure, change, steepness, peak]
+        return np.array(features, np.float32)
 
     @property
     def _relative_noise(self) -> float:
@@ -89,27 +89,24 @@ class NetworkInput:
 
 
 class Network:
-    """What `tools/learned_network.py` trained: weights by the names of its layers.
-
-    ``limits`` (2, features): the least and the most of each of the `FEATURES` that it saw.
-    """
+    """Network trained by `tools/learned_network.py`: weights by layer, ``limits`` (2, features)."""
 
     def __init__(self, weights: dict[str, NDArray[Any]], limits: NDArray[Any]) -> None:
         self._limits, self._layers = limits, Layers(weights)
 
-    def __call__(self, displayed: NetworkInput) -> tuple[Channels, Channels]:
-        """Correction over deviation, and log of its deviation over the one shown, (H, W) each."""
-        maps = displayed.maps()
+    def __call__(self, inputs: NetworkInput) -> tuple[Channels, Channels]:
+        """Correction over standard deviation, and log factor of that deviation, (H, W) each."""
+        maps = inputs.maps()
         height, width = maps.shape[1:]
-        out = self._evaluated(filled(maps, MULTIPLE), displayed.numbers())
+        out = self._evaluated(filled(maps, MULTIPLE), inputs.numbers())
         return out[0, :height, :width], out[1, :height, :width]
 
-    def out_of_distribution(self, displayed: NetworkInput) -> str | None:
-        """In what a frame is unlike all that the network has seen, in words; None if in nothing."""
-        limits = zip(FEATURES, displayed.features(), *self._limits, strict=True)
+    def out_of_distribution(self, inputs: NetworkInput) -> str | None:
+        """First feature outside its training range, as a message; None if there is none."""
+        limits = zip(FEATURES, inputs.features(), *self._limits, strict=True)
         for name, value, minimum, maximum in limits:
             if not minimum <= value <= maximum:
-                return f"{name} = {value:.3g}, learned from {minimum:.3g} to {maximum:.3g}"
+                return f"{name} = {value:.3g}, trained for {minimum:.3g} to {maximum:.3g}"
         return None
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
@@ -123,7 +120,7 @@ class Network:
 
 
 def load(file: Path) -> Network:
-    """The network of a file; InputError where that holds none, or one of another version."""
+    """Network of a file; InputError if it has no weights, or those of another version."""
     weights = load_weights(file, VERSION, {"limits": 2} | axes_of(_LAYERS))
     return Network(weights, weights.pop("limits"))
 

@@ -1,13 +1,13 @@
-"""Noise that a recording does not tell, from its readings.
+"""Estimation of unknown noise from the readings.
 
-What is shown twice tells it by itself (`redundant_combinations`). Otherwise it is the white part of
-the coefficients' power, as far as it cannot be the image: coefficients of images vary as the prior
-expects, times factors of their own with an inverse gamma distribution, so that they are of
-Student's t distribution, with many small values among few large ones; noise is Gaussian. Of few
-coefficients this tells little: fine detail is as white as noise is. So nothing is decided: each of
-some `LEVELS` of noise has the probability that the coefficients give it, and whoever makes an image
-takes the mean over them (J. A. Hoeting et al., Stat. Sci. 14, 382 (1999)). Beforehand weak noise is
-likelier than strong, as recordings are made to be looked at (`weigh`).
+Redundant readings measure the noise directly (`redundant_combinations`). Otherwise it is the white
+part of the coefficients' power, as far as it cannot be the image: coefficients of images vary as
+the prior expects, times individual factors with an inverse gamma distribution, so that they follow
+Student's t distribution, with many small values among a few large ones; noise is Gaussian. A few
+coefficients say little, as fine detail is as white as noise. Therefore each of several `LEVELS` of
+noise has a posterior probability, and image methods average over them (J. A. Hoeting et al., Stat.
+Sci. 14, 382 (1999)). The prior prefers weak noise, as recordings are made to be looked at
+(`prior_of_levels`).
 """
 
 from functools import cache
@@ -20,42 +20,42 @@ from ..base.arrays import Floats
 from ..operators import SparseRows
 from .prior import SPREAD
 
-FEWEST = 8
-"""Combinations that tell the noise by themselves."""
+MIN_COMBINATIONS = 8
+"""Minimum number of combinations that measure the noise."""
 MEDIAN_OF_NORMAL = 0.6745
-"""Median of the magnitude of a normal variable of variance 1."""
+"""Median magnitude of a standard normal variable."""
 FREEDOM = 3.0
 """Degrees of freedom of the t distribution."""
 FACTORS = 4.0 ** np.arange(-2, 3)
-"""Factors of the variance."""
+"""Individual factors of the variance."""
 CONTRASTS = 4.0 ** np.arange(-7, 1.5, 0.5)
-"""Variances of signal over the mean power of the coefficients."""
+"""Signal variances, relative to the mean power of the coefficients."""
 LEVELS = np.array([0.001, 0.01, 0.03, *np.arange(0.1, 1.15, 0.1)])
-"""Standard deviations of noise over the rms of the coefficients."""
+"""Standard deviations of the noise, relative to the rms of the coefficients."""
 CLASSES = np.array([0.0, 0.25, 0.5, 0.75])
-"""Lower limits of these that are told apart, the others by their mean."""
+"""Lower limits of the classes into which noise levels are merged, each with its mean."""
 UNLIKELY = 0.01
-"""Probability of a class that is not looked at."""
+"""Probability below which a class is dropped."""
 
 
 class NoiseLevels(NamedTuple):
-    """Standard deviations ``sigma`` (J,) that noise may have, with their ``probability`` (J,)."""
+    """Possible standard deviations ``sigma`` (J,) of noise, with their ``probability`` (J,)."""
 
     sigma: Floats
     probability: Floats
 
     @property
     def mean(self) -> float:
-        """The mean standard deviation."""
+        """Mean standard deviation."""
         return float(self.sigma @ self.probability)
 
     @property
     def relative(self) -> "NoiseLevels":
-        """The same over the mean."""
+        """Levels divided by their mean."""
         return NoiseLevels(self.sigma / self.mean, self.probability) if self.mean > 0 else CERTAIN
 
     def or_less(self, probability: float, others: "NoiseLevels") -> "NoiseLevels":
-        """These with a ``probability``, or ``others`` as far as they are not larger."""
+        """Mixture with ``others``, which are limited to the largest of these levels."""
         return NoiseLevels(
             np.append(self.sigma, np.minimum(others.sigma, self.sigma.max())),
             np.append(probability * self.probability, (1 - probability) * others.probability),
@@ -63,22 +63,19 @@ class NoiseLevels(NamedTuple):
 
     @property
     def and_one(self) -> "NoiseLevels":
-        """The same with 1 as the first, of no probability of its own where there are others."""
+        """Levels preceded by 1, with probability 0 if there are several."""
         if self.sigma.size == 1:
             return self
         return NoiseLevels(np.append(1.0, self.sigma), np.append(0.0, self.probability))
 
 
 CERTAIN = NoiseLevels(np.ones(1), np.ones(1))
-"""Noise, over itself, of which nothing is unsure."""
+"""Relative level of noise that is known exactly."""
 
 
 def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> float | None:
-    """Variance of a reading, from combinations (D, M) that are noise alone; None if too few.
-
-    By the median, so that a lamp that flickers once is not all there is.
-    """
-    if combinations.shape[0] < FEWEST:
+    """Variance of a reading by the median of pure-noise combinations (D, M); None if too few."""
+    if combinations.shape[0] < MIN_COMBINATIONS:
         return None
     return float(np.median(np.abs(combinations @ signal)) / MEDIAN_OF_NORMAL) ** 2
 
@@ -86,10 +83,7 @@ def variance_by_repetition(combinations: SparseRows, signal: NDArray[Any]) -> fl
 def levels_by_spectrum(
     measured: NDArray[Any], expected: Floats, contrast: float | None = None
 ) -> NoiseLevels:
-    """Noise of coefficients (K,) that images of contrast 1 vary by ``expected`` (K,) in.
-
-    ``contrast``: its median beforehand, if told.
-    """
+    """Noise levels of coefficients (K,) of variance ``expected`` (K,) at the median contrast 1."""
     power = np.abs(measured) ** 2
     rms = float(np.sqrt(power.mean())) if power.size else 0.0
     if rms == 0:
@@ -99,7 +93,7 @@ def levels_by_spectrum(
         usual = contrast * expected.mean() / rms**2 / (FACTORS @ _weights())
         likelihood -= (np.log(CONTRASTS / usual) / (2 * SPREAD))[:, None] ** 2 / 2
     evidence = np.exp(likelihood - likelihood.max()).sum(axis=0)
-    weight = evidence * weigh(LEVELS)
+    weight = evidence * prior_of_levels(LEVELS)
     of_class = np.searchsorted(CLASSES, LEVELS, side="right") - 1
     probability = np.bincount(of_class, weight) / weight.sum()
     sigma = np.bincount(of_class, weight * LEVELS) / np.maximum(
@@ -111,15 +105,15 @@ def levels_by_spectrum(
     return NoiseLevels(rms * sigma[likely], probability[likely] / probability[likely].sum())
 
 
-def weigh(levels: Floats) -> Floats:
-    """Prior of each level s, up to a factor: of ln s the density is s^-1/4 from 0.01 on."""
+def prior_of_levels(levels: Floats) -> Floats:
+    """Prior of each level s up to a factor: the density of ln s is s^-1/4 above 0.01."""
     edges = np.sqrt(levels[1:] * levels[:-1])
     edges = np.concatenate([levels[:1], edges, levels[-1:]])
     return np.diff(np.log(edges)) * np.maximum(levels, 0.01) ** -0.25
 
 
 def _log_likelihood(power: Floats, expected: Floats) -> Floats:
-    """Of each of `CONTRASTS` with each of `LEVELS`."""
+    """Log likelihood of each of `CONTRASTS` combined with each of `LEVELS`."""
     scales = np.unique(np.outer(CONTRASTS, FACTORS).round(12))
     variance = scales[:, None, None] * expected + LEVELS[:, None] ** 2
     density = np.exp(-power / (2 * variance)) / np.sqrt(variance)
@@ -130,7 +124,7 @@ def _log_likelihood(power: Floats, expected: Floats) -> Floats:
 
 @cache
 def _weights() -> Floats:
-    """Probability of each of `FACTORS`, of edges between them from 0 to infinity."""
+    """Probability of each of `FACTORS`, with edges between them from 0 to infinity."""
     from scipy.special import gammaincc  # slow to import
 
     edges = np.concatenate([[1e-300], np.sqrt(FACTORS[1:] * FACTORS[:-1]), [np.inf]])

@@ -1,4 +1,4 @@
-"""Gaussian fields, and what coefficients tell of one; see `gaussian`."""
+"""Gaussian fields and their posteriors; see `gaussian`."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -14,14 +14,11 @@ from .noise import CERTAIN, NoiseLevels
 Combined = Callable[[NDArray[Any]], NDArray[Any]]
 """Sums (..., H, W) of rows of spectra by their weights (..., K)."""
 POWERS = (1.0, 0.5, 1.5, 2.0)
-"""Of the spread of components: exponents of 2, the prior's own, and 1, 3 and 4 of frequency."""
+"""Powers of the component variances: frequency exponents 2, as in the prior, and 1, 3 and 4."""
 
 
 class Field:
-    """Images (H, W) with independent coefficients of ``variance`` (H, W) in separable atoms.
-
-    ``vertical`` (H, H) and ``horizontal`` (W, W) have orthonormal atoms in their columns.
-    """
+    """Images (H, W) with coefficients of ``variance`` (H, W) in orthonormal separable atoms."""
 
     def __init__(self, vertical: Floats, horizontal: Floats, variance: Floats) -> None:
         self.vertical, self.horizontal, self.variance = vertical, horizontal, variance
@@ -29,7 +26,7 @@ class Field:
         self.shape = height, width
 
     def image(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The sum of atoms (..., H, W) with these coefficients."""
+        """Image (..., H, W) of a spectrum."""
         return np.asarray(self.vertical @ spectrum @ self.horizontal.T)
 
     def spectrum(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -43,12 +40,11 @@ class Field:
 
 
 class OwnPosterior:
-    """Of one frame: what one contrast v, and the exponent that the prior has, leave of images.
+    """Posterior of one frame for one contrast v and the prior's own exponent.
 
-    `own_mean` and ``noise_energy``, what noise adds to own_mean^T C^-1 own_mean, on average.
-    ``noise`` (K,) is that of the coefficients, nowhere too small to divide by, ``rms`` that of the
-    components. Of the combinations ``lost`` (K, f) of components nothing is known: as if they had
-    infinite noise, which is a downdate of rank f.
+    ``noise_energy`` is the mean contribution of noise to own_mean^T C^-1 own_mean. ``noise`` (K,)
+    is the positive noise of the coefficients, ``rms`` that of the components. The combinations
+    ``lost`` (K, f) of components are unmeasured: infinite noise, which is a downdate of rank f.
     """
 
     def __init__(
@@ -64,29 +60,29 @@ class OwnPosterior:
         spread = components.spread
         precision = 1 / (contrast * spread + rms**2)
         energy = (spread * precision**2).sum()
-        reported = precision * turned
+        weights = precision * turned
         self._lost = lost
         if lost.shape[1]:
             missing = precision[:, None] * lost
             factor = np.linalg.cholesky(lost.T @ missing)
             missing = np.linalg.solve(factor, missing.T).T
-            reported = reported - missing @ (missing.T @ turned)
+            weights = weights - missing @ (missing.T @ turned)
             weighed = spread[:, None] * missing
             energy -= 2 * (precision[:, None] * missing * weighed).sum()
             energy += ((missing.T @ weighed) * (missing.T @ missing)).sum()
             self._lost = contrast * missing
         self.noise_energy = float(contrast**2 * rms**2 * energy)
         self._of_one = contrast**2 * precision
-        self._reported, self._components = contrast * reported, components
-        self._filled = reported / precision
+        self._own_weights, self._components = contrast * weights, components
+        self._filled = weights / precision
 
     @property
     def own_mean(self) -> NDArray[Any]:
-        """The mean (H, W), a spectrum, complex where coefficients are."""
-        return self._components.spectrum(self._reported)
+        """Mean spectrum (H, W), complex if the coefficients are."""
+        return self._components.spectrum(self._own_weights)
 
     def covariance(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """The posterior covariance times a spectrum (H, W)."""
+        """Product of the posterior covariance and a spectrum (H, W)."""
         components = self._components
         seen = components.spectra @ spectrum.ravel()
         explained = self._of_one * seen
@@ -97,11 +93,10 @@ class OwnPosterior:
 
 
 class Posterior(OwnPosterior):
-    """The same, with a mean and a variance that are averages over contrasts and exponents.
+    """Posterior whose mean and variance are averages over contrasts, exponents and noise levels.
 
-    What is measured has these, the rest is as the prior's own exponent has it; ``contrast`` is the
-    mean one of that exponent. ``mean`` (H, W) is a spectrum. Where noise may have several
-    ``levels``, mean and variance are those over all of them.
+    This applies to measured components; the rest follows the prior's own exponent, whose mean
+    contrast is ``contrast``. ``mean`` (H, W) is a spectrum.
     """
 
     def __init__(
@@ -114,7 +109,7 @@ class Posterior(OwnPosterior):
         expected: float | None,
         levels: NoiseLevels,
     ) -> None:
-        levels = levels.and_one  # of which is `contrast`
+        levels = levels.and_one  # `contrast` is that of level 1
         given = components.contrasts(turned, lost, rms, expected, levels)
         super().__init__(components, turned, lost, noise, rms, float(given.given[0]))
         each = shrunk(given, components.spreads, rms**2, levels)
@@ -126,15 +121,15 @@ class Posterior(OwnPosterior):
 
     @property
     def seen(self) -> NDArray[Any]:
-        """What rows (K,) of the components see of the mean."""
+        """Products of the rows (K,) of the components with the mean."""
         components = self._components
         return np.asarray(components.back @ (components.spread * self._weights))
 
     @property
     def variance(self) -> Floats:
-        """Of each pixel (H, W), as if what contrasts differ in were independent of each other."""
+        """Variance of each pixel (H, W), as if differences between contrasts were independent."""
         components = self._components
-        # Relative: squares of readings in any unit may be beyond single precision.
+        # Divided by the contrast, as squared readings may exceed single precision.
         weights = (self._explained / self.contrast).astype(np.float32)
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
@@ -146,7 +141,7 @@ class Posterior(OwnPosterior):
 
 
 class Posteriors(NamedTuple):
-    """Of several frames: ``mean`` (F, h, w), ``contrast`` (F,) and the ``variance`` of pixels."""
+    """Posteriors of several frames: ``mean`` (F, h, w), pixel ``variance``, ``contrast`` (F,)."""
 
     mean: NDArray[Any]
     variance: Floats
@@ -154,14 +149,12 @@ class Posteriors(NamedTuple):
 
 
 class Components:
-    """What varies independently in coefficients of which the noise has ``relative`` size (K,).
+    """Independent components of coefficients whose noise has ``relative`` size (K,).
 
-    In those of them that are ``known`` (K,), all if None; there are as many components.
-
-    ``spread`` (K,): the l above, ``inverse`` (K,) its inverse, 0 for 0; ``turn`` (K, K): U^T T^-1,
-    ``back`` its inverse;
-    ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): the same l to several powers, all of
-    the same sum.
+    Only ``given`` (K,) coefficients count, all by default; there are as many components. ``spread``
+    (K,): the variances l of `gaussian`; ``inverse`` (K,): 1 / l, or 0; ``turn`` (K, K): U^T T^-1,
+    and ``back`` its inverse; ``spectra`` (K, N): U^T T^-1 R C; ``spreads`` (E, K): powers of l with
+    equal sums.
     """
 
     def __init__(
@@ -179,8 +172,8 @@ class Components:
         seen = rows * field.variance.ravel()
         spread, turn = np.linalg.eigh(rows @ seen.T / np.outer(relative, relative))
         self.spread: Floats = np.maximum(spread, 0)
-        reported = spread > 1e-12 * spread.max()
-        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=reported)
+        positive = spread > 1e-12 * spread.max()
+        self.inverse: Floats = np.divide(1, spread, out=np.zeros_like(spread), where=positive)
         self.turn: Floats = np.zeros((len(rows), given.size))
         self.turn[:, given] = turn.T / relative
         self.back: Floats = np.zeros((given.size, len(rows)))
@@ -192,7 +185,7 @@ class Components:
         self.pixel_variance = field.pixel_variance
 
     def spectrum(self, weights: NDArray[Any]) -> NDArray[Any]:
-        """Sum (..., H, W) of the spectra by weights (..., K)."""
+        """Sum (..., H, W) of the spectra, weighted by (..., K)."""
         if self._combined is not None:
             return self.field.variance * self._combined(weights @ self.turn)
         return np.asarray((weights @ self.spectra).reshape(*weights.shape[:-1], *self.shape))
@@ -203,44 +196,27 @@ class Components:
         lost: Floats,
         rms: float,
         expected: float | None,
-        levels: NoiseLevels,
+        levels: NoiseLevels = CERTAIN,
+        exponents: int | None = None,
     ) -> Contrasts:
-        """Contrasts of all exponents, of components (K,) with noise ``rms``."""
-        return self._contrasts(self.spreads, turned, lost, rms, expected, levels)
-
-    def own_contrast(
-        self, turned: NDArray[Any], lost: Floats, rms: float, expected: float | None
-    ) -> float:
-        """The mean contrast of the prior's own exponent."""
-        result = self._contrasts(self.spreads[:1], turned, lost, rms, expected, CERTAIN)
-        return float(result.given[0])
-
-    def _contrasts(
-        self,
-        spreads: Floats,
-        turned: NDArray[Any],
-        lost: Floats,
-        rms: float,
-        expected: float | None,
-        levels: NoiseLevels,
-    ) -> Contrasts:
-        missing = lost if lost.shape[1] else None
+        """Contrasts of the first exponents, for components (K,) with noise ``rms``."""
+        missing, spreads = lost if lost.shape[1] else None, self.spreads[:exponents]
         return contrasts(turned, spreads, rms**2, expected, levels, self._usual, missing)
 
     def posteriors(self, turned: NDArray[Any], rms: Floats, expected: Floats | None) -> Posteriors:
-        """What `Posterior` is of each frame, of components (F, K) with noise ``rms`` (F,)."""
+        """Posteriors of frames with components (F, K) and noise ``rms`` (F,); see `Posterior`."""
         noise = rms[:, None] ** 2
         given = contrasts_of_frames(turned, self.spreads, noise, expected, usual=self._usual)
         contrast = given.given[:, :1]
         each = shrunk(given, self.spreads, noise[..., None, None])
         left = each.by_noise + each.between * np.abs(turned) ** 2
         explained = (contrast * self.spread - left) * self.inverse**2 / contrast
-        reported = (explained.astype(np.float32) @ self.squared).reshape(
+        pixels = (explained.astype(np.float32) @ self.squared).reshape(
             -1, *self.pixel_variance.shape
         )
         return Posteriors(
             self.spectrum(each.gain * self.inverse * turned),
-            contrast[..., None] * np.maximum(self.pixel_variance - reported, 0),
+            contrast[..., None] * np.maximum(self.pixel_variance - pixels, 0),
             contrast[:, 0],
         )
 

@@ -1,4 +1,4 @@
-"""What is known of the coefficients of an image before they are measured."""
+"""Prior knowledge of the coefficients of an image."""
 
 from collections.abc import Callable
 from functools import cached_property
@@ -12,10 +12,10 @@ from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
 
 RELATIVE, SPREAD = 0.5, 0.8
-"""Median and logarithmic deviation of rms contrast over mean: scenes that tools/drawn_images.py
-draws to learn from, in clear air and in fog."""
+"""Median of the rms contrast over the mean and standard deviation of its logarithm, for scenes that
+tools/drawn_images.py generates for training, in clear air and in fog."""
 WHITE = np.logspace(-6, 3, 46)
-"""White parts that are tried, relative to the mean variance."""
+"""Grid of white parts, relative to the mean variance."""
 
 
 Sigma = Callable[[tuple[int, int]], Floats]
@@ -23,11 +23,11 @@ Sigma = Callable[[tuple[int, int]], Floats]
 
 
 class Prior:
-    """How much the rows of an operator, other than the level, vary from image to image.
+    """Prior variance of the rows of an operator, DC excluded.
 
-    Images are Gaussian fields of independent cosines. ``atoms``: what the rows see of these;
-    ``sigma`` (H, W) of their coefficients; ``expected`` (rows other than the level,): variances
-    up to a common factor.
+    Images are Gaussian fields of independent cosines, whose standard deviation (H, W) is a function
+    ``sigma`` of the image shape. ``varying``: mask of the rows other than DC; ``atoms``: products
+    of these rows with the cosines; ``expected``: their variance, up to a common factor.
     """
 
     def __init__(self, operator: MeasurementOperator, sigma: Sigma = DICTIONARY.sigma) -> None:
@@ -42,11 +42,7 @@ class Prior:
         return VarianceFit(self.expected)
 
     def variance(self, coefficients: NDArray[Any], given: Mask | None = None) -> Floats:
-        """Variance (K,) that coefficients (K,) like these have from image to image.
-
-        Infinite for the level, which may be any, and where nothing was measured. Only some may be
-        ``given`` (K,).
-        """
+        """Prior variance (K,), scaled to ``given`` coefficients; infinite for DC and unmeasured."""
         variance = np.full(coefficients.size, np.inf)
         measured, expected = coefficients[self.varying], self.expected
         if measured.any():
@@ -60,13 +56,12 @@ class Prior:
 
 
 def usual_contrast(square: float, variance: float) -> float:
-    """Median v of images of which the ``square`` of the mean is known, if their pixels vary by v
-    times ``variance``."""
+    """Median v of images with this squared mean, whose pixels have v times this variance."""
     return RELATIVE**2 * square / variance
 
 
 class VarianceFit:
-    """Maximum-likelihood fit of var(measured) = v (expected + r) to frames, by a grid of r."""
+    """Maximum-likelihood fit of var(measured) = v (expected + r) to frames, on a grid of r."""
 
     def __init__(self, expected: Floats) -> None:
         self._white = expected.mean() * WHITE
@@ -75,19 +70,30 @@ class VarianceFit:
         self._volume = np.log(shape).sum(axis=1)
 
     def __call__(self, measured: NDArray[Any]) -> tuple[float, float]:
-        """The scale v and the white part r, noise and what the spectrum misses, relative to v."""
+        """Scale v and white part r, noise and misfit of the spectrum, relative to v."""
         variance = self._weight @ np.abs(measured) ** 2
         best = int(np.argmin(measured.size * np.log(variance) + self._volume))
         return float(variance[best]), float(self._white[best])
 
 
 def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float]:
-    """The same of one frame."""
+    """Fit var(measured) = v (expected + r) to one frame by maximum likelihood.
+
+    Parameters
+    ----------
+    measured, expected
+        Coefficients and their relative variances, (K,) each.
+
+    Returns
+    -------
+    tuple
+        Scale v, and white part r relative to it.
+    """
     return VarianceFit(expected)(measured)
 
 
 def fit_scale(measured: NDArray[Any], expected: Floats, noise: Floats | float) -> float:
-    """Maximum-likelihood fit of var(measured) = v expected + noise, all variances: returns v."""
+    """Maximum-likelihood scale v in var(measured) = v expected + noise, all variances."""
     power = np.abs(measured) ** 2
     varying = expected > 1e-12 * expected.max(initial=0.0)
     largest = float((power[varying] / expected[varying]).max(initial=0.0)) or 1.0

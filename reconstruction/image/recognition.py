@@ -1,13 +1,13 @@
-"""In which layout readings came: which pattern each belongs to, told by the spectrum of images.
+"""Recognition of the layout of readings, by the power spectrum of images.
 
-A layout is a named order of Hadamard rows and a named sequence of polarities. For each the M
-readings are turned, without change of volume, into K coefficients of rows, and M - K sums in which
-the rows cancel and which are all alike but for noise and drift. The likelihood of the readings is
-that of both: of the coefficients by the spectrum of images (`spectra`), of the sums as Gaussian
-noise about a common mean.
+A layout is a named order of Hadamard rows and a named sequence of polarities. For each layout, the
+M readings are mapped, without change of volume, to K coefficients of rows and M - K sums in which
+the rows cancel, which are equal but for noise and drift. The likelihood of the readings is that of
+both: of the coefficients under the spectrum of images (`spectra`), of the sums as Gaussian noise
+about a common mean.
 
-A picture cannot be told from its mirror images by its spectrum, nor one of a square from the one
-with rows and columns exchanged.
+An image cannot be distinguished from its mirror images by its spectrum, nor a square one from its
+transpose.
 """
 
 from collections.abc import Iterator
@@ -26,47 +26,44 @@ from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
 from .transforms import other_spectra
 
 MAX_FITTED, MAX_ROUGH = 4096, 1024
-"""Coefficients that are looked at, closely and roughly; of more, some by chance, the same ones for
-each order."""
+"""Coefficients in the final and in the rough fit; of more, a random subset, the same for each
+order."""
 MAX_FRAMES = 4
-"""Frames of a recording that are looked at."""
+"""Maximum number of frames that are fitted."""
 MAX_REFINED = 14
-"""Layouts that all spectra are tried with, the likeliest by the usual one."""
+"""Layouts, the most probable under the usual spectrum, that are fitted with all spectra."""
 TEMPERATURE, WORTH = 2.0, 400
-"""Differences of log-likelihood of M readings are divided by TEMPERATURE (1 + M / WORTH) for
-probabilities: coefficients of one image are not as independent as the model has them, and the
-spectrum of none is quite that of a model, so that any number of readings says no more than so many
-(J. W. Miller, D. B. Dunson, J. Am. Stat. Assoc. 114, 1113 (2019)). By the mean logarithm of the
-probability of what was shown, of scenes that tools/drawn_images.py draws to learn from."""
+"""Differences of log likelihood of M readings are divided by TEMPERATURE (1 + M / WORTH) before
+they become probabilities: coefficients of one image are less independent than the model assumes,
+and no spectrum is exactly that of a model, so that the information saturates (J. W. Miller, D. B.
+Dunson, J. Am. Stat. Assoc. 114, 1113 (2019)). Fitted to the mean log probability of the true
+layout, for scenes that tools/drawn_images.py generates for training."""
 NEGATIVE = 20.0
-"""Log-odds against negative counts of displayed light: only an offset taken off makes them."""
+"""Log odds against negative readings of light, which only a subtracted offset can cause."""
 MIN_GAIN = 6.0
-"""Log-likelihood that images' spectrum must gain over a white one for readings to tell a layout;
-coefficients in any order gain up to 4."""
-MIN_DOUBT = 30.0
-"""By how much another layout must be likelier for a named one to be doubted, and what tails gain
-that are heavier than those of noise."""
+"""Log likelihood that the spectrum of images must gain over a white one to identify a layout;
+coefficients in random order gain up to 4."""
+MIN_MARGIN = 30.0
+"""Margin of log likelihood by which another layout contradicts the plan, and by which heavy tails
+must exceed Gaussian noise."""
 MIN_SPREAD = 2000.0
-"""Log-likelihood that the usual spectrum of images would gain, where its absence means something:
-a thousand rows of all frequencies. Few low ones vary little, in a texture the other way round."""
+"""Expected gain of the usual spectrum above which its absence is significant: a thousand rows of
+all frequencies. A few low ones vary little, and the other way round in a texture."""
 OTHER_TRANSFORM = 12.0
-"""The same for coefficients of another transform, compared with the likeliest layout."""
+"""Margin of coefficients of another transform over the most probable layout."""
 
 AXIS_ORDERS = ("natural", "dyadic", "sequency")
-"""Of the rows along one axis."""
+"""Orders of the rows along one axis."""
 
-UNLIT = "single-ended without dark"
-"""A sequence of polarities that tells no background, but may well be what was recorded."""
+WITHOUT_DARK = "single-ended without dark"
+"""Sequence of polarities that leaves the background undetermined, but is found in recordings."""
 SEQUENCES = POLARITIES | {
-    UNLIT: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8)),
+    WITHOUT_DARK: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8)),
 }
 
 
 class Layout(NamedTuple):
-    """A named order of the rows, a named sequence of polarities, and the plan that they make.
-
-    ``transposed``: the pixels are numbered column by column.
-    """
+    """Named order and sequence of polarities, whether pixels go by columns, and the plan."""
 
     order: str
     polarity: str
@@ -79,11 +76,7 @@ class Layout(NamedTuple):
 
 
 class Candidate(NamedTuple):
-    """A layout and how probable it is among those that were tried.
-
-    ``likelihood`` is the logarithm, up to a constant of the readings; ``gain`` by how much it
-    exceeds that of the same polarities with a white spectrum.
-    """
+    """Layout, its probability, log likelihood, and gain over a white spectrum."""
 
     layout: Layout
     probability: float
@@ -94,7 +87,17 @@ class Candidate(NamedTuple):
 def candidate_layouts(
     shape: tuple[int, int], exposures: int, polarity: str | None = None
 ) -> Iterator[Layout]:
-    """Layouts of so many readings, of one polarity if it is told; equal ones once."""
+    """Generate all distinct layouts of a recording.
+
+    Parameters
+    ----------
+    shape
+        Rows H and columns W of the image.
+    exposures
+        Number of readings M per frame.
+    polarity
+        Sequence of polarities, if it is known.
+    """
     seen = set()
     sequences = list(SEQUENCES) if polarity is None else [polarity]
     for turned in (False, True) if shape[0] != shape[1] else (False,):
@@ -102,7 +105,7 @@ def candidate_layouts(
         for order, _ in ORDERS.loadable():
             try:
                 rows = ordered_rows(basis, order)
-            except Exception:  # one of other patterns, with a seed, or of a faulty package
+            except Exception:  # for other patterns, seeded, or from a faulty package
                 continue
             for name in sequences:
                 retained = _rows_of(exposures, name)
@@ -117,7 +120,7 @@ def candidate_layouts(
 
 
 def _rows_of(exposures: int, polarity: str) -> int:
-    """How many rows so many exposures show; 0 where that cannot be."""
+    """Number of rows exposed by this number of exposures, or 0."""
     for rows in (exposures, exposures - 1, exposures // 2):
         if rows > 0 and len(SEQUENCES[polarity](np.arange(rows), 0)[0]) == exposures:
             return rows
@@ -127,11 +130,27 @@ def _rows_of(exposures: int, polarity: str) -> int:
 def recognise(
     readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
 ) -> list[Candidate]:
-    """Known layouts of readings (frames, M), the most probable first.
+    """Rank the known layouts of a recording.
 
-    Raises InputError for an unknown polarity, where the shape has no Hadamard patterns, no layout
-    has so many readings or none explains them better than chance does, and where they look like
-    coefficients of another transform.
+    Parameters
+    ----------
+    readings
+        Readings (frames, M).
+    shape
+        Rows H and columns W of the image.
+    polarity
+        Sequence of polarities, if it is known.
+
+    Returns
+    -------
+    list of Candidate
+        Most probable layout first.
+
+    Raises
+    ------
+    InputError
+        If the polarity is unknown, the shape has no Hadamard patterns, no layout has M readings or
+        explains them better than chance, or they look like coefficients of another transform.
     """
     if polarity is not None and polarity not in SEQUENCES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
@@ -143,8 +162,8 @@ def recognise(
     best = result[0]
     if best.gain < MIN_GAIN:
         raise InputError(
-            f"no known layout explains the {readings.shape[1]} readings better than chance does "
-            f"(the best: {best.layout}): name order and polarity, or give the row numbers"
+            f"no known layout explains the {readings.shape[1]} readings better than chance (the "
+            f"best: {best.layout}): state order and polarity, or the row numbers"
         )
     other = _other_transform(best.layout.plan, readings)
     if other is not None:
@@ -152,10 +171,22 @@ def recognise(
     return result
 
 
-def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
-    """A sentence on why readings (frames, M) can hardly be of this plan, None where they can.
+def plan_inconsistency(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
+    """Check readings for consistency with their plan.
 
-    Of Hadamard patterns alone, each shown once or in both polarities.
+    Only plans of Hadamard patterns are checked, each exposed once or with both polarities.
+
+    Parameters
+    ----------
+    plan
+        Plan of M exposures.
+    readings
+        Readings (frames, M).
+
+    Returns
+    -------
+    str or None
+        Message on why the readings contradict the plan, None if they do not.
     """
     if plan.basis != "hadamard" or not np.ptp(readings, axis=1).any():
         return None
@@ -166,21 +197,21 @@ def doubt(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     assert declared is not None
     likely = _likely(readings, plan.shape)
     gap = likely[0][1] - roughly.image if likely else 0.0
-    if gap > MIN_DOUBT * _coarseness(readings, MAX_ROUGH):
+    if gap > MIN_MARGIN * _coarseness(readings, MAX_ROUGH):
         best = _ranked(readings, plan.shape)[0]
-        if best.likelihood - declared.image > MIN_DOUBT * _coarseness(readings):
-            reported = _other_transform(best.layout.plan, readings) or str(best.layout)
+        if best.likelihood - declared.image > MIN_MARGIN * _coarseness(readings):
+            actual = _other_transform(best.layout.plan, readings) or str(best.layout)
             return (
-                "the readings do not look like those of an image in the pattern plan's order; "
-                f"they look like {reported}"
+                "the readings do not look like an image in the pattern plan's order; they look "
+                f"like {actual}"
             )
     other = _other_transform(plan, readings)
     if other is not None:
         return f"the readings look like {other}, not like those of the pattern plan"
     if declared.gain < MIN_GAIN and _scattered(plan, readings[0]):
         return (
-            "the readings have nothing to do with the pattern plan's order, nor with another that "
-            "is known: their patterns may have been shown in an order of their own"
+            "the readings match neither the pattern plan's order nor another known one: their "
+            "patterns may have been displayed in a custom order"
         )
     return None
 
@@ -207,7 +238,7 @@ def _ranked(
 def _likely(
     readings: NDArray[Any], shape: tuple[int, int], polarity: str | None = None
 ) -> list[tuple[Layout, float]]:
-    """Known layouts and their log-likelihoods by the usual spectrum alone, the likeliest first."""
+    """Known layouts with their log likelihoods under the usual spectrum, most probable first."""
     result = [
         (layout, rough.image)
         for layout in candidate_layouts(shape, readings.shape[1], polarity)
@@ -217,20 +248,19 @@ def _likely(
 
 
 def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
-    """Name of a complete transform whose coefficients, in the sequence in which the plan's rows
-    come, are likelier than those rows, and than Hadamard's rows in orders that have no name."""
-    if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.level:
+    """Complete transform that fits the readings better than the plan's rows in any order."""
+    if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.dc_row:
         return None
-    position = np.argsort(plan.distinct)
+    sequence = np.argsort(plan.distinct)
     parts = _parts(plan, readings[0].astype(np.float64))
     bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
     for order in _unnamed_orders(plan.shape):
-        result = _fit_some(parts.values, row_spectra(plan.shape), order[position[parts.rows]]).image
+        result = _fit_some(parts.values, row_spectra(plan.shape), order[sequence[parts.rows]]).image
         bar = max(bar, result)
     bar += OTHER_TRANSFORM * _coarseness(readings)
     likeliest = None
     for name, models in other_spectra(plan.shape):
-        result = _fit_some(parts.values, models, position[parts.rows]).image
+        result = _fit_some(parts.values, models, sequence[parts.rows]).image
         if result > bar:
             likeliest, bar = name, result
     return likeliest
@@ -238,10 +268,7 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
 
 @lru_cache(maxsize=4)
 def _unnamed_orders(shape: tuple[int, int]) -> list[NDArray[np.int64]]:
-    """Orders of all rows in which some software has them: one along columns, one along rows.
-
-    Their coefficients fall off along both axes as those of Haar's wavelets do.
-    """
+    """Separable orders used by some software: one order along columns, one along rows."""
     along = [
         [ordered_rows(Hadamard((1, side)), order).astype(np.int64) for order in AXIS_ORDERS]
         for side in shape
@@ -250,19 +277,31 @@ def _unnamed_orders(shape: tuple[int, int]) -> list[NDArray[np.int64]]:
 
 
 def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
-    """Whether coefficients vary more than noise does, of rows that vary much in images."""
+    """Whether coefficients vary more than noise although their rows should vary little."""
     parts = _parts(plan, readings.astype(np.float64))
     usual = row_spectra(plan.shape).mean(axis=0)[parts.rows]
     spread = parts.rows.size * np.log(usual.mean()) - np.log(usual).sum()
-    return bool(spread > MIN_SPREAD and heavy_tails(parts.values) > MIN_DOUBT)
+    return bool(spread > MIN_SPREAD and heavy_tails(parts.values) > MIN_MARGIN)
 
 
 def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
-    """What a dark exposure would have read, from readings (M,) of +1 alone; nan without all-on.
+    """Estimate the reading of a dark exposure from exposures of polarity +1.
 
-    The rows that images excite least read half of all-on and dark together.
+    The rows that images excite least read the mean of the all-on and the dark exposure.
+
+    Parameters
+    ----------
+    plan
+        Plan of M exposures.
+    readings
+        Readings (M,) of one frame.
+
+    Returns
+    -------
+    float
+        Reading of a dark exposure; nan without an all-on exposure.
     """
-    varying = plan.index != plan.patterns.level
+    varying = plan.index != plan.patterns.dc_row
     expected = row_spectra(plan.shape).mean(axis=0)[plan.index[varying]]
     background = np.median(readings[varying][expected <= np.median(expected)])
     lit = readings[~varying]
@@ -270,16 +309,12 @@ def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
 
 
 class _Parts(NamedTuple):
-    """M readings as ``rows`` and their coefficients ``values``, both (K,), and ``sums``.
-
-    In sums the rows cancel; they are less their median. ``level`` is the coefficient of the level,
-    nan where there is none.
-    """
+    """Coefficients ``values`` (K,) of ``rows`` (K,), sums without rows, and the DC coefficient."""
 
     rows: NDArray[np.int32]
     values: Floats
     sums: Floats
-    level: float
+    dc: float
 
 
 def _parts(plan: PatternPlan, readings: Floats) -> _Parts:
@@ -289,24 +324,24 @@ def _parts(plan: PatternPlan, readings: Floats) -> _Parts:
         rows = plan.index[plus]
         sums = (readings[plus] + readings[minus]) / np.sqrt(2)
         values = (readings[plus] - readings[minus]) / np.sqrt(2)
-        lit = rows == plan.patterns.level
-        level = float(values[lit][0]) if lit.any() else np.nan
-        return _Parts(rows[~lit], values[~lit], sums - np.median(sums), level)
-    varying = plan.index != plan.patterns.level
+        lit = rows == plan.patterns.dc_row
+        dc = float(values[lit][0]) if lit.any() else np.nan
+        return _Parts(rows[~lit], values[~lit], sums - np.median(sums), dc)
+    varying = plan.index != plan.patterns.dc_row
     rows, values = plan.index[varying], readings[varying]
     if not plan.polarity.any():
         return _Parts(rows, values, np.empty(0), np.nan)
     expected = row_spectra(plan.shape).mean(axis=0)[rows]
     background = np.median(values[expected <= np.median(expected)])
-    values, level = values - background, readings[~varying] - background
-    if level.size == 2:  # all on and dark: half their sum is the background, but for noise
+    values, dc = values - background, readings[~varying] - background
+    if dc.size == 2:  # all-on and dark: half their sum is the background plus noise
         rows = np.append(rows, rows[np.argmin(expected)])
-        values = np.append(values, level.sum() / np.sqrt(2))
-    return _Parts(rows, values, np.empty(0), float(level @ plan.polarity[~varying]))
+        values = np.append(values, dc.sum() / np.sqrt(2))
+    return _Parts(rows, values, np.empty(0), float(dc @ plan.polarity[~varying]))
 
 
 def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Positions of both polarities of every row, None unless each is shown just so."""
+    """Exposures of both polarities of every row; None unless each row has just these two."""
     plus, minus = (np.flatnonzero(plan.polarity == sign) for sign in (1, -1))
     if plus.size + minus.size < plan.exposures or plus.size != minus.size:
         return None
@@ -316,13 +351,8 @@ def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | Non
 
 
 def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> Fit | None:
-    """Log-likelihoods of readings (frames, M) under a plan, the mean over some frames.
-
-    ``rough``: with the usual spectrum alone, and of fewer coefficients.
-
-    None where rows are shown more often than `_parts` knows, or none but the level.
-    """
-    exposures = np.bincount(plan.index[plan.index != plan.patterns.level])
+    """Mean log likelihoods of some frames under a plan, None if it is not supported."""
+    exposures = np.bincount(plan.index[plan.index != plan.patterns.dc_row])
     if exposures.max(initial=0) == 0 or (exposures.max() > 1 and _pairs(plan) is None):
         return None
     frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
@@ -336,20 +366,20 @@ def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> F
 
 def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats, maximum: int) -> Fit:
     scale = float(np.abs(readings).max()) or 1.0
-    rows, values, sums, level = _parts(plan, readings / scale)
+    rows, values, sums, dc = _parts(plan, readings / scale)
     result = _fit_some(values, models, rows, maximum)
-    others = readings.size - values.size - sums.size  # the level: anything goes
+    others = readings.size - values.size - sums.size  # DC may be anything
     penalty = others * log(2.0)
     if plan.polarity.any():  # the background is one more parameter
         penalty += log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
-    if level < 0:  # all on is darker than all off
-        penalty += min(readings.size, level**2 / (2 * np.mean(values**2) + np.finfo(float).tiny))
-    reported = gaussian(sums) - penalty
-    return Fit(result.image + reported, result.white + reported)
+    if dc < 0:  # all-on is darker than all-off
+        penalty += min(readings.size, dc**2 / (2 * np.mean(values**2) + np.finfo(float).tiny))
+    common = gaussian(sums) - penalty
+    return Fit(result.image + common, result.white + common)
 
 
 def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], maximum: int = MAX_FITTED) -> Fit:
-    """Fit of some of many values, for all."""
+    """Fit of a subset of many values, scaled to all."""
     if values.size <= maximum:
         return fit(values, models[:, rows])
     some = np.random.default_rng(0).choice(values.size, maximum, replace=False)
@@ -358,13 +388,13 @@ def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], maximum: int =
 
 
 def _coarseness(readings: NDArray[Any], maximum: int = MAX_FITTED) -> float:
-    """By how much log-likelihoods of so many readings are less sure, since some stand for all."""
+    """Factor by which log likelihoods are less certain, as a subset represents all readings."""
     return max(readings.shape[1] / maximum, 1.0)
 
 
 @lru_cache(maxsize=4)
 def row_spectra(shape: tuple[int, int]) -> Floats:
-    """Variances (models, N) of all Hadamard rows in images, 0 for the level."""
+    """Variances (models, N) of all Hadamard rows in images, 0 for DC."""
     basis = Hadamard(shape)
     operator = RowOperator(basis, np.arange(basis.rows, dtype=np.int32))
     varying = spectra(operator)

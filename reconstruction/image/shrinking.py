@@ -1,9 +1,9 @@
-"""Each coefficient by itself: for so many of them that their correlations cost too much.
+"""Wiener filter of each coefficient: for operators too large to account for correlations.
 
-Coefficients c of images vary by v g, g as the prior expects, and are measured with noise of
-variance s^2: the best linear estimate of each is v g / (v g + s^2) times what was measured, and
-of those that were not measured 0 (N. Wiener, Extrapolation, Interpolation, and Smoothing of
-Stationary Time Series, MIT Press 1949). Where most are measured little is lost.
+Coefficients of images have variances v g, with g from the prior, and noise of variance s^2: the
+best linear estimate of each is v g / (v g + s^2) times its measurement, and 0 if unmeasured (N.
+Wiener, Extrapolation, Interpolation, and Smoothing of Stationary Time Series, MIT Press 1949). If
+most are measured, little is lost.
 """
 
 import numpy as np
@@ -11,22 +11,22 @@ import numpy as np
 from ..base.arrays import Floats
 from ..operators import MeasurementOperator
 from .coefficients import Coefficients
-from .contrast import ContrastByLevel, contrasts, shrunk
+from .contrast import ContrastByDc, contrasts, shrunk
 from .method import Estimate
 from .prior import Prior
 
 
 class ShrinkingSolver:
-    """Holds what depends on the operator alone."""
+    """Solver with all that depends on the operator alone."""
 
     def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
         self._operator = operator
         self._expected: Floats = prior.expected
         self._everything = float((prior.sigma**2).sum())
-        self._expected_contrast = ContrastByLevel(operator, float((prior.sigma**2).mean()))
+        self._expected_contrast = ContrastByDc(operator, float((prior.sigma**2).mean()))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """The image, and one standard deviation for all pixels."""
+        """Image, with one standard deviation for all pixels."""
         operator, seen = self._operator, self._operator.varying
         length, pixels = operator.row_length, operator.shape[1]
         finite = np.isfinite(coefficients.noise[seen])

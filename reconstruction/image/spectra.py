@@ -1,11 +1,11 @@
-"""How well coefficients fit the power spectrum of images: by it layouts of readings are told apart.
+"""Fit of coefficients to the power spectrum of images, which identifies the layout of readings.
 
-Coefficients of a natural image have variances v (s_k + r): s_k is what row k sees of a spectrum
-that falls with a power of spatial frequency, along both axes or along one more than the other, and
-r the white part, noise and all else (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)). Single images
-are burstier than this Gaussian model, so the density is Student's t of any tail. All parameters are
-those of maximum likelihood. The alternative has the same density and r alone: coefficients that
-have nothing to do with their rows, as those of patterns in another order.
+Coefficients of a natural image have variances v (s_k + r): s_k is the response of row k to a
+spectrum that falls with a power of spatial frequency, equally along both axes or not, and r the
+white part, noise and all else (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)). Single images are
+burstier than this Gaussian model, so the density is Student's t with fitted tails. All parameters
+are maximum-likelihood estimates. The alternative is the same density with r alone: coefficients
+unrelated to their rows, as of patterns in another order.
 """
 
 from math import lgamma, log, pi
@@ -19,42 +19,42 @@ from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
 
 EXPONENTS = (1.0, 2.0, 3.0)
-"""Of spatial frequency, by which power falls."""
+"""Powers of spatial frequency by which the spectrum falls."""
 ASPECTS = (0.5, 1.0, 2.0)
-"""How much faster power falls along the columns than along the rows."""
+"""Ratios of the decay along columns to that along rows."""
 USUAL_MODEL = ASPECTS.index(1.0) * len(EXPONENTS) + EXPONENTS.index(2.0)
 WHITES = np.logspace(-4, 1, 6)
-"""White part over the mean of the spectrum."""
+"""White part, relative to the mean of the spectrum."""
 FREEDOMS = (1.0, 3.0, 30.0)
-"""Degrees of freedom of Student's t: Cauchy's density, an in-between, nearly Gauss's."""
+"""Degrees of freedom of Student's t: Cauchy, an intermediate density, nearly Gaussian."""
 USUAL_FREEDOM = 3.0
 MIN_SIGMA = 1e-4
-"""Least deviation over the root mean square: coefficients that are exactly zero tell no more."""
+"""Minimum standard deviation, relative to the rms: limits the weight of exact zeros."""
 ROUNDS = 6
-"""Of the fixed-point iteration for the scale."""
+"""Fixed-point iterations for the scale."""
 
 
 class Fit(NamedTuple):
-    """Log-likelihoods of coefficients: with the spectrum of images, and with a white one."""
+    """Log likelihoods of coefficients, with the spectrum of images and with a white one."""
 
     image: float
     white: float
 
     @property
     def gain(self) -> float:
-        """How much better the spectrum of images explains them."""
+        """Log likelihood gained by the spectrum of images."""
         return self.image - self.white
 
 
 def spectra(operator: MeasurementOperator) -> Floats:
-    """Variances (models, K) of the rows other than the level, each up to a common factor."""
+    """Variances (models, K) of the rows other than DC, each up to a common factor."""
     height, width = operator.image_shape
     atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
     return np.array([atoms.by_row(power) for power in powers(operator.image_shape)])
 
 
 def powers(shape: tuple[int, int]) -> list[Floats]:
-    """Variance (H, W) of cosines in images, for each model; 0 for the level."""
+    """Variance (H, W) of cosines in images, for each model; 0 for DC."""
     height, width = shape
     vertical, horizontal = np.arange(height)[:, None] / height, np.arange(width) / width
     result = []
@@ -66,7 +66,7 @@ def powers(shape: tuple[int, int]) -> list[Floats]:
 
 
 def fit(coefficients: NDArray[Any], models: Floats) -> Fit:
-    """Fit of coefficients (K,) of rows with these ``models`` (models, K) of their variance."""
+    """Fit of coefficients (K,) of rows with variances ``models`` (models, K)."""
     square = np.abs(coefficients) ** 2
     square = square + MIN_SIGMA**2 * (square.mean() or 1.0)
     shape = models / models.mean(axis=1, keepdims=True)
@@ -81,7 +81,7 @@ def fit(coefficients: NDArray[Any], models: Floats) -> Fit:
 
 
 def gaussian(values: Floats) -> float:
-    """Greatest log-likelihood of values (K,) as Gaussian noise about zero."""
+    """Maximum log likelihood of values (K,) as Gaussian noise about zero."""
     if not values.size:
         return 0.0
     variance = float(np.mean(values**2)) + np.finfo(float).eps ** 2
@@ -89,14 +89,13 @@ def gaussian(values: Floats) -> float:
 
 
 def heavy_tails(values: Floats) -> float:
-    """By how much Student's t of the usual freedom is likelier than Gaussian noise."""
+    """Log likelihood gained by Student's t of the usual freedom over Gaussian noise."""
     square, flat = values[None] ** 2 + np.finfo(float).tiny, np.ones((1, values.size))
     return float(_likelihoods(square[0], flat, USUAL_FREEDOM)[0]) - gaussian(values)
 
 
 def _likelihoods(square: Floats, variance: Floats, freedom: float) -> Floats:
-    """Greatest log-likelihood (n,) of values with these squares (K,) over the factor of each
-    ``variance`` (n, K): Student's t of that many degrees of ``freedom``."""
+    """Maximum log likelihood (n,) over the scale of each ``variance`` (n, K), with Student's t."""
     ratio = square / variance
     scale = np.exp(np.log(ratio).mean(axis=1, keepdims=True))
     for _ in range(ROUNDS):  # expectation maximisation, K. L. Lange et al., JASA 84, 881 (1989)

@@ -1,7 +1,7 @@
-"""Other transforms whose coefficients may be taken for Hadamard's, and what they have of images.
+"""Other transforms whose coefficients may be mistaken for Hadamard's, and their spectra.
 
-Each is complete, its coefficients (H, W) in the arrangement that software gives them, the level
-first. A name tells the user what the readings look like.
+Each is complete, with coefficients (H, W) arranged as software arranges them, DC first. Names
+appear in messages.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ def haar(side: int) -> Floats:
 
 
 def other_spectra(shape: tuple[int, int]) -> Iterator[tuple[str, Floats]]:
-    """Names of transforms, and the variances (models, N) of their coefficients, 0 for the level."""
+    """Names of transforms, and the variances (models, N) of their coefficients, 0 for DC."""
     transforms = _ANY | _SQUARE if shape[0] == shape[1] else _ANY
     for name, variance in transforms.items():
         yield name, np.array([variance(power).ravel() for power in powers(shape)])
@@ -38,7 +38,7 @@ def _haar_of_axes(power: Floats) -> Floats:
 
 
 def _haar_pyramid(power: Floats) -> Floats:
-    """Bands of S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989): alike along both axes."""
+    """Bands of S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989): equal scales along both axes."""
     side = len(power)
     result = np.zeros(power.shape)
     size = side
@@ -47,21 +47,21 @@ def _haar_pyramid(power: Floats) -> Floats:
         means = np.kron(np.eye(half), np.full(side // half, np.sqrt(half / side)))
         both = np.vstack([means, haar(side)[half:size]])
         band = _seen(power, both, both)
-        band[:half, :half] = 0  # of the coarser bands
+        band[:half, :half] = 0  # belongs to the coarser bands
         result[:size, :size] += band
         size = half
     return result
 
 
 def _haar_pyramid_of_signs(power: Floats) -> Floats:
-    """Wavelets of -1, 0 and 1, as a display shows them, instead of unit length."""
+    """Wavelets of -1, 0 and 1, as displayed, instead of unit length."""
     side = len(power)
     scale = 2.0 ** np.floor(np.log2(np.maximum(np.arange(side), 1)))
     return _haar_pyramid(power) * (side / np.maximum.outer(scale, scale)) ** 2
 
 
 def _seen(power: Floats, vertical: Floats, horizontal: Floats) -> Floats:
-    """Variance of products of rows (A, H) and (B, W) in images with cosines of this power."""
+    """Variance of products of rows (A, H) and (B, W) with images whose cosines have this power."""
     tall, wide = (rows @ DICTIONARY.atoms(rows.shape[1]) for rows in (vertical, horizontal))
     return np.asarray(tall**2 @ power @ wide.T**2)
 

@@ -1,10 +1,9 @@
-"""What was shown, and what its readings say of an image: pattern plans and linear operators."""
+"""Pattern plans, and the linear operators that relate their readings to images."""
 
 from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
 from .hadamard import fwht, sequency
-from .interleaving import interleaved
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
 from .outliers import OutlierDetector
@@ -13,16 +12,17 @@ from .plan import (
     PatternPlan,
     expose,
     illumination,
+    interleaved,
     make_plan,
     mean_illumination,
     ordered_rows,
     plan_of_rows,
+    transposed,
 )
 from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
 from .throughput import Throughput
-from .transposed import transposed
 
 __all__ = [
     "BASES",

@@ -1,4 +1,4 @@
-"""The natural-order (Sylvester) Hadamard matrix: fast transform, and sign changes of its rows."""
+"""Natural-order (Sylvester) Hadamard matrices: fast transform and sequency."""
 
 from typing import Any
 
@@ -10,9 +10,24 @@ from .basis import Basis
 
 
 def fwht(x: ArrayLike, axis: int = -1) -> NDArray[Any]:
-    """Unnormalised fast Walsh-Hadamard transform in natural order along one axis, real or complex.
+    """Unnormalised fast Walsh-Hadamard transform in natural order.
 
-    The length of the axis must be a power of two (ValueError otherwise).
+    Parameters
+    ----------
+    x
+        Real or complex array; its length along ``axis`` must be a power of two.
+    axis
+        Axis to transform.
+
+    Returns
+    -------
+    ndarray
+        Transform of the same shape, in double precision.
+
+    Raises
+    ------
+    ValueError
+        If the length is not a power of two.
     """
     values = np.moveaxis(np.asarray(x), axis, -1)
     values = values.astype(np.result_type(values, np.float64))
@@ -29,25 +44,25 @@ def fwht(x: ArrayLike, axis: int = -1) -> NDArray[Any]:
 
 
 def sequency(size: int) -> NDArray[np.int64]:
-    """Sign changes along each row of the natural-order Hadamard matrix of this size, (size,)."""
+    """Sign changes along each row of the natural-order Hadamard matrix, (size,)."""
     changes = np.zeros(size, dtype=np.int64)
     bits = size.bit_length() - 1
     rows = np.arange(size)
     binary = np.zeros(size, dtype=np.int64)
-    for bit in range(bits):  # the row number, bit-reversed, is the Gray code of the sequency
+    for bit in range(bits):  # the bit-reversed row index is the Gray code of the sequency
         binary ^= (rows >> bit) & 1
         changes |= binary << (bits - 1 - bit)
     return changes
 
 
 def power_of_two(size: int) -> bool:
-    """Whether there is a Hadamard matrix of this size here."""
+    """Whether a Sylvester Hadamard matrix of this size exists."""
     return size > 0 and size & (size - 1) == 0
 
 
 def require_hadamard(basis: Basis, order: str) -> None:
-    """Raise InputError unless the basis is Hadamard's, of which alone an order speaks."""
+    """Raise InputError unless the basis is Hadamard's, which this order requires."""
     if basis.name != "hadamard":
         raise InputError(
-            f"order {order!r} is one of Hadamard rows; the basis is {basis.name!r}: use natural"
+            f"order {order!r} requires the Hadamard basis, not {basis.name!r}: use natural"
         )

@@ -1,4 +1,4 @@
-"""What decoded readings say of an image: linear operators with orthogonal rows of one length."""
+"""Linear operators with orthogonal rows of equal length, from images to coefficients."""
 
 from collections.abc import Hashable
 from functools import cached_property
@@ -13,25 +13,33 @@ from .basis import Basis
 
 
 class MeasurementOperator:
-    """y = A x of images x (N,) as K coefficients, with A A^T = row_length^2 I.
+    """y = A x: K coefficients of images x (N,), with A A^T = row_length^2 I.
 
-    ``image_shape`` (H, W); ``level`` is the row that alone sees a constant image, or None.
-    `forward` and `back_project` act on stacks of (H, W). SciPy's solvers take it as it is:
-    `scipy.sparse.linalg.aslinearoperator` asks for shape, type, `matvec` and `rmatvec`.
-    ``usual_noise`` (K,): relative standard deviations that equal noise of all readings makes.
+    `forward` and `back_project` act on stacks of images. `scipy.sparse.linalg.aslinearoperator`
+    accepts the operator through its shape, dtype, `matvec` and `rmatvec`.
+
+    Attributes
+    ----------
+    image_shape
+        Rows H and columns W of the images.
+    dc_row
+        Index of the row that alone sees a constant image, or None.
+    usual_noise
+        Relative standard deviation (K,) of the coefficients if all readings are equally noisy.
+    shared
+        Cache of objects that methods derive from the operator, held as long as one is in use.
     """
 
     dtype = np.dtype(np.float64)
 
     image_shape: tuple[int, int]
     row_length: float
-    level: int | None
+    dc_row: int | None
     usual_noise: Floats
 
     def __init__(self, rows: int, image_shape: tuple[int, int]) -> None:
         self.image_shape = image_shape
         self.usual_noise = np.ones(rows)
-        # What methods make of this operator and share, for as long as any of them needs it.
         self.shared: WeakValueDictionary[Hashable, Any] = WeakValueDictionary()
         self.shape = rows, image_shape[0] * image_shape[1]
 
@@ -41,38 +49,41 @@ class MeasurementOperator:
         return self._project(flat)
 
     def back_project(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        """A^T of coefficients (..., K): images (..., H, W)."""
+        """A^T y: images (..., H, W) of coefficients (..., K)."""
         flat = self._combine(np.asarray(coefficients))
         return flat.reshape(*flat.shape[:-1], *self.image_shape)
 
     def min_norm(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        """Of all images that fit coefficients (..., K) the one of least energy: (..., H, W)."""
+        """Minimum-norm images (..., H, W) among all that have these coefficients (..., K)."""
         return self.back_project(coefficients) / self.row_length**2
 
-    def mean_dc(self, coefficient: Any, image: NDArray[Any]) -> Any:
-        """What an ``image`` (H, W) lacks in every pixel for the ``coefficient`` of the level."""
-        row = self._dc_row
+    def dc_offset(self, coefficient: Any, image: NDArray[Any]) -> Any:
+        """Constant to add to an ``image`` (H, W) so that it has this DC ``coefficient``."""
+        row = self._dc_pattern
         return (coefficient - (row * image).sum()) / row.sum()
 
     @cached_property
-    def _dc_row(self) -> Floats:
+    def _dc_pattern(self) -> Floats:
         return self.back_project((~self.varying).astype(np.float64))
 
     @cached_property
     def varying(self) -> NDArray[np.bool_]:
-        """Rows (K,) other than the level."""
-        return np.arange(self.shape[0]) != (-1 if self.level is None else self.level)
+        """Mask (K,) of all rows but the DC row."""
+        return np.arange(self.shape[0]) != (-1 if self.dc_row is None else self.dc_row)
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> "SeenAtoms":
-        """What rows other than the level see of outer products of atoms.
+        """Products of the rows other than DC with separable atoms.
 
-        ``vertical`` (H, a) and ``horizontal`` (W, b) have an atom in each column.
+        Parameters
+        ----------
+        vertical, horizontal
+            One-dimensional atoms (H, a) and (W, b) in columns; atoms are their outer products.
         """
         return SeenAtoms(vertical.T @ self._unit_rows @ horizontal)
 
     @cached_property
     def _unit_rows(self) -> Floats:
-        """Rows other than the level (..., H, W), of length 1."""
+        """Rows other than DC (..., H, W), normalised to length 1."""
         return self.back_project(np.eye(self.shape[0])[self.varying]) / self.row_length
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
@@ -86,7 +97,7 @@ class MeasurementOperator:
         return self._project(np.ravel(image))
 
     def rmatvec(self, coefficients: NDArray[Any]) -> NDArray[Any]:
-        """A^T y of coefficients (K,), a flat image."""
+        """A^T y of coefficients (K,), as a flat image."""
         return self._combine(np.ravel(coefficients))
 
 
@@ -97,36 +108,38 @@ class SeenAtoms:
         self._products = products  # (K, a, b)
 
     def by_row(self, variance: Floats) -> Floats:
-        """Sum over atoms of squared products times ``variance`` (a, b): (K,)."""
+        """Sum over atoms of the squared products times ``variance`` (a, b): (K,)."""
         return np.einsum("khw,hw->k", self._products**2, variance)
 
     def by_atom(self) -> Floats:
-        """Sum over rows of squared products: (a, b)."""
+        """Sum over rows of the squared products: (a, b)."""
         return np.asarray((self._products**2).sum(axis=0))
 
     def of(self, atoms: tuple[NDArray[np.intp], ...]) -> Floats:
-        """Products with the atoms at these rows and columns (A,) of the band: (K, A)."""
+        """Products (K, A) with the atoms at these row and column indices (A,)."""
         return self._products[:, atoms[0], atoms[1]]
 
     def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
-        """Sums of products by weights (..., K) of the rows: (..., a, b)."""
+        """Sum over rows of the products, weighted by ``weights`` (..., K): (..., a, b)."""
         return np.tensordot(weights, self._products, axes=1)
 
 
 class RowOperator(MeasurementOperator):
-    """Rows of an orthogonal basis, by their factors where the basis has them."""
+    """Rows ``index`` (K,) of an orthogonal basis, evaluated by their factors if it is separable."""
 
     def __init__(self, basis: Basis, index: NDArray[np.int32]) -> None:
         super().__init__(len(index), basis.shape)
         self.basis = basis
         self.index = index
         self.row_length = float(np.sqrt(basis.pixels))
-        position = np.flatnonzero(index == (-1 if basis.level is None else basis.level))
-        self.level = int(position[0]) if position.size else None
-        self._products = None if basis.factors is None else _Products(*basis.factors, index)
+        dc = np.flatnonzero(index == (-1 if basis.dc_row is None else basis.dc_row))
+        self.dc_row = int(dc[0]) if dc.size else None
+        self._products: _Products | None = None
+        if basis.factors is not None:
+            self._products = _Products(*basis.factors, np.divmod(index, basis.shape[1]))
 
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> SeenAtoms:
-        """As any operator does, by factors where the basis has them."""
+        """Products of the rows other than DC with separable atoms, by factors where possible."""
         if self.basis.factors is None:
             return super().in_atoms(vertical, horizontal)
         height, width = self.basis.shape
@@ -146,32 +159,31 @@ class RowOperator(MeasurementOperator):
 
 
 class _Products:
-    """Rows that are outer products: of either side's factors only those that occur."""
+    """Rows of a separable basis, with only those factors that occur."""
 
-    def __init__(self, tall: Floats, wide: Floats, index: NDArray[np.int32]) -> None:
-        vertical, horizontal = np.divmod(index, len(wide))
-        above, row = np.unique(vertical, return_inverse=True)
-        beside, column = np.unique(horizontal, return_inverse=True)
+    def __init__(self, tall: Floats, wide: Floats, rows: tuple[NDArray[Any], ...]) -> None:
+        above, row = np.unique(rows[0], return_inverse=True)
+        beside, column = np.unique(rows[1], return_inverse=True)
         self._tall, self._wide = tall[above], wide[beside]
-        self._place = row * len(beside) + column
+        self._index = row * len(beside) + column
 
     def project(self, flat: NDArray[Any]) -> NDArray[Any]:
         images = flat.reshape(*flat.shape[:-1], self._tall.shape[1], self._wide.shape[1])
         products = self._tall @ images @ self._wide.T
-        return products.reshape(*flat.shape[:-1], -1)[..., self._place]
+        return products.reshape(*flat.shape[:-1], -1)[..., self._index]
 
     def combine(self, coefficients: NDArray[Any]) -> NDArray[Any]:
         stack = coefficients.shape[:-1]
         weights = np.zeros(
             (*stack, len(self._tall) * len(self._wide)), np.result_type(coefficients, np.float64)
         )
-        weights[..., self._place] = coefficients
+        weights[..., self._index] = coefficients
         weights = weights.reshape(*stack, len(self._tall), len(self._wide))
         return (self._tall.T @ weights @ self._wide).reshape(*stack, -1)
 
 
 class _SeenFactors(SeenAtoms):
-    """The same where rows are outer products: both sides apart, so that no array is K x N."""
+    """`SeenAtoms` of separable rows, both sides apart, so that no array has K x N entries."""
 
     def __init__(
         self, vertical: Floats, horizontal: Floats, rows: tuple[NDArray[np.intp], ...]
@@ -191,23 +203,16 @@ class _SeenFactors(SeenAtoms):
         return self._vertical[tall[:, None], atoms[0]] * self._horizontal[wide[:, None], atoms[1]]
 
     def combined(self, weights: NDArray[Any]) -> NDArray[Any]:
-        above, beside, position = self._occurring
-        there = np.zeros((*weights.shape[:-1], len(above) * len(beside)), weights.dtype)
-        there[..., position] = weights
-        there = there.reshape(*weights.shape[:-1], len(above), len(beside))
-        return np.asarray(above.T @ there @ beside)
+        shape = self._vertical.shape[1], self._horizontal.shape[1]
+        return self._products_of_rows.combine(weights).reshape(*weights.shape[:-1], *shape)
 
     @cached_property
-    def _occurring(self) -> tuple[Floats, Floats, NDArray[np.intp]]:
-        """Products of the factors that occur, and where each row is among pairs of these."""
-        above, row = np.unique(self._rows[0], return_inverse=True)
-        beside, column = np.unique(self._rows[1], return_inverse=True)
-        position = row * beside.size + column
-        return self._vertical[above], self._horizontal[beside], position
+    def _products_of_rows(self) -> _Products:
+        return _Products(self._vertical, self._horizontal, self._rows)
 
 
 class MatrixOperator(MeasurementOperator):
-    """Orthonormal rows as a matrix (K, N), of which at most the first sees the level."""
+    """Orthonormal rows in a matrix (K, N), of which only the first may see a constant image."""
 
     row_length = 1.0
 
@@ -218,7 +223,7 @@ class MatrixOperator(MeasurementOperator):
         self.matrix = matrix
         if usual_noise is not None:
             self.usual_noise = usual_noise
-        self.level = 0 if len(matrix) and abs(matrix[0].sum()) > 1e-6 else None
+        self.dc_row = 0 if len(matrix) and abs(matrix[0].sum()) > 1e-6 else None
 
     def _project(self, flat: NDArray[Any]) -> NDArray[Any]:
         return flat @ self.matrix.T

@@ -1,4 +1,4 @@
-"""Pattern plans: which pattern each exposure shows."""
+"""Pattern plans: the pattern that each exposure displays."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..base.arrays import Floats
 from ..base.errors import InputError, nearest
 from .bases import basis_of
+from .bases.dense import Dense
 from .bases.hadamard import Hadamard
 from .basis import Basis
 from .orders import pattern_order
@@ -18,13 +19,26 @@ from .polarities import POLARITIES, Exposures
 
 @dataclass(frozen=True, eq=False)
 class PatternPlan:
-    """The sequence of displayed patterns.
+    """Sequence of displayed patterns.
 
-    ``shape`` (H, W) of the patterns in virtual pixels. ``index`` (M,): row of the basis per
-    exposure. ``polarity`` (M,): +1 shows (1 + h)/2 of a row h; -1 its complement (1 - h)/2; 0
-    stands for the signed pattern h itself, a difference that the recorder has formed. ``order``
-    names how ``index`` was ordered, for people. ``patterns``: the basis, of natural-order Hadamard
-    rows where None. Raises InputError if the parts do not fit together.
+    Parameters
+    ----------
+    shape
+        Rows H and columns W of the patterns, in virtual pixels.
+    index
+        Row of the basis (M,) that each exposure displays.
+    polarity
+        Polarity (M,): +1 displays (1 + h) / 2 of a row h, -1 its complement (1 - h) / 2; 0 stands
+        for h itself, a difference formed by the recorder.
+    order
+        Name of the order of ``index``, for information only.
+    patterns
+        Basis of the rows; natural-order Hadamard by default.
+
+    Raises
+    ------
+    InputError
+        If the parts do not fit together.
     """
 
     shape: tuple[int, int]
@@ -68,7 +82,7 @@ class PatternPlan:
 
     @property
     def shows_image(self) -> bool:
-        """Whether there is an image to find: a single pixel is none."""
+        """Whether there is an image to reconstruct, that is more than one pixel."""
         return self.pixels > 1
 
     @property
@@ -89,18 +103,18 @@ class PatternPlan:
 
     @property
     def sampling_ratio(self) -> float:
-        """Patterns kept over pixels, K / N."""
+        """Distinct rows over pixels, K / N."""
         return self.sampled / self.pixels
 
     def only(self, exposures: NDArray[np.bool_]) -> "PatternPlan":
-        """The plan of some of the exposures (M,)."""
+        """Plan of the exposures selected by a mask (M,)."""
         return PatternPlan(
             self.shape, self.index[exposures], self.polarity[exposures], self.order, self.patterns
         )
 
 
 NO_PATTERN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
-"""Of recordings without an image: one exposure of a dark pixel."""
+"""Plan of recordings without an image: one exposure of a dark pixel."""
 
 
 def make_plan(
@@ -110,13 +124,28 @@ def make_plan(
     polarity: str = "differential",
     basis: str | Basis = "hadamard",
 ) -> PatternPlan:
-    """Plan that shows the first ``patterns`` rows of a basis (all if None) in a named order.
+    """Plan that displays the first rows of a basis in a named order.
 
-    ``order``: a name in `ORDERS`, with a seed where it is drawn by chance, as "random:7"; the usual
-    one of the basis if None, sequency-2d of Hadamard's. ``polarity``: differential shows each index
-    twice, +1 then -1 (M = 2K); single-ended shows +1 only, and where the basis has an all-on row
-    the projector's dark (M = K + 1); signed is one signed value per index (M = K). ``basis``: the
-    name of one that a shape tells, with a seed where it is drawn, or one itself. Raises InputError.
+    Parameters
+    ----------
+    shape
+        Rows H and columns W of the patterns, in virtual pixels.
+    patterns
+        Number K of rows, all by default.
+    order
+        Name in `ORDERS`, with a seed if it is random: ``"random:7"``. By default the usual order of
+        the basis, sequency-2d for Hadamard.
+    polarity
+        Name in `POLARITIES`. differential displays each row with +1, then -1 (M = 2K); single-ended
+        with +1 only, plus a dark exposure if the basis has a DC row (M = K + 1); signed stands for
+        one signed value per row (M = K).
+    basis
+        A basis, or the name of one, with a seed if it is random.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or a number out of range.
     """
     rows_of = basis_of(basis, shape) if isinstance(basis, str) else basis
     rows = rows_of.rows
@@ -137,15 +166,30 @@ def plan_of_rows(
     polarity: str | Sequence[int] = "differential",
     layout: str = "natural",
 ) -> PatternPlan:
-    """Plan of rows that are told one by one, as the ``index`` numbers them in a ``layout``.
+    """Plan of individually listed rows.
 
-    A layout is an order: in "sequency", 3 is the row that this order shows fourth. ``polarity``:
-    as for `make_plan`, or +1, -1 or 0 for each, which are then the exposures. Raises InputError.
+    Parameters
+    ----------
+    basis
+        Basis of the rows.
+    index
+        Row numbers (K,), counted in ``layout``.
+    polarity
+        As for `make_plan`, or +1, -1 or 0 for each entry of ``index``, which then lists the
+        exposures.
+    layout
+        Name of the order that ``index`` counts in: in "sequency", 3 is the fourth row of that
+        order.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown or an index out of range.
     """
     numbers = np.asarray(index)
     rows = ordered_rows(basis, layout)
     if numbers.ndim != 1 or not numbers.size or numbers.dtype.kind not in "iu":
-        raise InputError("index must be a list of whole numbers")
+        raise InputError("index must be a non-empty list of whole numbers")
     outside = numbers[(numbers < 0) | (numbers >= basis.rows)]
     if outside.size:
         raise InputError(
@@ -157,48 +201,61 @@ def plan_of_rows(
 
 
 def _exposures(basis: Basis, rows: NDArray[np.int64], polarity: str) -> Exposures:
-    """Rows (K,) shown one after the other by a named polarity."""
+    """Exposures of rows (K,) with a named polarity."""
     if polarity not in POLARITIES:
         raise InputError(f"unknown polarity {polarity!r}: {nearest(polarity, POLARITIES)}")
-    return POLARITIES[polarity](rows, basis.level)
+    return POLARITIES[polarity](rows, basis.dc_row)
 
 
 def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
-    """All row numbers of a basis in a named order, its usual one if None.
+    """All row indices of a basis in a named order, by default its usual one.
 
-    InputError for an unknown order, and for one that is none of all its rows.
+    Raises
+    ------
+    InputError
+        If the order is unknown, or does not list each row of this basis once.
     """
     order = order or basis.usual_order
     rows = np.asarray(pattern_order(order)(basis))
     if not np.array_equal(np.sort(rows.ravel()), np.arange(basis.rows)):
         raise InputError(
-            f"pattern order {order!r} gave {rows.size} numbers; each of 0..{basis.rows - 1} is "
-            "needed once"
+            f"pattern order {order!r} returned {rows.size} numbers; must return each of "
+            f"0..{basis.rows - 1} once"
         )
     return rows
 
 
 def expose(plan: PatternPlan, image: ArrayLike) -> Floats:
-    """Light that each displayed pattern collects, sum_u P_k(u) image(u): (..., H, W) -> (..., M).
+    """Light collected under each displayed pattern P_k, sum_u P_k(u) image(u).
 
-    The image holds what each virtual pixel contributes when fully on.
+    Parameters
+    ----------
+    plan
+        Plan of M exposures.
+    image
+        Light (..., H, W) that each virtual pixel contributes when it is fully on.
+
+    Returns
+    -------
+    ndarray
+        Light (..., M), in the unit of ``image``.
     """
     pixels = np.asarray(image, dtype=np.float64)
     if pixels.shape[-2:] != plan.shape:
         raise ValueError(f"image {pixels.shape} does not end in the plan's shape {plan.shape}")
     flat = pixels.reshape(*pixels.shape[:-2], plan.pixels)
-    level = plan.patterns.level
-    if level is None:
+    dc_row = plan.patterns.dc_row
+    if dc_row is None:
         signed = plan.patterns.project(flat, plan.index)
         total = flat.sum(axis=-1, keepdims=True)
-    else:  # summed as the rows are, so that a dark exposure is exactly 0
-        sums = plan.patterns.project(flat, np.append(plan.index, np.int32(level)))
+    else:  # summed like the rows, so that a dark exposure is exactly 0
+        sums = plan.patterns.project(flat, np.append(plan.index, np.int32(dc_row)))
         signed, total = sums[..., :-1], sums[..., -1:]
     return np.where(plan.polarity == 0, signed, (total + plan.polarity * signed) / 2)
 
 
 def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
-    """The k-th displayed pattern, (H, W): 0..1, or -1..1 where the polarity is 0."""
+    """Displayed pattern of exposure k, (H, W): 0..1, or -1..1 if its polarity is 0."""
     row = plan.patterns.row(int(plan.index[k]))
     polarity = int(plan.polarity[k])
     return (row if polarity == 0 else (1 + polarity * row) / 2).astype(np.float32)
@@ -207,7 +264,63 @@ def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
 def mean_illumination(plan: PatternPlan) -> Floats:
     """Mean of all displayed patterns, (H, W)."""
     weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
-    displayed, position = np.unique(plan.index, return_inverse=True)
-    rows = plan.patterns.combine(np.bincount(position, weight), displayed)
+    index, inverse = np.unique(plan.index, return_inverse=True)
+    rows = plan.patterns.combine(np.bincount(inverse, weight), index)
     steady = np.count_nonzero(plan.polarity) / 2
     return np.asarray((rows + steady) / plan.exposures).reshape(plan.shape)
+
+
+def transposed(plan: PatternPlan) -> PatternPlan:
+    """Exchange rows and columns of all patterns of a plan.
+
+    A plan of W x H pixels numbered row by row becomes one of H x W pixels numbered column by
+    column, as MATLAB does.
+
+    Raises
+    ------
+    InputError
+        If the basis is neither Hadamard nor dense.
+    """
+    height, width = plan.shape
+    if isinstance(plan.patterns, Hadamard):
+        down, along = np.divmod(plan.index, width)
+        index = along * height + down
+        return PatternPlan((width, height), index, plan.polarity, plan.order)
+    if isinstance(plan.patterns, Dense):
+        basis = Dense(plan.patterns.patterns.transpose(0, 2, 1))
+        return PatternPlan(basis.shape, plan.index, plan.polarity, plan.order, basis)
+    raise InputError(f"patterns of the basis {plan.basis!r} cannot be transposed")
+
+
+def interleaved(whole: PatternPlan, frames: int, common: int) -> tuple[PatternPlan, ...]:
+    """Distribute the patterns of a plan over successive frames.
+
+    Each frame displays the common patterns and every C-th of the others, frame t starting with the
+    t-th, so that it covers all frequencies. The common patterns reveal motion and keep a single
+    frame useful; the others add up as long as the scene holds still.
+
+    Parameters
+    ----------
+    whole
+        Plan to distribute.
+    frames
+        Number C of frames.
+    common
+        Number of leading rows, the DC row first, that every frame displays.
+
+    Raises
+    ------
+    InputError
+        If the remaining rows cannot be distributed evenly.
+    """
+    dc_row = whole.patterns.dc_row
+    rows = whole.distinct[np.argsort(whole.distinct != dc_row, kind="stable")]
+    if not 0 <= common <= rows.size or (rows.size - common) % frames:
+        raise InputError(
+            f"{rows.size} patterns, {common} of them common, cannot be distributed evenly over "
+            f"{frames} frames"
+        )
+    return tuple(
+        whole.only(np.isin(whole.index, np.append(rows[:common], rows[common + t :: frames])))
+        for t in range(frames)
+    )

@@ -1,4 +1,4 @@
-"""In which polarities the rows of a plan are shown, and in which sequence."""
+"""Polarities and sequence in which the rows of a plan are displayed."""
 
 from collections.abc import Callable
 from typing import Any
@@ -7,27 +7,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 Exposures = tuple[NDArray[np.int32], NDArray[np.int8]]
-"""Row number and polarity (M,) of every exposure, as in `PatternPlan`."""
+"""Row index and polarity (M,) of every exposure, as in `PatternPlan`."""
 
 
-def _differential(rows: NDArray[np.int64], _level: int | None) -> Exposures:
+def _differential(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
     return _exposures(np.repeat(rows, 2), np.tile([1, -1], len(rows)))
 
 
-def _negative_first(rows: NDArray[np.int64], _level: int | None) -> Exposures:
+def _negative_first(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
     return _exposures(np.repeat(rows, 2), np.tile([-1, 1], len(rows)))
 
 
-def _halves(rows: NDArray[np.int64], _level: int | None) -> Exposures:
+def _halves(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
     return _exposures(np.tile(rows, 2), np.repeat([1, -1], len(rows)))
 
 
-def _single_ended(rows: NDArray[np.int64], level: int | None) -> Exposures:
-    dark = [] if level is None else [level]
+def _single_ended(rows: NDArray[np.int64], dc_row: int | None) -> Exposures:
+    dark = [] if dc_row is None else [dc_row]
     return _exposures(np.append(rows, dark), np.append(np.ones(len(rows)), -np.ones(len(dark))))
 
 
-def _signed(rows: NDArray[np.int64], _level: int | None) -> Exposures:
+def _signed(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
     return _exposures(rows, np.zeros(len(rows)))
 
 
@@ -42,9 +42,9 @@ POLARITIES: dict[str, Callable[[NDArray[np.int64], int | None], Exposures]] = {
     "negative-first": _negative_first,
     "halves": _halves,
 }
-"""Exposures of rows (K,) of a basis with this ``level``, by name.
+"""Functions from rows (K,) and the ``dc_row`` of their basis to exposures, by name.
 
 differential: each row twice, +1 then -1 (M = 2K); negative-first: -1 then +1; halves: all +1, then
-all -1; single-ended: +1 only, and where there is a level a dark exposure in the end (M = K + 1);
-signed: one signed value per row (M = K).
+all -1; single-ended: +1 only, then a dark exposure if there is a DC row (M = K + 1); signed: one
+signed value per row (M = K).
 """

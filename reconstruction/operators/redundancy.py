@@ -1,9 +1,9 @@
-"""What readings say twice: combinations in which light cancels, and noise alone is left.
+"""Redundant readings: combinations in which the light cancels and only noise remains.
 
-A pattern and its complement together are the fully lit display, y+ + y- = all + 2 background, the
-same for each pattern; exposures of one pattern are the same each time. Differences of such sums
-that follow each other are noise, and of slow drifts next to nothing. Where nothing is shown twice,
-more readings than pixels say more than an image and a background can.
+A pattern and its complement add up to the fully lit display, y+ + y- = all + 2 background, for
+every pattern; repeated exposures of one pattern are equal. Differences of successive sums are
+noise, nearly unaffected by slow drift. Where no exposure is repeated, more readings than pixels
+over-determine image and background.
 """
 
 from collections import defaultdict
@@ -18,23 +18,33 @@ from .plan import PatternPlan, illumination
 from .sparse import SparseRows
 
 MAX_READINGS = 2048
-"""Of which combinations are looked for that no image explains: a matrix of their square."""
+"""Maximum number of readings that are searched for over-determination, with a square matrix."""
 
 Weights = dict[int, float]
-"""By reading."""
+"""Weights by reading."""
 DEGREE = 2
-"""Of the polynomial that drifts are."""
-FEWEST = 20
-"""Degrees of freedom that are left for the noise, at least."""
-CERTAIN = 10.0
-"""F above which a drift is none by chance in less than one recording of a thousand."""
+"""Degree of the polynomial that models drift."""
+MIN_FREEDOM = 20
+"""Minimum degrees of freedom left for the noise."""
+MIN_F = 10.0
+"""F statistic above which chance explains the drift in less than one recording in a thousand."""
 
 
 def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
-    """Combinations (D, M) of usable readings that are 0 but for noise, each of length 1.
+    """Normalised combinations of readings that are zero but for noise.
 
-    D is 0 where nothing is said twice. Combinations that follow each other share readings: their
-    errors are not independent.
+    Parameters
+    ----------
+    plan
+        Plan of M exposures.
+    usable
+        Mask (M,) of the readings to use.
+
+    Returns
+    -------
+    SparseRows
+        Combinations (D, M) of length 1; D is 0 without redundancy. Successive combinations share
+        readings, so their errors are not independent.
     """
     rows = [
         _difference(first, second)
@@ -45,7 +55,7 @@ def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
 
 
 def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
-    """Combinations that are 0 for every image and every steady background."""
+    """Combinations that are zero for every image and every steady background."""
     readings = np.flatnonzero(usable)
     unknowns = plan.pixels + 1
     if not unknowns < readings.size <= MAX_READINGS:
@@ -60,7 +70,7 @@ def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
 
 
 def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":
-    """What tells a drift of the offset, None where too little is shown twice."""
+    """Drift estimator of a plan, or None if too few readings are redundant."""
     groups = [group for group in equal_sums(plan, usable) if len(group) > 1]
     sums = matrix_of([_of_length_1(each) for group in groups for each in group], plan.exposures)
     of_group = np.repeat(np.arange(len(groups)), [len(group) for group in groups])
@@ -69,13 +79,20 @@ def drift_of(plan: PatternPlan, usable: Mask) -> "Drift | None":
 
 def _drift_in(sums: SparseRows, of_group: NDArray[np.intp]) -> "Drift | None":
     freedom = of_group.size - np.unique(of_group).size - DEGREE
-    return Drift(sums, of_group, freedom) if freedom >= FEWEST else None
+    return Drift(sums, of_group, freedom) if freedom >= MIN_FREEDOM else None
 
 
 class Drift:
-    """A slow drift of the offset, a polynomial of time, told by what is shown twice.
+    """Estimator of a slow drift of the offset, a polynomial of time, from redundant sums.
 
-    ``sums`` (S, M) of readings are alike within each group, ``of_group`` (S,).
+    Parameters
+    ----------
+    sums
+        Sums (S, M) of readings that are equal within each group.
+    of_group
+        Group (S,) of each sum.
+    freedom
+        Degrees of freedom left for the noise.
     """
 
     def __init__(self, sums: SparseRows, of_group: NDArray[np.intp], freedom: int) -> None:
@@ -86,10 +103,7 @@ class Drift:
         self._inverse = np.linalg.pinv(self._seen)
 
     def __call__(self, signal: NDArray[Any], usable: Mask | None = None) -> NDArray[Any]:
-        """The drift in each of the readings (M,): 0 where it is not beyond doubt.
-
-        By those sums alone that rest on ``usable`` (M,) readings, where not all do.
-        """
+        """Drift (M,) of the readings by ``usable`` (M,) ones, 0 unless it is significant."""
         if usable is not None:
             retained = self._sums.resting_on(usable)
             _, of_group = np.unique(self._of_group[retained], return_inverse=True)
@@ -99,12 +113,12 @@ class Drift:
         course = self._inverse @ sigmas
         explained = np.sum(np.abs(self._seen @ course) ** 2) / DEGREE
         noise = np.sum(np.abs(sigmas - self._seen @ course) ** 2) / self._freedom
-        if explained <= CERTAIN * noise:
+        if explained <= MIN_F * noise:
             return np.zeros_like(signal)
         return np.asarray(self._powers @ course)
 
     def _sigmas(self, signal: NDArray[Any]) -> NDArray[Any]:
-        """Of the sums from the mean of their group."""
+        """Deviation of each sum from the mean of its group."""
         sums = self._sums @ signal
         means = np.zeros(self._of_group.max() + 1, sums.dtype)
         np.add.at(means, self._of_group, sums)
@@ -112,35 +126,34 @@ class Drift:
 
 
 def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
-    """Groups of sums of usable readings which are the same but for noise, and drift."""
-    displayed = _displayed(plan, usable)
+    """Groups of sums of usable readings that are equal but for noise and drift."""
+    readings = _by_pattern(plan, usable)
     equal: list[list[Weights]] = [
-        [{reading: 1.0} for reading in each] for each in displayed.values()
+        [{reading: 1.0} for reading in each] for each in readings.values()
     ]
     return [*equal, [plus | minus for plus, minus in complements(plan, usable)]]
 
 
 def complements(plan: PatternPlan, usable: Mask) -> list[tuple[Weights, Weights]]:
-    """Means of the usable readings of each pattern that is shown with its complement, and of that
-    complement."""
-    displayed = _displayed(plan, usable)
-    pairs = [(plus, displayed.get((k, -1))) for (k, sign), plus in displayed.items() if sign == 1]
+    """Mean of each pattern's usable readings and of its complement's, where both exist."""
+    readings = _by_pattern(plan, usable)
+    pairs = [(plus, readings.get((k, -1))) for (k, sign), plus in readings.items() if sign == 1]
     return [(_mean(plus), _mean(minus)) for plus, minus in pairs if minus]
 
 
-def _displayed(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
-    """Usable readings by index and polarity."""
-    displayed: dict[tuple[int, int], list[int]] = defaultdict(list)
+def _by_pattern(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
+    """Usable readings by row index and polarity."""
+    readings: dict[tuple[int, int], list[int]] = defaultdict(list)
     for reading in np.flatnonzero(usable).tolist():
-        displayed[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
-    return displayed
+        readings[int(plan.index[reading]), int(plan.polarity[reading])].append(reading)
+    return readings
 
 
 def matrix_of(rows: list[Weights], readings: int) -> SparseRows:
-    """The matrix (rows, readings) of these weights."""
-    positions = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
+    """Sparse matrix (rows, readings) of these weights."""
+    entries = [(row, reading) for row, weights in enumerate(rows) for reading in weights]
     values = [value for weights in rows for value in weights.values()]
-    at = np.array(positions, dtype=int).reshape(-1, 2).T
+    at = np.array(entries, dtype=int).reshape(-1, 2).T
     return SparseRows(at[0], at[1], np.array(values), (len(rows), readings))
 
 
@@ -154,5 +167,5 @@ def _mean(readings: list[int]) -> Weights:
 
 
 def _difference(first: Weights, second: Weights) -> Weights:
-    """The second less the first, of length 1."""
+    """Second minus first, normalised to length 1."""
     return _of_length_1({reading: -value for reading, value in first.items()} | second)

@@ -1,4 +1,4 @@
-"""Matrices with few entries in each row, of which NumPy alone has all that decoding takes."""
+"""Sparse matrices with the few operations that decoding needs, in NumPy alone."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -12,9 +12,16 @@ from ..base.arrays import Floats, Mask
 
 @dataclass(frozen=True, eq=False)
 class SparseRows:
-    """Entries ``values`` (E,) at ``rows`` (E,), in rising order and none left out, and ``columns``.
+    """Sparse matrix whose rows each have at least one entry.
 
-    ``shape``: rows and columns of the matrix.
+    Parameters
+    ----------
+    rows, columns
+        Indices (E,) of the entries; ``rows`` ascends.
+    values
+        Entries (E,).
+    shape
+        Rows and columns of the matrix.
     """
 
     rows: NDArray[np.intp]
@@ -23,7 +30,7 @@ class SparseRows:
     shape: tuple[int, int]
 
     def __matmul__(self, vectors: NDArray[Any]) -> NDArray[Any]:
-        """Product with (M,) or (M, F)."""
+        """Product with vectors (M,) or (M, F)."""
         if not self.rows.size:
             return np.zeros((0, *vectors.shape[1:]), np.result_type(vectors, np.float64))
         values = self.values.reshape(-1, *[1] * (vectors.ndim - 1))
@@ -34,13 +41,13 @@ class SparseRows:
         return np.flatnonzero(np.diff(self.rows, prepend=-1))
 
     def resting_on(self, usable: Mask) -> Mask:
-        """Which rows have entries in ``usable`` columns alone."""
+        """Mask of the rows that have entries in ``usable`` columns only."""
         resting = np.ones(self.shape[0], dtype=bool)
         resting[self.rows[~usable[self.columns]]] = False
         return resting
 
     def only(self, retained: Mask) -> "SparseRows":
-        """The rows of a mask."""
+        """Rows selected by a mask."""
         entries = retained[self.rows]
         number = np.cumsum(retained) - 1
         return SparseRows(
@@ -51,5 +58,5 @@ class SparseRows:
         )
 
     def __pow__(self, power: int) -> "SparseRows":
-        """Of each entry."""
+        """Power of each entry."""
         return SparseRows(self.rows, self.columns, self.values**power, self.shape)

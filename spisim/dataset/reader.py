@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction import Capture, read_capture
+from reconstruction.base.display import html_summary, picture, text_summary
 from reconstruction.base.errors import InputError, naming, nearest
-from reconstruction.base.notebook import displayed, picture, reported
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
@@ -104,7 +104,7 @@ class DataSet(Sequence[StoredSample]):
         return len(self.records)
 
     def __repr__(self) -> str:
-        return reported(self._title, self._facts)
+        return text_summary(self._title, self._facts)
 
     @property
     def _title(self) -> str:
@@ -126,7 +126,7 @@ class DataSet(Sequence[StoredSample]):
             truth = sample.capture.truth
             if truth is not None:
                 pictures.append(picture(truth.image[0], f"sample {sample.index}", "electrons"))
-        return displayed(self._title, self._facts, pictures)
+        return html_summary(self._title, self._facts, pictures)
 
     @overload
     def __getitem__(self, position: int) -> StoredSample: ...

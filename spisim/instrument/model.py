@@ -12,8 +12,8 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.display import drawing, figure, html_summary, text_summary
 from reconstruction.base.errors import InputError
-from reconstruction.base.notebook import displayed, drawing, figure, reported
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.operators import NO_PATTERN, PatternPlan, mean_illumination
 from reconstruction.ranging.weather import VISIBILITIES_M, Weather
@@ -142,10 +142,10 @@ class Instrument(Section):
             for x, y in spots
         ]
         field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
-        return displayed("Instrument", self._facts, [field])
+        return html_summary("Instrument", self._facts, [field])
 
     def __repr__(self) -> str:
-        return reported("Instrument", self._facts)
+        return text_summary("Instrument", self._facts)
 
     __str__ = __repr__
 

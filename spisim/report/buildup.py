@@ -116,7 +116,7 @@ def _images(
     images = {
         each: np.asarray(readings.solver(each)(coefficients).image, np.float64) for each in names
     }
-    if readings.level:
+    if readings.has_dc:
         return images
     return {each: image - image.min() for each, image in images.items()}  # the darkest is dark
 

@@ -11,9 +11,8 @@ import trimesh
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.display import drawing, figure, html_summary, panels, text_summary
 from reconstruction.base.errors import InputError, nearest
-from reconstruction.base.notebook import displayed, drawing, figure, reported
-from reconstruction.base.plotting import panels
 from spisim.atmosphere import Atmosphere
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.atmosphere.structure import Structure
@@ -161,10 +160,10 @@ class Scene:
             f'L {end[0]:.5g} {end[1]:.5g}" {line}/></g>'
         )
         above = figure(drawing(boxes, low, high), f"from above, {size:.3g} m wide; red: the drone")
-        return displayed(f"Scene {self.name}", self._facts, [above])
+        return html_summary(f"Scene {self.name}", self._facts, [above])
 
     def __repr__(self) -> str:
-        return reported(f"Scene {self.name}", self._facts)
+        return text_summary(f"Scene {self.name}", self._facts)
 
     @property
     def _facts(self) -> dict[str, Any]:

@@ -5,7 +5,7 @@ import pytest
 
 from images import natural_image
 from reconstruction.image import Coefficients
-from reconstruction.image.contrast import ContrastByLevel, contrasts, shrunk
+from reconstruction.image.contrast import ContrastByDc, contrasts, shrunk
 from reconstruction.image.noise import NoiseLevels
 from reconstruction.image.prior import RELATIVE, SPREAD
 from reconstruction.operators import decoder_for, make_plan
@@ -93,23 +93,23 @@ def test_without_noise_nothing_is_shrunk(noise):
 def test_the_level_tells_what_contrast_to_expect():
     image = natural_image(16, 0)
     operator = decoder_for(make_plan(image.shape, 40, polarity="signed")).operator
-    expect = ContrastByLevel(operator, 3.0)
+    expect = ContrastByDc(operator, 3.0)
     values, noise = operator.forward(image), np.full(40, 2.0)
     square = image.mean() ** 2 + (2.0 / image.size) ** 2
     result = expect(Coefficients(values, noise))
     assert result == pytest.approx(RELATIVE**2 * square / 3.0)
-    noise[operator.level] = np.inf
+    noise[operator.dc_row] = np.inf
     assert expect(Coefficients(values, noise)) is None
     assert expect(Coefficients(0 * values, np.zeros(40))) is None
 
 
 def test_without_a_level_nothing_is_expected():
     plan = make_plan((16, 16), 40, polarity="signed")
-    usable = plan.index != plan.patterns.level
+    usable = plan.index != plan.patterns.dc_row
     operator = decoder_for(plan, usable).operator
-    assert operator.level is None
+    assert operator.dc_row is None
     coefficients = Coefficients(np.ones(operator.shape[0]), np.ones(operator.shape[0]))
-    assert ContrastByLevel(operator, 1.0)(coefficients) is None
+    assert ContrastByDc(operator, 1.0)(coefficients) is None
 
 
 def test_levels_of_noise_are_averaged_over():

@@ -75,7 +75,7 @@ def test_obstacles_are_where_the_probability_falls_below_what_is_asked():
 
 @pytest.mark.parametrize("min_free", [0.0, 1.0, -1, 1.5, np.nan])
 def test_what_is_no_probability_is_refused(min_free, capture):
-    with pytest.raises(InputError, match=r"min_free = .*above 0 and below 1"):
+    with pytest.raises(InputError, match=r"min_free = .*must lie between 0 and 1"):
         nearest_obstacle_m(np.ones(DISTANCES_M.size), min_free)
     with pytest.raises(InputError, match="min_free"):
         Reconstructor(capture.setup, min_free=min_free)

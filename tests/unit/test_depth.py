@@ -11,10 +11,10 @@ from scipy import ndimage
 from images import image_from
 from reconstruction.capture import Optics
 from reconstruction.depth import kriging, pixel_of, pixel_rays, point_cloud_ply
-from reconstruction.depth.anchored_prior import FITTED, fitted_prior
+from reconstruction.depth.kriging import FITTED, fitted_prior
 from reconstruction.depth.methods.inverse_distance import METHOD as INVERSE_DISTANCE
 from reconstruction.depth.methods.nearest import METHOD as NEAREST
-from reconstruction.depth.neighbours import around, between
+from reconstruction.depth.pixels import around, between
 from reconstruction.operators import fwht, make_plan
 
 SIDE = 64

@@ -32,7 +32,7 @@ from reconstruction.depth.network_input import (
     Anchors,
     NetworkInput,
     inputs_of,
-    positions_of,
+    spot_geometry,
     veil,
 )
 from reconstruction.depth.observer import Observer
@@ -86,7 +86,7 @@ def plane(shape=(64, 64), reflectance=0.3):
 def test_by_brightness_a_surface_of_one_reflectance_has_its_very_depth():
     depth_m, image = plane()
     frame = seen(depth_m, image)
-    result = inputs_of(frame).maps[10] + frame.level
+    result = inputs_of(frame).maps[10] + frame.mean_log_depth
     within = np.abs(result - np.log(depth_m))
     # The mean of neighbours at the spots, and spots that fade away from where they are.
     assert within.max() < 0.08
@@ -129,13 +129,13 @@ def test_the_veil_of_a_fog_that_is_known_comes_off():
     image = np.full((32, 32), scale * (surface + in_fog))
     fog = {"extinction_per_m": alpha, "backscatter_per_m_sr": beta}
     frame = seen(np.full((32, 32), depth), image, **fog)
-    assert veil(frame, positions_of(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
+    assert veil(frame, spot_geometry(frame)) == pytest.approx(scale * in_fog, rel=1e-6)
     for unknown in (
         replace(frame, extinction_per_m=np.nan),
         replace(frame, log_reflectance=np.full(4, np.nan)),
         replace(frame, plain=NO_RETURN),
     ):
-        assert veil(unknown, positions_of(unknown)) == 0
+        assert veil(unknown, spot_geometry(unknown)) == 0
 
 
 @pytest.mark.parametrize("spots", range(5))
@@ -265,7 +265,7 @@ def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, weigh
     strict = DepthNetwork(weights | {"limits": np.zeros((2, len(FEATURES)))})
     monkeypatch.setattr(learned, "shipped", lambda: strict)
     result, plain = solved(capture)
-    assert "anchored on the spots, not learned: share = " in result.note
+    assert "anchored on the spots, not learned: patterns over pixels = " in result.note
     assert result.no_return is None
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
@@ -324,7 +324,7 @@ def test_other_kinds_of_spots_get_the_anchored_map():
     position = worlds.scene(worlds.plane(4.0, 0.5))
     capture = simulate(position, changed("spad"), light="surrogate", seed=1).capture
     result, plain = solved(capture)
-    assert "not learned: learned from spots of continuous wave alone" in result.note
+    assert "not learned: trained for continuous-wave spots only" in result.note
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
@@ -335,7 +335,7 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
         file.write_bytes(content)
     monkeypatch.setattr(learned, "shipped", lambda: load(file))
     result, plain = solved(capture)
-    assert "holds no weights of a network" in result.note
+    assert "contains no network weights" in result.note
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
 
 
@@ -343,9 +343,9 @@ def test_weights_that_are_missing_or_none_are_told(capture, tmp_path, monkeypatc
     ("change", "said"),
     [
         ({"version": np.array(VERSION + 1)}, rf"version of the weights = {VERSION + 1}, must be"),
-        ({"deep.3.bias": None}, "weights without deep.3.bias"),
+        ({"deep.3.bias": None}, "missing weights deep.3.bias"),
         ({"calibration": np.array([np.nan])}, "calibration must be finite"),
-        ({"limits": np.zeros(3)}, "limits must be finite numbers along 2 axes"),
+        ({"limits": np.zeros(3)}, "limits must be finite numbers with 2 axes"),
     ],
 )
 def test_weights_of_another_kind_are_refused(tmp_path, weights, change, said):
@@ -388,12 +388,12 @@ def test_measured_depths_join_by_inverse_variance():
         np.array([[2.0, 5.0, 3.0]]), np.array([[0.2, 0.2, 0.2]]), np.array([[0.1, 0.9, 0.1]])
     )
     measured = DepthEstimate(np.array([[4.0, 5.0, np.nan]]), np.array([[0.1, 0.1, np.nan]]))
-    result = learned.joined(ours, measured)
+    result = learned.fused(ours, measured)
     total = 1 / 0.04 + 1 / 0.01
     mean = (np.log(2) / 0.04 + np.log(4) / 0.01) / total
     np.testing.assert_allclose(result.depth_m, [[np.exp(mean), 5.0, 3.0]])
     np.testing.assert_allclose(result.sigma, [[total**-0.5, total**-0.5, 0.2]])
-    np.testing.assert_allclose(result.no_return, [[0.1, learned.LIKELY, 0.1]])
+    np.testing.assert_allclose(result.no_return, [[0.1, learned.MAX_NO_RETURN, 0.1]])
 
 
 def test_the_corridor_is_judged_by_all_depths_and_their_deviations(capture):

@@ -235,5 +235,5 @@ def test_a_result_of_another_frame_or_capture_is_refused():
 
 
 def test_a_capture_without_truth_is_refused():
-    with pytest.raises(InputError, match="holds no truth to compare with"):
+    with pytest.raises(InputError, match="contains no truth"):
         evaluate(make_result(), replace(CAPTURE, truth=None))

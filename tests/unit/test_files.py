@@ -178,10 +178,10 @@ def test_names_have_endings_and_limits(tmp_path: Path) -> None:
     for name, message in {
         "x.hdf": r"x\.hdf: '\.hdf' is no ending of a capture: did you mean '\.hdf5'\? allowed: ",
         "x": r"x: an ending is missing of this capture: allowed: \.h5, \.hdf5",
-        "n" * 245 + ".h5": "a name of a file has at most 241 bytes",
+        "n" * 245 + ".h5": "a file name has at most 241 bytes",
         "n" * 245 + "/x.h5": None,
         "n" * 256 + "/x.h5": "File name too long|has at most",
-        "x\0.h5": "no such character",
+        "x\0.h5": "must not contain a null character",
     }.items():
         outputs = [Output(tmp_path / name, "capture", endings)]
         if message is None:

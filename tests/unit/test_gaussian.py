@@ -157,7 +157,7 @@ def test_least_squares_on_a_grid_is_nearly_that_on_all_pixels(monkeypatch):
     operator = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
     coefficients = Coefficients(operator.forward(image), np.full(128, 1.0))
     exact = image_method("least-squares").compile(operator)(coefficients)
-    monkeypatch.setattr(least_squares, "MAX", 127 * 32 * 32)
+    monkeypatch.setattr(least_squares, "MAX_NUMBERS", 127 * 32 * 32)
     anew = decoder_for(make_plan(image.shape, 128, polarity="signed")).operator
     solver = image_method("least-squares").compile(anew)
     assert solver.model.field.variance.shape == (32, 32)

@@ -104,7 +104,9 @@ def test_one_of_several_variables(tmp_path):
 @pytest.mark.parametrize("name", ["a.npy", "a.npz", "a.mat", "a.csv"])
 def test_broken_files_are_named(tmp_path, name):
     (tmp_path / name).write_bytes(b"\x93NUMPY rubbish")
-    with pytest.raises(InputError, match=rf"{name}: (not a readable|should hold numbers)"):
+    with pytest.raises(
+        InputError, match=rf"{name}: (not a readable|should hold numbers|must contain numbers)"
+    ):
         load_array(tmp_path / name)
 
 
@@ -117,7 +119,7 @@ def test_missing_files_foreign_types_and_texts_are_refused(tmp_path):
     with pytest.raises(InputError, match=r"empty\.csv: holds no numbers"):
         load_array(tmp_path / "empty.csv")
     np.save(tmp_path / "text.npy", np.array(["a"]))
-    with pytest.raises(InputError, match="should hold real numbers"):
+    with pytest.raises(InputError, match="must contain real numbers"):
         load_array(tmp_path / "text.npy")
 
 

@@ -48,11 +48,11 @@ BOMBS = {
         "unpacks to 1536 MiB, at most 256: .*uncompressed",
     ),
     "b.npz": (lambda: attacks.npz_bomb(2**20, zipfile.ZIP_LZMA), "packed in a way"),
-    "a.npy": (lambda: attacks.npy_header((2**28, 20)), "tells of 42949672960 bytes, where at most"),
-    "b.npy": (lambda: attacks.npy_header((2**62, 2**62)), "tells of [0-9]+ bytes, where at most"),
-    "c.npy": (lambda: attacks.npy_header((-1, -8)), r"tells of the shape \(-1, -8\)"),
-    "d.npy": (lambda: attacks.npy_header((2,), "|O") + b"\x80\x04.", "real numbers; found object"),
-    "e.npy": (lambda: attacks.npy_header((1,), "<U500000000"), "real numbers; found <U500000000"),
+    "a.npy": (lambda: attacks.npy_header((2**28, 20)), "states 42949672960 bytes of at most"),
+    "b.npy": (lambda: attacks.npy_header((2**62, 2**62)), "states [0-9]+ bytes of at most"),
+    "c.npy": (lambda: attacks.npy_header((-1, -8)), r"states the shape \(-1, -8\)"),
+    "d.npy": (lambda: attacks.npy_header((2,), "|O") + b"\x80\x04.", "real numbers, got object"),
+    "e.npy": (lambda: attacks.npy_header((1,), "<U500000000"), "real numbers, got <U500000000"),
 }
 
 

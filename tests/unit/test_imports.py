@@ -36,7 +36,7 @@ def test_its_distribution_asks_for_what_it_imports() -> None:
         "_wavelets.py": "wavelets",
         "serial_port.py": "serial",
         "drawing.py": "window",
-        "plotting.py": "window",
+        "display.py": "window",
         "completion.py": "completion",
         "mcap_file.py": "ros",
     }

@@ -60,7 +60,7 @@ def test_the_level_is_common_wherever_the_order_has_it():
 
 @pytest.mark.parametrize(("frames", "common"), [(4, 9), (3, 7), (2, 60), (2, -1)])
 def test_what_cannot_be_dealt_out_is_refused(frames, common):
-    with pytest.raises(InputError, match=r"56 patterns.*cannot be dealt out evenly"):
+    with pytest.raises(InputError, match=r"56 patterns.*cannot be distributed evenly"):
         interleaved(make_plan(SHAPE, 56), frames, common)
 
 

@@ -98,7 +98,7 @@ def test_what_is_unlike_all_it_learned_from_is_left_as_it_was(weights):
     solver = image_method("learned").compile(operator)
     strict = LearnedSolver(solver.edges, Network(weights, no_return))
     result = strict(coefficients)
-    assert "share of patterns = 0.0615, learned from 0 to 0" in result.note
+    assert "patterns over pixels = 0.0615, trained for 0 to 0" in result.note
     np.testing.assert_array_equal(result.image, plain.image)
     np.testing.assert_array_equal(result.sigma, plain.sigma)
 
@@ -108,7 +108,7 @@ def test_shares_of_patterns_that_it_never_saw_are_unlike(patterns, snr):
     image = natural_image(32, 1)
     operator = operator_of(image.shape, patterns)
     result = image_method("learned").compile(operator)(coefficients_of(operator, image, snr=snr))
-    assert f"share of patterns = {(patterns - 1) / 1024:.3g}, learned from" in result.note
+    assert f"patterns over pixels = {(patterns - 1) / 1024:.3g}, trained for" in result.note
 
 
 def test_the_deviation_is_the_size_of_the_error():
@@ -153,8 +153,8 @@ def test_complex_images_are_left_as_they_are():
     [
         ({"version": np.array(VERSION + 1)}, rf"version of the weights = {VERSION + 1}, must be"),
         ({"version": None}, "version of the weights = None"),
-        ({"up.bias": None, "limits": None}, "weights without limits, up.bias"),
-        ({"enter.weight": np.zeros((16, 14))}, r"enter.weight must be finite numbers along 4 axes"),
+        ({"up.bias": None, "limits": None}, "missing weights limits, up.bias"),
+        ({"enter.weight": np.zeros((16, 14))}, r"enter.weight must be finite numbers with 4 axes"),
         ({"enter.bias": np.full(16, np.nan)}, "enter.bias must be finite"),
         ({"enter.bias": np.array(["a"] * 16)}, "enter.bias must be finite"),
     ],
@@ -168,10 +168,10 @@ def test_weights_that_are_none_are_told(tmp_path, weights, change, said):
 
 def test_pickles_and_other_files_are_refused(tmp_path, weights):
     np.savez(tmp_path / "w.npz", **(weights | {"up.bias": np.array([{}], dtype=object)}))
-    with pytest.raises(InputError, match="holds no weights of a network"):
+    with pytest.raises(InputError, match="contains no network weights"):
         load(tmp_path / "w.npz")
     (tmp_path / "text.npz").write_text("weights")
-    with pytest.raises(InputError, match="holds no weights of a network"):
+    with pytest.raises(InputError, match="contains no network weights"):
         load(tmp_path / "text.npz")
-    with pytest.raises(InputError, match="holds no weights of a network"):
+    with pytest.raises(InputError, match="contains no network weights"):
         load(tmp_path / "none.npz")

@@ -106,7 +106,7 @@ def test_an_array_that_is_larger_than_its_file(tmp_path: Path) -> None:
     (tmp_path / "bomb.npy").write_bytes(b"\x93NUMPY\x01\x00\x76\x00" + header)
 
     def attack(_: int) -> None:
-        with pytest.raises(InputError, match="tells of 512000000000 bytes, where at most"):
+        with pytest.raises(InputError, match="states 512000000000 bytes of at most"):
             read_density(tmp_path / "bomb.npy")
 
     hostile.survive(attack, [0], readable=[tmp_path])

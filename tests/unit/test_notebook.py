@@ -18,7 +18,7 @@ import reconstruction
 import spisim
 from datasets import make_set
 from reconstruction import Capture, InputError, reconstruct
-from reconstruction.base import notebook
+from reconstruction.base import display
 from spisim.dataset import open as open_data_set
 
 mpl.use("agg")
@@ -77,7 +77,7 @@ def test_a_few_lines_tell_what_an_object_is(capture: Capture, tmp_path: Path) ->
 
 
 def test_what_is_too_much_to_tell_is_cut() -> None:
-    text = notebook.reported("Result", {f"note {n}": "a\nb" * 99 for n in range(20)})
+    text = display.text_summary("Result", {f"note {n}": "a\nb" * 99 for n in range(20)})
     lines = text.splitlines()
     assert len(lines) == 10
     assert lines[-1] == "  and 12 more"
@@ -87,7 +87,7 @@ def test_what_is_too_much_to_tell_is_cut() -> None:
 
 @pytest.mark.parametrize("values", [np.full((2, 2), np.nan), np.zeros((2, 2)), [[1, np.nan]]])
 def test_maps_of_nothing_and_of_one_value_are_shown(values: np.ndarray) -> None:
-    checked(notebook.picture(values, "a <map>", "m"), "a &lt;map&gt;")
+    checked(display.picture(values, "a <map>", "m"), "a &lt;map&gt;")
 
 
 @pytest.mark.parametrize("package", [spisim, reconstruction])

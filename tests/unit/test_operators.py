@@ -108,9 +108,9 @@ def test_only_the_level_sees_a_constant_image(plan):
     operator = decoder_for(plan).operator
     seen = operator.forward(np.ones(plan.shape))
     np.testing.assert_allclose(seen[operator.varying], 0, atol=1e-9)
-    if operator.level is not None:
+    if operator.dc_row is not None:
         assert np.count_nonzero(~operator.varying) == 1
-        assert abs(seen[operator.level]) > 0.5 * operator.row_length
+        assert abs(seen[operator.dc_row]) > 0.5 * operator.row_length
 
 
 def test_decoded_readings_are_the_forward_of_the_image_free_of_background(plan):
@@ -261,10 +261,13 @@ def test_dark_exposures_are_exactly_dark():
 @pytest.mark.parametrize(
     ("patterns", "message"),
     [
-        (np.zeros((3, 4)), "patterns of shape .3, 4. and type float64: an array of numbers"),
-        (np.zeros((0, 4, 4)), "an array of numbers"),
-        (np.full((1, 2, 2), "x"), "an array of numbers"),
-        ([[[0, 1], [1, 1.5]]], r"the value at \[0, 1, 1\] is 1.5; transmittances lie in 0\.\.1"),
+        (np.zeros((3, 4)), "patterns of shape .3, 4. and type float64: must be a numeric array"),
+        (np.zeros((0, 4, 4)), "must be a numeric array"),
+        (np.full((1, 2, 2), "x"), "must be a numeric array"),
+        (
+            [[[0, 1], [1, 1.5]]],
+            r"the value at \[0, 1, 1\] is 1.5; transmittances must lie in 0\.\.1",
+        ),
         ([[[0, np.nan], [1, 1]]], r"the value at \[0, 0, 1\] is nan"),
         ([[[-0.1, 0], [1, 1]]], r"the value at \[0, 0, 0\] is -0.1"),
     ],
@@ -282,8 +285,8 @@ def test_a_plan_and_its_patterns_must_fit():
     with pytest.raises(InputError, match=r"patterns = 21: must lie in 1\.\.20"):
         make_plan(SHAPE, 21, "natural", basis=dense("grey"))
     for order, why in (
-        ("sequency", "one of Hadamard rows; the basis is"),
-        ("radius", "of the basis"),
+        ("sequency", "requires the Hadamard basis, not"),
+        ("radius", "needs sign changes, which basis"),
     ):
         with pytest.raises(InputError, match=f"{why} 'dense'.*: use natural"):
             make_plan(SHAPE, 5, order, basis=dense("grey"))

@@ -141,10 +141,10 @@ def test_random_orders_follow_their_seed_alone():
 @pytest.mark.parametrize(
     ("order", "message"),
     [
-        ("random", "pattern order 'random': a seed is needed after a colon.*as random:1"),
-        ("random:x", "pattern order 'random:x': a seed is needed"),
-        ("random:-1", "'random:-1': a seed is needed after a colon, a whole number from 0"),
-        ("natural:1", "pattern order 'natural' takes no seed; '1' is not needed"),
+        ("random", "pattern order 'random': add a seed after a colon.*such as random:1"),
+        ("random:x", "pattern order 'random:x': add a seed"),
+        ("random:-1", "'random:-1': add a seed after a colon, a whole number from 0"),
+        ("natural:1", "pattern order 'natural' takes no seed, got '1'"),
         ("rondom:1", "unknown pattern order 'rondom': did you mean 'random'"),
     ],
 )
@@ -214,11 +214,11 @@ def test_scrambled_patterns_are_hadamard_patterns_with_their_pixels_elsewhere():
     image = np.random.default_rng(0).random(32)
     np.testing.assert_allclose(basis.project(image, plan.index), rows @ image)
     np.testing.assert_allclose(basis.combine(image, plan.index), rows.T @ image)
-    with pytest.raises(InputError, match=r"permutation holds 4 numbers; each of 0\.\.3 is needed"):
+    with pytest.raises(InputError, match=r"permutation of 4 numbers: must contain 0\.\.3"):
         BASES["scrambled"]((2, 2), [0, 1, 2, 2])
-    with pytest.raises(InputError, match="pattern basis 'scrambled': a seed is needed"):
+    with pytest.raises(InputError, match="pattern basis 'scrambled': add a seed"):
         make_plan((4, 8), basis="scrambled")
-    with pytest.raises(InputError, match="pattern basis 'dense': its patterns must be given"):
+    with pytest.raises(InputError, match="pattern basis 'dense': needs patterns; pass a basis"):
         make_plan((4, 8), basis="dense")
 
 

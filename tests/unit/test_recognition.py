@@ -11,7 +11,13 @@ from images import natural_image
 from reconstruction import capture_warnings
 from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import capture_from_readings
-from reconstruction.image import UNLIT, candidate_layouts, dark_estimate, doubt, recognise
+from reconstruction.image import (
+    WITHOUT_DARK,
+    candidate_layouts,
+    dark_estimate,
+    plan_inconsistency,
+    recognise,
+)
 from reconstruction.image.spectra import fit, gaussian, heavy_tails, powers, spectra
 from reconstruction.image.transforms import haar, other_spectra
 from reconstruction.operators import (
@@ -55,7 +61,7 @@ def test_layouts_are_recognised_and_not_doubted(order, polarity):
     # Several orders go by sums of frequencies, and are as likely.
     assert order in ("sequency-2d", result[0].layout.order)
     assert result[0].probability > (0.2 if order == "sequency-2d" else 0.9)
-    assert doubt(plan, readings) is None
+    assert plan_inconsistency(plan, readings) is None
 
 
 def test_probabilities_are_of_all_that_is_known():
@@ -84,7 +90,7 @@ def test_transposed_plans_show_transposed_patterns():
 )
 def test_another_order_is_doubted(displayed, reported):
     readings = recorded(make_plan(SHAPE, order=displayed, polarity="differential"), 6)
-    result = doubt(make_plan(SHAPE, order=reported, polarity="differential"), readings)
+    result = plan_inconsistency(make_plan(SHAPE, order=reported, polarity="differential"), readings)
     assert (result is None) == (displayed == reported)
     if result:
         assert f"they look like order {displayed}, polarity differential" in result
@@ -92,14 +98,14 @@ def test_another_order_is_doubted(displayed, reported):
 
 def test_polarities_in_another_sequence_are_doubted():
     readings = recorded(make_plan(SHAPE, 100, "sequency", "halves"), 7)
-    result = doubt(make_plan(SHAPE, 100, "sequency", "differential"), readings)
+    result = plan_inconsistency(make_plan(SHAPE, 100, "sequency", "differential"), readings)
     assert "polarity halves" in result
 
 
 def test_noise_is_not_doubted_and_not_recognised():
     rng = np.random.default_rng(8)
     readings = rng.normal(500, 3, (1, 800))
-    assert doubt(make_plan(SHAPE, 400), readings) is None
+    assert plan_inconsistency(make_plan(SHAPE, 400), readings) is None
     with pytest.raises(InputError, match="no known layout explains the 800 readings better than"):
         recognise(readings, SHAPE)
 
@@ -107,8 +113,8 @@ def test_noise_is_not_doubted_and_not_recognised():
 def test_an_order_that_nobody_knows_is_doubted_and_not_recognised():
     readings = recorded(make_plan(SHAPE, order="natural", polarity="signed"), 9)
     readings[:, 1:] = np.random.default_rng(9).permutation(readings[:, 1:], axis=1)
-    result = doubt(make_plan(SHAPE, order="natural", polarity="signed"), readings)
-    assert "have nothing to do with the pattern plan's order" in result
+    result = plan_inconsistency(make_plan(SHAPE, order="natural", polarity="signed"), readings)
+    assert "match neither the pattern plan's order" in result
     with pytest.raises(InputError, match="no known layout explains"):
         recognise(readings, SHAPE)
 
@@ -130,7 +136,9 @@ def test_coefficients_of_other_transforms_are_told():
     pyramid[0, 0] = means[0, 0]
     for order in ORDERS:
         plan = make_plan(SHAPE, order=order, polarity="signed")
-        assert "look like Haar wavelet coefficients" in doubt(plan, pyramid.reshape(1, -1))
+        assert "look like Haar wavelet coefficients" in plan_inconsistency(
+            plan, pyramid.reshape(1, -1)
+        )
     with pytest.raises(InputError, match="look like Haar wavelet coefficients, in a pyramid"):
         recognise(pyramid.reshape(1, -1), SHAPE)
 
@@ -156,14 +164,14 @@ def test_hadamard_coefficients_are_none_of_haar(tall, wide, seed):
     for order in (*ORDERS, "walsh-2d"):
         declared = ordered_rows(basis, order).astype(np.int32)
         plan = PatternPlan(SHAPE, declared, np.zeros(1024, np.int8), order, basis)
-        assert not re.search("Haar|cosine", doubt(plan, readings) or "")
+        assert not re.search("Haar|cosine", plan_inconsistency(plan, readings) or "")
     assert recognise(readings, SHAPE)
 
 
 def test_a_dark_reading_is_estimated():
     plan = make_plan(SHAPE, order="natural", polarity="single-ended").only(np.arange(1025) < 1024)
     readings = recorded(plan, 11, noise=0)
-    assert recognise(readings, SHAPE)[0].layout.polarity == UNLIT
+    assert recognise(readings, SHAPE)[0].layout.polarity == WITHOUT_DARK
     assert dark_estimate(plan, readings[0]) == pytest.approx(50, abs=5)
 
 
@@ -184,7 +192,7 @@ def test_all_zero_frames_are_told():
 
 def test_plans_of_other_repetitions_cannot_be_doubted():
     plan = PatternPlan(SHAPE, np.array([0, 1, 1, 2]), np.zeros(4))
-    assert doubt(plan, np.arange(4.0)[None]) is None
+    assert plan_inconsistency(plan, np.arange(4.0)[None]) is None
 
 
 def test_known_layouts_have_so_many_readings():

@@ -431,7 +431,7 @@ def test_the_probability_of_obstacles_is_an_option(path, tmp_path, capsys):
     assert near["free_probabilities"] == far["free_probabilities"]
     assert len(near["free_distance_m"]) == len(near["free_probabilities"]["anchored"])
     assert main([*arguments, "--min-free", "1.5"]) == 2
-    assert "min_free = 1.5: a probability above 0 and below 1" in capsys.readouterr().err
+    assert "min_free = 1.5: must lie between 0 and 1, exclusive" in capsys.readouterr().err
 
 
 def far_from(obstacle_m):

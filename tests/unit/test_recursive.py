@@ -222,7 +222,7 @@ def test_what_cannot_remember_is_refused():
     with pytest.raises(InputError, match="'recursive' needs patterns of an orthogonal basis"):
         reconstruct(video(images, [plan], 1.0), image="recursive")
     recording = video(images, cycle_of(SHAPE, 20, 2), 1.0)
-    with pytest.raises(InputError, match="one memory is enough"):
+    with pytest.raises(InputError, match="is recursive already"):
         reconstruct(recording, image="recursive:recursive")
     with pytest.raises(InputError, match="unknown image method"):
         reconstruct(recording, image="recursive:no-such")

@@ -6,7 +6,7 @@ import pytest
 from images import correlation, natural_image
 from reconstruction.image import Imaging
 from reconstruction.operators import PatternPlan, Throughput, expose, make_plan
-from reconstruction.operators.sign_changes import frequencies
+from reconstruction.operators.basis import frequencies
 
 SHAPE = (32, 32)
 

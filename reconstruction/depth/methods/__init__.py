@@ -1,4 +1,4 @@
-"""Methods of making depth maps, one module each."""
+"""Depth methods, one module each."""
 
 from collections.abc import Callable
 
@@ -14,7 +14,20 @@ DEPTH_METHODS: Registry[DepthMethod] = Registry(
 
 
 def depth_method(name: str, setup: Setup) -> DepthMethod:
-    """Method of this name; InputError if there is none, or the recording lacks what it needs."""
+    """Return a depth method by name.
+
+    Parameters
+    ----------
+    name
+        Entry of `DEPTH_METHODS`.
+    setup
+        Setup of the recording it is for.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, or the recording lacks what the method needs.
+    """
     method = DEPTH_METHODS[name]
     missing = lacks(method, setup)
     if missing:
@@ -26,20 +39,17 @@ def depth_method(name: str, setup: Setup) -> DepthMethod:
 
 
 def lacks(method: DepthMethod, setup: Setup) -> tuple[Need, ...]:
-    """What a method needs and a recording has not."""
+    """Parts that a method needs and a recording lacks."""
     return tuple(need for need in method.needs if getattr(setup, need) is None)
 
 
 def suits(method: DepthMethod, setup: Setup) -> bool:
-    """Whether a recording has what a method needs, in the number that it needs."""
+    """Whether a recording has all parts that a method needs, and four spots if it needs spots."""
     other = "spots" in method.needs and setup.spots is not None and not setup.spots.are_four
     return not (lacks(method, setup) or other)
 
 
 def out_of_distribution(method: DepthMethod, setup: Setup) -> str | None:
-    """Why a method has nothing of its own to tell of a recording, as far as it says; None else.
-
-    A method that was made for some recordings alone tells so by a method of this name.
-    """
-    reported: Callable[[Setup], str | None] | None = getattr(method, "out_of_distribution", None)
-    return None if reported is None else reported(setup)
+    """Why a recording is out of the distribution of a method that has such a check, else None."""
+    check: Callable[[Setup], str | None] | None = getattr(method, "out_of_distribution", None)
+    return None if check is None else check(setup)

@@ -1,23 +1,21 @@
-"""A depth map from an image and four ranges: see `reconstruction.depth.kriging`."""
+"""Depth map from an image and four ranges: see `reconstruction.depth.kriging`."""
 
 from dataclasses import dataclass, field
 
-from ..anchored_prior import AnchoredPrior, fitted_prior
-from ..kriging import anchored_depth
+from ..kriging import AnchoredPrior, anchored_depth, fitted_prior
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..rays import pixel_of
+from ..pixels import pixel_of
 
 
 @dataclass(frozen=True)
 class Anchored:
-    """Depth by brightness and four ranges."""
+    """Depth from brightness and four ranges."""
 
     prior: AnchoredPrior = field(default_factory=fitted_prior)
     title: str = "anchored on the spots"
     needs: tuple[Need, ...] = ("optics", "spots")
 
     def compile(self, context: Context) -> DepthSolver:
-        """Solver of one recording's frames."""
         setup = context.setup
         assert setup.optics is not None
         assert setup.spots is not None

@@ -1,10 +1,10 @@
-"""A range of every virtual pixel, from CW time of flight of every displayed pattern.
+"""Range of every virtual pixel, from CW time of flight of every displayed pattern.
 
 Light of one modulation frequency adds up as phasors A exp(i phi): the quadratures of a pattern's
-taps are those of the sum over its lit pixels, and background, which is not modulated, is in
-neither. So an image of phasors is decoded and reconstructed as one of light is, in complex numbers:
-each atom that the pursuit takes is one for both quadratures, chosen by their joint energy (J. A.
-Tropp, A. C. Gilbert, M. J. Strauss, Signal Processing 86, 572 (2006)).
+taps are those of the sum over its lit pixels, and unmodulated background contributes to neither. So
+a complex phasor image is decoded and reconstructed like an intensity image; each atom of the
+pursuit is chosen by its energy in both quadratures (J. A. Tropp, A. C. Gilbert, M. J. Strauss,
+Signal Processing 86, 572 (2006)).
 """
 
 import numpy as np
@@ -16,23 +16,21 @@ from ...image import Coefficients, Imaging, UsableReadings
 from ...ranging import MIN_SIGNAL, path_from_phases, range_from_path
 from ...ranging.methods.cw import quadrature_weights
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..neighbours import around
-from ..rays import pixel_rays
+from ..pixels import around, pixel_rays
 
 
 class Dense:
-    """Phasor images of every modulation frequency, and the phases of each pixel.
+    """Phasor images of all modulation frequencies, and the path from their phases.
 
-    nan where the amplitude of a frequency is below MIN_SIGNAL times its error (see
-    `phasor_image`), where the path is ambiguous (see `path_from_phases`) or no longer than the way
-    from projector to detector; nothing where the level of the light is not known.
+    A depth is nan where the amplitude of a frequency is below MIN_SIGNAL times its error (see
+    `phasor_image`), or where the path is ambiguous (see `path_from_phases`) or not longer than from
+    projector to detector. There is no map if the DC coefficient is not measured.
     """
 
     title = "measured in every pixel"
     needs: tuple[Need, ...] = ("optics", "pattern_taps")
 
     def compile(self, context: Context) -> DepthSolver:
-        """Solver of one recording's frames."""
         setup, imaging = context.setup, context.imaging
         assert setup.optics is not None
         assert setup.pattern_taps is not None
@@ -59,14 +57,11 @@ class Dense:
 def _phasor_images(
     imaging: Imaging, frame: Frames, frequencies: Floats
 ) -> tuple[Floats, Floats] | None:
-    """Phases and their standard deviations, each (J, H, W), of the first frame.
-
-    None if the level of the light is not known.
-    """
+    """Phases of the first frame and their sigmas, each (J, H, W); None without DC coefficient."""
     taps = frame.pattern_taps
     assert taps is not None
     usable = imaging.of(~taps.saturated[0].any(axis=-1), frame.first)
-    if not usable.level:
+    if not usable.has_dc:
         return None
     images: list[NDArray[np.complex128]] = []
     errors: list[Floats] = []
@@ -86,10 +81,10 @@ def phasor_image(
 ) -> tuple[NDArray[np.complex128], Floats]:
     """Phasors A exp(i phi) of all pixels (H, W), and the error of each, both parts together.
 
-    The error is the noise of the coefficients or, where that is larger, what the pursuit and the
-    linear inverse differ by, averaged over the neighbours: there the image rests on what was not
-    measured. For rooms from 6 to 50 % of the patterns this comes within a factor of 2 of the rms
-    error; where all is edges and texture it may be too small by 3.
+    The error is the noise of the coefficients or, if larger, the local rms difference between the
+    pursuit and the linear inverse, where the image rests on unmeasured coefficients. For rooms,
+    with 6 to 50 % of the patterns, it is within a factor of 2 of the rms error; for images full of
+    edges and texture it may be too small by a factor of 3.
     """
     operator = usable.decoder.operator
     image = usable.solver("pursuit")(coefficients).image
@@ -100,10 +95,7 @@ def phasor_image(
 
 
 def phasors(readings: PatternTaps, frequency_hz: float) -> tuple[NDArray[np.complex128], Floats]:
-    """A exp(i phi) of each exposure (M,) of the first frame in electrons, and its variance.
-
-    The variance is that of both parts together.
-    """
+    """A exp(i phi) of the first frame's exposures (M,) in electrons, and its total variance."""
     of = readings.tap_frequencies_hz == frequency_hz
     every = readings.electrons(readings.taps[0])
     electrons, variance = every[:, of], readings.variance(every)[:, of]

@@ -1,13 +1,12 @@
-"""What a small network makes of image, ranges and fog: depth, how sure it is, and where is nothing.
+"""Depth, its uncertainty and the probability of no return, predicted by a small network.
 
-It was trained on drawn scenes, open and closed, in clear air and in fog, by
-`tools/depth_network.py`; see `reconstruction.depth.network_input` for what it is given. Where every
-pattern has taps, its map and the measured one are joined by their inverse variances, as both are
-normal in log depth. Of what is unlike all that the network was trained on it is not asked: the map
-is then the one anchored on the spots, and a note says why.
+The network was trained on synthetic scenes, open and closed, in clear air and in fog, by
+`tools/depth_network.py`; see `reconstruction.depth.network_input` for its input. If every pattern
+has taps, its map and the measured one are fused by inverse variance, both being normal in log
+depth. Frames out of distribution get the map anchored on the spots, and a note says why.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,25 +20,25 @@ from ..network import DepthNetwork, load, of_view
 from ..network_input import inputs_of, of_fraction
 from ..observer import Observer
 from ..obstacle import Corridor, corridor_prior
-from ..rays import pixel_rays
+from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
-LIKELY = 0.2
-"""Probability of nothing from which on a pixel has no depth: one invented costs four lost ones."""
+MAX_NO_RETURN = 0.2
+"""Probability of no return above which a pixel has no depth: one invented depth costs four lost."""
 
 
 class Learned:
-    """Depth, its deviation and the probability of nothing, learned from scenes."""
+    """Depth, its standard deviation and the probability of no return, learned from scenes."""
 
     title = "learned"
     needs: tuple[Need, ...] = ("optics", "spots")
 
     def out_of_distribution(self, setup: Setup) -> str | None:
-        """Why no frame of a recording is like those learned from, in words; None if some may be."""
+        """Why no frame of a recording is in distribution, None if some may be."""
         if not isinstance(setup.spots, CwSpots):
-            return "learned from spots of continuous wave alone"
+            return "trained for continuous-wave spots only"
         assert setup.optics is not None
         shape = setup.plan.shape
         fraction = of_fraction(setup.plan.exposures / (shape[0] * shape[1]))
@@ -48,70 +47,65 @@ class Learned:
         except InputError as error:
             return str(error)
         return network.outside(
-            {"share": fraction} | of_view(shape, setup.optics, setup.spots.directions)
+            {"patterns over pixels": fraction}
+            | of_view(shape, setup.optics, setup.spots.directions)
         )
 
     def compile(self, context: Context) -> DepthSolver:
-        """Solver of one recording's frames."""
         anchored = ANCHORED.compile(context)
         out_of_distribution = self.out_of_distribution(context.setup)
         if out_of_distribution is not None:
-            return _Instead(anchored, out_of_distribution)
+            return _Fallback(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
         corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
         return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, corridor)
 
 
+@dataclass(frozen=True)
 class LearnedSolver:
-    """Holds what depends on the recording alone."""
+    """Solver with all that depends on the recording alone."""
 
-    def __init__(
-        self,
-        network: DepthNetwork,
-        observer: Observer,
-        anchored: DepthSolver,
-        dense: DepthSolver | None,
-        corridor: Corridor,
-    ) -> None:
-        self._network, self._observer = network, observer
-        self._anchored, self._dense, self._corridor = anchored, dense, corridor
+    _network: DepthNetwork
+    _observer: Observer
+    _anchored: DepthSolver
+    _dense: DepthSolver | None
+    _corridor: Corridor
 
     def __call__(self, view: View) -> DepthEstimate | None:
-        """The map, or the anchored one of a view unlike those learned from."""
+        """Predicted map, or the anchored one for a view out of distribution."""
         if view.ranges is None:
             return None
-        displayed = self._observer(view)
-        if not displayed.bright > 0:
-            return _Instead(self._anchored, "the image is dark")(view)
-        inputs = inputs_of(displayed)
+        frame = self._observer(view)
+        if not frame.bright > 0:
+            return _Fallback(self._anchored, "the image is dark")(view)
+        inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is not None:
-            return _Instead(self._anchored, out_of_distribution)(view)
-        reported = self._network(inputs)
-        if not displayed.ranged:
-            unknown = np.full(reported.no_return.shape, np.nan)
-            return DepthEstimate(unknown, None, reported.no_return, "no spot has a range: no depth")
-        result = DepthEstimate(np.exp(reported.log_depth), reported.sigma, reported.no_return)
+            return _Fallback(self._anchored, out_of_distribution)(view)
+        prediction = self._network(inputs)
+        if not frame.ranged:
+            unknown = np.full(prediction.no_return.shape, np.nan)
+            return DepthEstimate(
+                unknown, None, prediction.no_return, "no spot has a range: no depth"
+            )
+        result = DepthEstimate(np.exp(prediction.log_depth), prediction.sigma, prediction.no_return)
         measured = None if self._dense is None else self._dense(view)
-        return self._decided(result if measured is None else joined(result, measured))
+        return self._decided(result if measured is None else fused(result, measured))
 
     def _decided(self, result: DepthEstimate) -> DepthEstimate:
-        """No depth where nothing is likely; the corridor is judged by all depths together."""
+        """Drop depths where no return is probable; all depths together decide on the corridor."""
         assert result.no_return is not None
         prior = corridor_prior("learned")
         return replace(
             result,
-            depth_m=np.where(result.no_return > LIKELY, np.nan, result.depth_m),
+            depth_m=np.where(result.no_return > MAX_NO_RETURN, np.nan, result.depth_m),
             free=self._corridor.free(result.depth_m, prior, result.sigma, result.no_return),
         )
 
 
-def joined(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
-    """Two estimates of log depth, normal and independent, as one; the first is of all pixels.
-
-    What is measured is there: nothing is not likely any more.
-    """
+def fused(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
+    """Fuse two independent estimates, normal in log depth; the first covers all pixels."""
     assert result.sigma is not None
     assert result.no_return is not None
     assert measured.sigma is not None
@@ -124,20 +118,21 @@ def joined(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
         result,
         depth_m=np.exp(log / total),
         sigma=total**-0.5,
-        no_return=np.where(finite, np.minimum(result.no_return, LIKELY), result.no_return),
+        no_return=np.where(finite, np.minimum(result.no_return, MAX_NO_RETURN), result.no_return),
     )
 
 
-class _Instead:
-    """The anchored map, with a note that says why it is not the learned one."""
+@dataclass(frozen=True)
+class _Fallback:
+    """Anchored map, with a note that says why it is not the learned one."""
 
-    def __init__(self, anchored: DepthSolver, why: str) -> None:
-        self._anchored, self._why = anchored, why
+    anchored: DepthSolver
+    why: str
 
     def __call__(self, view: View) -> DepthEstimate | None:
-        """That map, or no depth at all."""
-        note = f"not learned: {self._why}"
-        result = self._anchored(view)
+        """Anchored map, or one without any depth."""
+        note = f"not learned: {self.why}"
+        result = self.anchored(view)
         if result is None:
             return DepthEstimate(np.full(view.image.shape, np.nan), note=f"no depth; {note}")
         return replace(result, note=f"anchored on the spots, {note}")
@@ -145,7 +140,7 @@ class _Instead:
 
 @lru_cache(maxsize=1)
 def shipped() -> DepthNetwork:
-    """The network of this package."""
+    """Network of this package."""
     return load(WEIGHTS)
 
 

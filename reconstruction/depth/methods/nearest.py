@@ -1,4 +1,4 @@
-"""The baseline: each pixel takes the range of the nearest spot that has one."""
+"""Baseline: each pixel takes the range of the nearest spot that has one."""
 
 import numpy as np
 

@@ -1,10 +1,9 @@
-"""Orthonormal wavelets of images of any shape.
+"""Orthonormal wavelets for images of any shape.
 
-S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989); the filters are I. Daubechies's, Comm. Pure Appl.
-Math. 41, 909 (1988). Wavelets are those of the whole plane, cut off at the edges of the image: no
-orthonormal basis any more, yet a tight frame, in which nothing wraps around from one edge to the
-other. Each is as strong as it is in a field of which the power falls with the square of spatial
-frequency.
+S. G. Mallat, IEEE Trans. PAMI 11, 674 (1989); filters by I. Daubechies, Comm. Pure Appl. Math. 41,
+909 (1988). The wavelets of the whole plane are cut off at the edges of the image, so they form a
+tight frame rather than an orthonormal basis, but nothing wraps around the edges. Each has the
+variance that it has in a field whose power falls with the square of spatial frequency.
 """
 
 from collections.abc import Sequence
@@ -21,15 +20,12 @@ from .dct import DICTIONARY as COSINES
 
 @dataclass(frozen=True)
 class Wavelets:
-    """Bands of one family of wavelets, by its name in PyWavelets."""
+    """Bands of a wavelet family, named as in PyWavelets."""
 
     family: str
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
-        """Details of all scales, and what is coarser: the widest are about as wide as the image.
-
-        Raises InputError where PyWavelets is needed and not installed.
-        """
+        """Detail bands of all scales and an approximation; InputError if PyWavelets is missing."""
         low = _low_pass(self.family)
         high = low[::-1] * (-1.0) ** np.arange(len(low))
         smooth, result = np.ones(1), []
@@ -44,7 +40,7 @@ class Wavelets:
 
 
 def _low_pass(family: str) -> Floats:
-    """The filter of a family; it has length 1."""
+    """Low-pass filter of a family, of length 1."""
     if family == "haar":
         return np.full(2, np.sqrt(0.5))
     try:
@@ -57,14 +53,14 @@ def _low_pass(family: str) -> Floats:
 
 
 def _finer(smooth: Floats, taps: Floats, step: int) -> Floats:
-    """The function of the next scale: shifts of the ``smooth`` one, by ``step`` pixels each."""
+    """Function of the next scale: a combination of copies of ``smooth``, ``step`` pixels apart."""
     spread = np.zeros(step * (len(taps) - 1) + 1)
     spread[::step] = taps
     return np.convolve(spread, smooth)
 
 
 def _shifted(function: Floats, step: int, side: int) -> Floats:
-    """All shifts by multiples of ``step`` that touch an axis (side,), one in each column."""
+    """Shifts by multiples of ``step`` that overlap an axis (side,), in columns."""
     first = -((len(function) - 1) // step) * step
     starts = np.arange(first, side, step)
     position = np.arange(side)[:, None] - starts

@@ -1,4 +1,4 @@
-"""Daubechies's wavelets with four vanishing moments."""
+"""Daubechies wavelets with four vanishing moments."""
 
 from ._wavelets import Wavelets
 

@@ -10,10 +10,7 @@ from ..dictionary import Band
 
 
 class Dct:
-    """Cosines, whose power in natural images falls with the square of spatial frequency.
-
-    D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987).
-    """
+    """Cosines with 1/f amplitudes: D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)."""
 
     def bands(self, shape: tuple[int, int]) -> Sequence[Band]:
         """All cosines in one band."""
@@ -21,18 +18,18 @@ class Dct:
         return [Band(vertical, horizontal, self.sigma(shape))]
 
     def atoms(self, side: int) -> Floats:
-        """Orthonormal cosines, the lowest frequency first: (side, side)."""
+        """Orthonormal cosines (side, side) in columns, lowest frequency first."""
         return _cosines(side)
 
     def sigma(self, shape: tuple[int, int]) -> Floats:
-        """Inverse to spatial frequency; 0 for the constant image."""
+        """Standard deviation inverse to spatial frequency; 0 for the constant image."""
         vertical, horizontal = (np.arange(side) / side for side in shape)
         frequency = np.hypot.outer(vertical, horizontal)
         frequency[0, 0] = np.inf
         return 1 / frequency
 
     def band(self, vertical: Floats, horizontal: Floats) -> Band:
-        """Other atoms (H, a) and (W, b), as strong as they are where cosines are independent."""
+        """Band of other atoms (H, a) and (W, b), with the variances that cosines imply."""
         tall, wide = (_cosines(len(atoms)).T @ atoms for atoms in (vertical, horizontal))
         power = self.sigma((len(vertical), len(horizontal))) ** 2
         return Band(vertical, horizontal, np.sqrt(tall.T**2 @ power @ wide**2))

@@ -1,4 +1,4 @@
-"""Haar's wavelets: differences of neighbouring blocks."""
+"""Haar wavelets: differences of neighbouring blocks."""
 
 from ._wavelets import Wavelets
 

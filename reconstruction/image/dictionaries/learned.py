@@ -1,7 +1,7 @@
-"""Atoms learned from drawn scenes by tools/learned_dictionary.py; `learned.json` tells of which.
+"""Atoms learned from synthetic scenes by tools/learned_dictionary.py; see `learned.json`.
 
-Small squares that overlap by half in a sine window, at every scale up to that of the image; they
-are cut off at its edges, so that images of any shape have them.
+Small squares that overlap by half in a sine window, at every scale up to that of the image, cut off
+at its edges, so that they suit images of any shape.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ FILE = Path(__file__).with_suffix(".npy")
 """Atoms (2, A, SIDE): A outer products of a column and a row."""
 SIDE = 8
 WINDOW = np.sin(np.pi * (np.arange(SIDE) + 0.5) / SIDE)
-"""Its square and that of the one beside it add up to 1."""
+"""Squares of neighbouring windows add up to 1."""
 
 
 class Learned:
@@ -43,7 +43,7 @@ def _profiles() -> Floats:
 
 
 def _placed(profile: Floats, scale: int, side: int) -> Floats:
-    """A profile of samples of ``scale`` pixels wherever it touches an axis, by half its length."""
+    """A profile with samples of ``scale`` pixels, shifted by half its length along an axis."""
     length = SIDE * scale
     at = (np.arange(length) + 0.5) / scale - 0.5
     finer = np.interp(at, np.arange(-1, SIDE + 1), np.pad(profile, 1)) / np.sqrt(scale)

@@ -1,4 +1,4 @@
-"""Methods of making images, one module each."""
+"""Image methods, one module each."""
 
 from dataclasses import replace
 from typing import Any, cast
@@ -14,10 +14,18 @@ IMAGE_METHODS: Registry[ImageMethod] = Registry(
 
 
 def image_method(name: str) -> ImageMethod:
-    """Method of this name; ``method:dictionary`` is one with another dictionary than its own.
+    """Return an image method by name.
 
-    What stands behind the colon of one that carries is the method that makes its images, as in
-    ``recursive:pursuit``. Raises InputError for unknown names, and a method that has no dictionary.
+    Parameters
+    ----------
+    name
+        Entry of `IMAGE_METHODS`. ``method:dictionary`` replaces the dictionary of a method, and
+        ``recursive:method`` the method that makes the images.
+
+    Raises
+    ------
+    InputError
+        If a name is unknown, or the method uses no dictionary.
     """
     name, colon, dictionary = name.partition(":")
     method: Any = IMAGE_METHODS[name]
@@ -26,5 +34,5 @@ def image_method(name: str) -> ImageMethod:
     if hasattr(method, "inner"):
         return cast(ImageMethod, replace(method, inner=dictionary))
     if not hasattr(method, "dictionary"):
-        raise InputError(f"image method {name!r} uses no dictionary; {dictionary!r} is not needed")
+        raise InputError(f"image method {name!r} uses no dictionary, got {dictionary!r}")
     return cast(ImageMethod, replace(method, dictionary=DICTIONARIES[dictionary]))

@@ -1,20 +1,20 @@
-"""Least squares under a prior that follows the edges of the image itself.
+"""Least squares under a prior that adapts to the edges of the image itself.
 
-Where an image is smooth its gradients are small, and along an edge they are across it. The estimate
-of the round before tells how: with its structure tensors, smoothed by a Gaussian window G,
+Where an image is smooth its gradients are small, and at an edge they are perpendicular to it. The
+previous estimate shows where: with its structure tensors, smoothed by a Gaussian window G,
 
     T = G * (grad x  grad x^T) + e^2 I
 
-(W. Foerstner, E. Guelch, Proc. ISPRS Intercommission Workshop (1987) 281), e the mean gradient, for
-what the estimate does not show, the next round minimises
+(W. Foerstner, E. Guelch, Proc. ISPRS Intercommission Workshop (1987) 281), where e is the mean
+gradient and stands for unresolved structure, the next round minimises
 
     sum_k (R x - m)_k^2 / s_k^2 + c sum_pixels grad x^T (T / t)^-1 grad x,    t = mean trace T / 2.
 
-Were T the same everywhere this would be the 1/f prior. It is anisotropic diffusion (J. Weickert,
-Anisotropic Diffusion in Image Processing, Teubner 1998) that agrees with the readings. The rounds
-begin at the least-squares image of the fitted covariance, whose contrast gives c and whose
-posterior covariance is the preconditioner, on a grid no finer than what the patterns can tell. As
-edges of noise are worth nothing, what the last round differs from the first in is added to the
+For a constant T this is the 1/f prior. In general it is anisotropic diffusion (J. Weickert,
+Anisotropic Diffusion in Image Processing, Teubner 1998) consistent with the readings. The rounds
+start from the least-squares image of the fitted covariance, whose contrast gives c and whose
+posterior covariance is the preconditioner, on a grid no finer than the patterns resolve. As edges
+of noise are worthless, the difference between the last and the first round is added to the
 least-squares image only as far as the gradients of the first are not noise.
 """
 
@@ -39,11 +39,11 @@ Linear = Callable[[NDArray[Any]], NDArray[Any]]
 
 ROUNDS = 3
 STEPS = 5
-"""Of conjugate gradients in each round."""
+"""Conjugate-gradient steps per round."""
 WINDOW = 1.0
-"""Deviation of the Gaussian window in pixels of the grid."""
-SEEN = 0.99
-"""Share of what the patterns see that half the frequencies of the grid hold."""
+"""Standard deviation of the Gaussian window, in pixels of the grid."""
+MIN_SEEN = 0.99
+"""Fraction of what the patterns see that half the frequencies of the grid contain."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +53,7 @@ class EdgePreserving:
     title = "edge-preserving least squares"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of one operator's coefficients.
-
-        Of more than least squares reckons with that is the same: little is left to guess.
-        """
+        """Solver of an operator's coefficients; least squares beyond its size limit."""
         linear = FITTED_COVARIANCE.compile(operator)
         if not isinstance(linear, LeastSquaresSolver):
             return linear
@@ -64,18 +61,18 @@ class EdgePreserving:
 
 
 class EdgePreservingSolver:
-    """Holds what depends on the operator alone."""
+    """Solver with all that depends on the operator alone."""
 
     def __init__(self, linear: LeastSquaresSolver) -> None:
         self.linear = linear
         model = linear.model
         sides = linear.operator.image_shape
         all_of_them = model.field.shape
-        high, wide = band(linear.seen, SEEN)
+        high, wide = band(linear.seen, MIN_SEEN)
         self._grid = Grid(at_most((2 * high, 2 * wide), all_of_them), sides)
         height, width = self._grid.shape
-        # The 1/f prior is in frequencies per two pixels of the image, of which a cosine of one
-        # has gradients of pi: differences on the grid are taken back to these pixels.
+        # The 1/f prior counts frequencies per two image pixels, where a cosine of frequency 1 has
+        # gradients of pi, so differences on the grid are converted to image pixels.
         self._slopes = Slopes(self._grid.shape, (height / sides[0], width / sides[1]))
         variance = model.field.variance[:height, :width]
         self._precision = linear.precision[:height, :width]
@@ -88,7 +85,7 @@ class EdgePreservingSolver:
             self._model = GaussianModel(low, field, model.usual)
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """The image whose edges agree with itself."""
+        """Image whose prior agrees with its own edges."""
         start = self.linear.posterior(coefficients)
         if start is None:
             return self.linear.flat(coefficients)
@@ -96,11 +93,11 @@ class EdgePreservingSolver:
         return self.linear.estimate(spectrum, variance, coefficients)
 
     def followed(self, start: Posterior, coefficients: Coefficients) -> tuple[NDArray[Any], Floats]:
-        """Spectrum whose edges agree with itself, from least squares, and variance of pixels."""
+        """Spectrum refined from the least-squares posterior, and the variance of its pixels."""
         linear = self.linear
         measured, noise = linear.varying(coefficients)
         height, width = self._grid.shape
-        # Without what rows see of the frequencies that are beyond the grid.
+        # Subtract the response of the rows to frequencies beyond the grid.
         low = measured - start.seen + self._model.rows @ start.mean[:height, :width].ravel()
         first = self._model.own(low, noise, linear.expected_contrast(coefficients))
         edges = self._rounds(low, first)
@@ -112,10 +109,7 @@ class EdgePreservingSolver:
         return spectrum, linear.variance(start) * unevenness
 
     def _trusted(self, first: OwnPosterior) -> float:
-        """How far edges are followed: the square of the share of gradients that is no noise.
-
-        Of a prior near 1/f, x^T C^-1 x is about the energy of the gradients, up to a factor.
-        """
+        """Weight of the refinement: the squared fraction of gradient energy that is not noise."""
         energy = float((np.abs(first.own_mean) ** 2 * self._precision).sum())
         return max(0.0, 1 - first.noise_energy / energy) ** 2 if energy > 0 else 0.0
 
@@ -135,11 +129,7 @@ class EdgePreservingSolver:
         stiffness: Linear,
         start: OwnPosterior,
     ) -> NDArray[Any]:
-        """Some steps of conjugate gradients, preconditioned by the first posterior covariance P.
-
-        The matrix of this round is P^-1 less the first prior's precision plus the stiffness. With
-        P^-1 of the step at hand, carried along as the step itself is, readings do not enter.
-        """
+        """Conjugate-gradient steps, preconditioned by the first posterior covariance P."""
         precision = self._precision / start.contrast
         rows = self._model.rows
         misfit = (measured - rows @ spectrum.ravel()) / start.noise**2
@@ -161,7 +151,7 @@ class EdgePreservingSolver:
 
 @dataclass(frozen=True, eq=False)
 class Tensors:
-    """The three different entries (h, w) of the structure tensor at each pixel."""
+    """Distinct entries (h, w) of the structure tensor at each pixel."""
 
     vertical: Floats
     horizontal: Floats
@@ -169,31 +159,28 @@ class Tensors:
 
     @property
     def energy(self) -> Floats:
-        """The trace."""
+        """Trace of the tensors."""
         return self.vertical + self.horizontal
 
 
 class Slopes:
-    """Gradients of images on a ``grid``, of their spectra (h, w).
-
-    ``scale``: what differences between pixels are multiplied by.
-    """
+    """Gradients of images on a ``grid``, from spectra (h, w), with factors ``scale``."""
 
     def __init__(self, grid: tuple[int, int], scale: tuple[float, float]) -> None:
         vertical, horizontal = (DICTIONARY.atoms(side) for side in grid)
         self.atoms = vertical, horizontal
-        # Down and along: what makes slopes of a spectrum, from the left and from the right.
+        # Left and right factors of the derivatives of a spectrum, down and along.
         self._left = np.array([scale[0] * _derivative(vertical), vertical])
         self._right = np.array([horizontal.T, scale[1] * _derivative(horizontal).T])
         self._back = self._left.swapaxes(1, 2).copy(), self._right.swapaxes(1, 2).copy()
         self._windows = _window(grid[0]), _window(grid[1]).T
 
     def gradient(self, spectrum: NDArray[Any]) -> NDArray[Any]:
-        """Slopes (2, h, w) between each pixel and the next, down and along."""
+        """Gradients (2, h, w) between neighbouring pixels, down and along."""
         return np.asarray(self._left @ spectrum @ self._right)
 
     def tensors(self, spectrum: NDArray[Any]) -> Tensors:
-        """Structure tensors in the Gaussian window, and on their diagonal the mean gradient."""
+        """Structure tensors in the Gaussian window, with the mean gradient on their diagonal."""
         slopes = self.gradient(spectrum)
         size = np.abs(slopes)
         mean = size.sum() / size.size
@@ -204,7 +191,7 @@ class Slopes:
         return Tensors(vertical + mean**2, horizontal + mean**2, across)
 
     def stiffness(self, tensors: Tensors, weight: float) -> Linear:
-        """D^T W D of spectra, D the gradient and W the inverse tensors times their mean."""
+        """D^T W D on spectra, with D the gradient and W the inverse tensors times their mean."""
         determinant = tensors.vertical * tensors.horizontal - tensors.across**2
         scale = weight * tensors.energy.mean() / 2 / determinant
         own = scale * np.array([tensors.horizontal, tensors.vertical])
@@ -220,17 +207,14 @@ class Slopes:
 
 
 def _derivative(cosines: Floats) -> Floats:
-    """Of cosines (side, side), in their columns, between each pixel and the next; 0 at the last.
-
-    Differences between pixels are less than that, by the sinc of half the phase between them.
-    """
+    """Derivatives of cosines (side, side), in columns, between neighbouring pixels."""
     side = len(cosines)
     differences = np.diff(cosines, axis=0, append=cosines[-1:])
     return np.asarray(differences / np.sinc(np.arange(side) / (2 * side)))
 
 
 def _window(side: int) -> Floats:
-    """The matrix (side, side) that smooths one axis by the Gaussian window, mirrored at edges."""
+    """Matrix (side, side) of Gaussian smoothing along one axis, mirrored at the edges."""
     position = np.arange(side)
     direct, mirrored = np.subtract.outer(position, position), np.add.outer(position, position) + 1
     distances = np.array([direct, mirrored, 2 * side - mirrored])

@@ -1,11 +1,10 @@
-"""What a small network makes of the edge-preserving image, as far as the readings agree.
+"""Neural correction of the edge-preserving image, constrained by the readings.
 
-The network sees the least-squares image, the edge-preserving one and its deviation, and tells what
-is wrong with the latter; it was trained on dead leaves and drawn scenes by
-`tools/learned_network.py`. What its image leaves of the readings is estimated by least squares, as
-a field of its own contrast, so that the image fits them as far as they are no noise. Of what is
-unlike all that the network was trained on it is not asked: the image is then the edge-preserving
-one.
+The network receives the least-squares image, the edge-preserving one and its standard deviation,
+and predicts the error of the latter. It was trained on dead leaves and synthetic scenes by
+`tools/learned_network.py`. The residual of its image with respect to the readings is estimated by
+least squares, as a field with its own contrast, so that the result fits the readings up to noise.
+Inputs out of distribution get the edge-preserving image.
 """
 
 from dataclasses import dataclass, replace
@@ -31,19 +30,19 @@ class Learned:
     title = "learned"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of one operator's coefficients; of very many, that of edge-preserving images."""
+        """Solver of an operator's coefficients; edge-preserving beyond its size limit."""
         edges = EDGE_PRESERVING.compile(operator)
         return LearnedSolver(edges, shipped()) if isinstance(edges, EdgePreservingSolver) else edges
 
 
 class LearnedSolver:
-    """Holds what depends on the operator alone."""
+    """Solver with all that depends on the operator alone."""
 
     def __init__(self, edges: EdgePreservingSolver, network: Network) -> None:
         self.edges, self._network = edges, network
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """The corrected image, and the deviation that the network expects of it."""
+        """Corrected image, and the standard deviation that the network predicts."""
         linear = self.edges.linear
         start = linear.posterior(coefficients)
         if start is None:
@@ -54,20 +53,20 @@ class LearnedSolver:
             return linear.estimate(spectrum, variance, coefficients)
         measured, noise = linear.varying(coefficients)
         finite = np.isfinite(noise)
-        displayed = NetworkInput(
+        inputs = NetworkInput(
             field.image(start.mean),
             field.image(spectrum),
             np.sqrt(variance),
             float(finite.mean()) * len(finite) / variance.size,
             float(np.median(noise[finite])),
         )
-        out_of_distribution = self._network.out_of_distribution(displayed)
+        out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is not None:
             plain = linear.estimate(spectrum, variance, coefficients)
             return replace(plain, note=f"edge-preserving, not learned: {out_of_distribution}")
-        correction, unsure = self._network(displayed)
-        spectrum = field.spectrum(displayed.better + displayed.sigma * correction)
-        spectrum[0, 0] = 0  # the level is measured by itself
+        correction, unsure = self._network(inputs)
+        spectrum = field.spectrum(inputs.better + inputs.sigma * correction)
+        spectrum[0, 0] = 0  # DC is measured separately
         left = measured - linear.model.rows @ spectrum.ravel()
         left[~finite] = 0
         spectrum = spectrum + linear.model.given(left, noise).mean
@@ -76,7 +75,7 @@ class LearnedSolver:
 
 @lru_cache(maxsize=1)
 def shipped() -> Network:
-    """The network of this package."""
+    """Network of this package."""
     return load(WEIGHTS)
 
 

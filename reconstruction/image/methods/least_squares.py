@@ -1,7 +1,7 @@
 """Least squares under a 1/f prior: the most probable image, if images were Gaussian.
 
-The power of natural images falls with the square of spatial frequency (D. J. Field, J. Opt. Soc.
-Am. A 4, 2379 (1987)): so do the variances of the cosines that they consist of.
+The power of natural images, and so the variance of their cosines, falls with the square of spatial
+frequency (D. J. Field, J. Opt. Soc. Am. A 4, 2379 (1987)).
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats
 from ...operators import MeasurementOperator
 from ..coefficients import Coefficients
-from ..contrast import ContrastByLevel
+from ..contrast import ContrastByDc
 from ..dictionaries.dct import DICTIONARY
 from ..gaussian import Field, GaussianModel, Posterior
 from ..grid import at_most, band
@@ -23,23 +23,23 @@ from ..noise import CERTAIN
 from ..prior import Prior, Sigma
 from ..shrinking import ShrinkingSolver
 
-MAX = 2**23
-"""Numbers in the spectra of rows, at most: with more, coefficients are shrunk one by one."""
+MAX_NUMBERS = 2**23
+"""Maximum size of the spectra of rows; beyond it, coefficients are shrunk one by one."""
 MAX_ROWS = 2500
-"""Rows whose correlations are reckoned with, at most."""
-SEEN = 0.99
-"""Share of what the rows see that the frequencies hold at least."""
+"""Maximum number of rows whose correlations are taken into account."""
+MIN_SEEN = 0.99
+"""Minimum fraction of what the rows see that the frequencies must contain."""
 
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Posterior mean and deviation of Gaussian images, independent in cosines."""
+    """Posterior mean and standard deviation of Gaussian images, independent in cosines."""
 
     title = "least squares"
     sigma: Sigma = DICTIONARY.sigma
 
     def compile(self, operator: MeasurementOperator) -> "LeastSquaresSolver | ShrinkingSolver":
-        """Solver of one operator's coefficients: the same for all methods that begin with it."""
+        """Solver of an operator's coefficients, shared by all methods that start from it."""
         result = operator.shared.get(self.sigma)
         if result is None:
             result = operator.shared[self.sigma] = _compiled(operator, self.sigma)
@@ -50,19 +50,19 @@ def _compiled(
     operator: MeasurementOperator, sigma: Sigma
 ) -> "LeastSquaresSolver | ShrinkingSolver":
     prior = Prior(operator, sigma)
-    high, wide = band(prior.atoms.by_atom() * prior.sigma**2, SEEN)
+    high, wide = band(prior.atoms.by_atom() * prior.sigma**2, MIN_SEEN)
     rows = len(prior.expected)
-    if rows > MAX_ROWS or rows * high * wide > MAX:
+    if rows > MAX_ROWS or rows * high * wide > MAX_NUMBERS:
         return ShrinkingSolver(operator, prior)
     return LeastSquaresSolver(operator, prior)
 
 
 class LeastSquaresSolver:
-    """Holds what depends on the operator alone.
+    """Solver with all that depends on the operator alone.
 
-    ``model`` is of the spectra of images, of which the highest frequencies are left out where all
-    rows and frequencies were more than `MAX` numbers. ``seen`` (H, W): how much of each the rows
-    see, over all images; ``precision`` is the inverse of the field's variance.
+    ``model`` holds the spectra of images, without the highest frequencies if all would exceed
+    `MAX_NUMBERS`. ``seen`` (H, W): mean energy of each frequency that the rows see; ``precision``:
+    inverse variance of the field.
     """
 
     def __init__(self, operator: MeasurementOperator, prior: Prior) -> None:
@@ -85,27 +85,24 @@ class LeastSquaresSolver:
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance
-        self.expected_contrast = ContrastByLevel(operator, float(variance.mean()))
+        self.expected_contrast = ContrastByDc(operator, float(variance.mean()))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """The most probable image."""
+        """Most probable image."""
         posterior = self.posterior(coefficients)
         if posterior is None:
             return self.flat(coefficients)
         return self.estimate(posterior.mean, self.variance(posterior), coefficients)
 
     def many(self, frames: Sequence[Coefficients]) -> list[Estimate]:
-        """The most probable image of each of several frames, by products for all of them.
-
-        But for frames of which something is missing, or the noise is not sure.
-        """
+        """Most probable images of several frames, by matrix products over all with known noise."""
         plain = [number for number, each in enumerate(frames) if self._is_plain(each)]
         result: dict[int, Estimate] = {}
         if plain:
-            reported = [self.varying(frames[number]) for number in plain]
-            rms = [self.model.usual_rms(*each) for each in reported]
+            pairs = [self.varying(frames[number]) for number in plain]
+            rms = [self.model.usual_rms(*each) for each in pairs]
             expected = [self.expected_contrast(frames[number]) for number in plain]
-            values = np.array([measured for measured, _ in reported])
+            values = np.array([measured for measured, _ in pairs])
             posteriors = self.model.many(values, np.array(rms), np.array(expected, np.float64))
             for number, (mean, variance, contrast) in zip(plain, posteriors, strict=True):
                 whole = variance + contrast * self._higher
@@ -122,11 +119,11 @@ class LeastSquaresSolver:
         )
 
     def flat(self, coefficients: Coefficients) -> Estimate:
-        """The level alone."""
+        """Image of the DC coefficient alone."""
         return self.estimate(np.zeros(self.model.field.variance.shape), None, coefficients)
 
     def posterior(self, coefficients: Coefficients) -> Posterior | None:
-        """What coefficients other than the level tell; None where all that are known are 0."""
+        """Posterior given the coefficients other than DC; None if all of them are 0."""
         measured, noise = self.varying(coefficients)
         if not measured.any():
             return None
@@ -138,30 +135,30 @@ class LeastSquaresSolver:
         return posterior.variance + posterior.contrast * self._higher
 
     def varying(self, coefficients: Coefficients) -> tuple[NDArray[Any], Floats]:
-        """Coefficients other than the level, of rows of length 1, and their noise."""
+        """Coefficients other than DC, for rows of length 1, and their noise."""
         varying, length = self.operator.varying, self.operator.row_length
         return coefficients.values[varying] / length, coefficients.noise[varying] / length
 
     def estimate(
         self, spectrum: NDArray[Any], variance: Floats | None, coefficients: Coefficients
     ) -> Estimate:
-        """The image of a spectrum, and of the level, with the ``variance`` (H, W) of the former."""
+        """Image of a spectrum with this ``variance`` (H, W), plus the DC coefficient."""
         image = self.model.field.image(spectrum)
-        level, mean_dc = self.operator.level, self.operator.mean_dc
+        dc_row, dc_offset = self.operator.dc_row, self.operator.dc_offset
         error = 0.0
-        if level is not None and coefficients.measured[level]:
-            error = mean_dc(coefficients.noise[level], np.zeros_like(image))
-            image = image + mean_dc(coefficients.values[level], image)
+        if dc_row is not None and coefficients.measured[dc_row]:
+            error = dc_offset(coefficients.noise[dc_row], np.zeros_like(image))
+            image = image + dc_offset(coefficients.values[dc_row], image)
         return Estimate(image, None if variance is None else np.sqrt(variance + error**2))
 
 
 def _sides(seen: Floats, rows: int) -> tuple[int, int]:
-    """How many of the lowest frequencies of ``rows`` rows are few enough numbers."""
+    """Number of lowest frequencies, down and along, whose spectra fit `MAX_NUMBERS`."""
     height, width = seen.shape
-    if rows * height * width <= MAX:
+    if rows * height * width <= MAX_NUMBERS:
         return height, width
-    high, wide = band(seen, SEEN)
-    room = np.sqrt(MAX / (rows * high * wide))
+    high, wide = band(seen, MIN_SEEN)
+    room = np.sqrt(MAX_NUMBERS / (rows * high * wide))
     return at_most((max(high, int(room * high)), max(wide, int(room * wide))), (height, width))
 
 

@@ -1,10 +1,9 @@
-"""Orthogonal matching pursuit that knows what natural images look like.
+"""Orthogonal matching pursuit with the statistics of natural images.
 
-The image is sparse in a dictionary; few low-frequency patterns see most of its atoms weakly or not
-at all, and a pursuit that normalises its columns then fits noise with invisible atoms. Here each
-atom is scaled by its standard deviation in natural images, and the pursuit works in these
-coordinates: atoms compete by what they may be expected to explain, and the ridge that matches the
-noise keeps the weak ones small.
+The image is sparse in a dictionary. A few low-frequency patterns barely see most of its atoms, and
+a pursuit with normalised columns then fits noise with invisible atoms. Here each atom is scaled by
+its standard deviation in natural images, so that atoms compete by what they are expected to
+explain, and a ridge that matches the noise keeps the weak ones small.
 """
 
 from dataclasses import dataclass
@@ -13,19 +12,18 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...operators import MeasurementOperator
-from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients
 from ..dictionaries.dct import DICTIONARY
-from ..dictionary import Dictionary
+from ..dictionary import Dictionary, StrongestAtoms
 from ..method import Estimate
 from ..omp import batch_omp
 from ..prior import fit_variance
 from .least_squares import METHOD as LEAST_SQUARES
 
 ATOMS = 1024
-"""Size of the dictionary: the atoms of greatest expected energy in the measurement."""
+"""Size of the dictionary: the atoms of highest expected energy in the measurement."""
 MAX_CHOSEN = 128
-"""Most atoms of one image."""
+"""Maximum number of atoms per image."""
 
 
 @dataclass(frozen=True)
@@ -36,12 +34,11 @@ class Pursuit:
     dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> "PursuitSolver":
-        """Solver of one operator's coefficients."""
         return PursuitSolver(operator, self.dictionary)
 
 
 class PursuitSolver:
-    """Holds what depends on the operator alone; a call is then cheap."""
+    """Solver with all that depends on the operator alone."""
 
     def __init__(self, operator: MeasurementOperator, dictionary: Dictionary) -> None:
         self.operator = operator
@@ -49,17 +46,13 @@ class PursuitSolver:
         self.varying = operator.varying
         self.atoms = StrongestAtoms(operator, dictionary, ATOMS)
         usual = operator.usual_noise[self.varying]
-        self._trust: Floats = usual.min(initial=np.inf) / usual  # rows that tell little count less
+        self._trust: Floats = usual.min(initial=np.inf) / usual  # noisy rows count less
         self._columns: Floats = self._trust[:, None] * self.atoms.columns
         self._expected: Floats = self._trust**2 * self.atoms.expected
         self.gram = self._columns.T @ self._columns
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """Image (H, W) from coefficients (K,).
-
-        What the atoms do not explain is estimated by least squares: without noise the image agrees
-        with every coefficient. Complex coefficients give a complex image.
-        """
+        """Image (H, W); what the atoms do not explain is estimated by least squares."""
         length = self.operator.row_length
         seen = self.varying & coefficients.measured
         measured = coefficients.values[seen] / length

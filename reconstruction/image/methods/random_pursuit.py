@@ -1,15 +1,16 @@
-"""Randomised pursuits, averaged: the mean of many sparse images instead of the likeliest one.
+"""Average of randomised pursuits instead of the single most probable sparse image.
 
-Where many sparse explanations are nearly as good, their mean has about the least squared error, and
-no single one has (M. Elad, I. Yavneh, IEEE Trans. Inf. Theory 55, 4701 (2009)). Coefficients are
+Where many sparse explanations are nearly equally good, their mean comes close to the minimum mean
+squared error, and no single one does (M. Elad, I. Yavneh, IEEE Trans. Inf. Theory 55, 4701 (2009)).
+Coefficients are
 
     m = R (sum_k u_k a_k + z) + n,
 
-z the Gaussian field of least squares with contrast v, and each atom a_k of a dictionary there or
-not, of larger variance than in such a field if it is. In coordinates in which R z + n is white,
-pursuits draw their atoms by the evidence for each. The posterior mean of z is that of what the mean
-of the pursuits leaves, its variance that of least squares; images of the pursuits, each with its
-own z, spread by as much as is not known of the atoms.
+with z the Gaussian field of least squares with contrast v, and each atom a_k of a dictionary
+present or absent; if present, its variance exceeds that in the field. In coordinates that whiten R
+z + n, pursuits draw their atoms by the evidence for each. The posterior mean of z is that of the
+residual of the mean pursuit, and its variance that of least squares; the spread of the pursuits'
+images, each with its own z, is the uncertainty of the atoms.
 """
 
 from dataclasses import dataclass
@@ -19,24 +20,23 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats
 from ...operators import MeasurementOperator
-from ..atoms import StrongestAtoms
 from ..coefficients import Coefficients
 from ..dictionaries.learned import DICTIONARY
-from ..dictionary import Dictionary
+from ..dictionary import Dictionary, StrongestAtoms
 from ..method import Estimate, ImageSolver
 from ..omp.randomised import pursue_randomly
 from .least_squares import METHOD as LEAST_SQUARES
 from .least_squares import LeastSquaresSolver
 
 ATOMS = 1024
-"""Size of the dictionary: the atoms of greatest expected energy in the measurement."""
+"""Size of the dictionary: the atoms of highest expected energy in the measurement."""
 PURSUITS = 16
 MAX_CHOSEN = 32
-"""Most atoms of one pursuit."""
+"""Maximum number of atoms per pursuit."""
 ODDS = 0.03
-"""That an atom is there, beforehand."""
+"""Prior odds that an atom is present."""
 BRIGHTER = 10.0
-"""Variance of an atom that is there over what it has where images are Gaussian."""
+"""Variance of a present atom, relative to that in Gaussian images."""
 
 
 @dataclass(frozen=True)
@@ -47,10 +47,7 @@ class RandomPursuit:
     dictionary: Dictionary = DICTIONARY
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of one operator's coefficients.
-
-        Of more than least squares reckons with that is the same: little is left to guess.
-        """
+        """Solver of an operator's coefficients; least squares beyond its size limit."""
         linear = LEAST_SQUARES.compile(operator)
         if not isinstance(linear, LeastSquaresSolver):
             return linear
@@ -58,18 +55,18 @@ class RandomPursuit:
 
 
 class RandomPursuitSolver:
-    """Holds what depends on the operator alone."""
+    """Solver with all that depends on the operator alone."""
 
     def __init__(self, linear: LeastSquaresSolver, dictionary: Dictionary) -> None:
         self._linear = linear
         self._atoms = StrongestAtoms(linear.operator, dictionary, ATOMS)
         seen, expected = np.trace(linear.model.gram), self._atoms.expected.sum()
-        # Of all atoms together the rows see as much as of the field.
+        # The rows see the same energy of all atoms as of the field.
         self._scale = float(np.sqrt(seen / expected)) if expected > 0 else 0.0
         self._draws: Floats = np.random.default_rng(0).random((PURSUITS, MAX_CHOSEN))
 
     def __call__(self, coefficients: Coefficients) -> Estimate:
-        """Mean of the pursuits' images; the same coefficients always give the same."""
+        """Mean image of the pursuits; reproducible for equal coefficients."""
         linear = self._linear
         start = linear.posterior(coefficients)
         if start is None:
@@ -82,7 +79,7 @@ class RandomPursuitSolver:
         whitening = np.linalg.inv(np.linalg.cholesky(covariance))
 
         def rest(left: NDArray[np.inexact]) -> NDArray[np.inexact]:
-            """Posterior mean spectra of the field, from what atoms leave over (..., K)."""
+            """Posterior mean spectra of the field, from the residuals (..., K) of the atoms."""
             spectra = (left @ whitening.T @ whitening) @ rows
             shaped = spectra.reshape(*left.shape[:-1], *field.variance.shape)
             return np.asarray(start.contrast * field.variance * shaped)

@@ -1,8 +1,8 @@
-"""Frames that remember: the coefficients of earlier frames, as far as they still hold, join.
+"""Recursive estimation: coefficients of earlier frames contribute as far as they still hold.
 
-For recordings whose frames are reconstructed in their order. Where they show different patterns,
-the image rests on all of these; where they show the same, on the mean of their readings. After a
-cut it is that of the single frame. See `reconstruction.image.memory`.
+For recordings whose frames are reconstructed in order. If they expose different patterns, the image
+rests on all of these; if they expose the same, on the mean of their readings. After a cut it is
+that of the single frame. See `reconstruction.image.memory`.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,17 @@ from . import image_method
 
 @dataclass(frozen=True)
 class Recursive:
-    """The ``inner`` method, on what this frame and those before it tell together."""
+    """The ``inner`` method, applied to the coefficients of this and earlier frames."""
 
     title = "recursive"
     inner: str = "least-squares"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """The inner method's solver, of frames that have no others before them."""
+        """Solver of the inner method, for frames without predecessors."""
         return self._method.compile(operator)
 
     def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
-        """The method of one recording.
-
-        Raises InputError where patterns are not of an orthogonal basis, and as the inner method.
-        """
+        """Start the method for one recording; InputError unless the basis is orthogonal."""
         rows = [each for each in operators if isinstance(each, RowOperator)]
         if len(rows) < len(operators):
             raise InputError(
@@ -46,12 +43,14 @@ class Recursive:
     def _method(self) -> ImageMethod:
         method = image_method(self.inner)
         if isinstance(method, CarryingMethod):
-            raise InputError(f"image method 'recursive:{self.inner}': one memory is enough")
+            raise InputError(
+                f"image method 'recursive:{self.inner}': {self.inner} is recursive already"
+            )
         return method
 
 
 class _Remembering:
-    """The method of one recording, and what it remembers of it."""
+    """Method of one recording, with its memory."""
 
     title = Recursive.title
 
@@ -61,7 +60,7 @@ class _Remembering:
         self._inner, self._solve = inner, inner.compile(operator)
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of frames of which this operator's coefficients are measured."""
+        """Solver of frames that measure this operator's coefficients."""
         assert isinstance(operator, RowOperator)
         rows = np.searchsorted(self._operator.index, operator.index)
         others = np.ones(self._operator.shape[0], dtype=bool)

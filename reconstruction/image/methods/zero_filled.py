@@ -1,10 +1,9 @@
-"""The linear baseline: the inverse transform with zeros for what was not measured.
+"""Linear baseline: the inverse transform with zeros for unmeasured coefficients.
 
-Of all images that fit the coefficients this has the least energy; with all N it is exact. It knows
-nothing of what was not measured, and so not how far off a pixel is. Directions that patterns tell
-worse than others, where patterns are not orthogonal, are shrunk by what their noise exceeds that of
-the best by, as in a ridge regression: their inverses would be noise alone. Noise that is a guess
-shrinks nothing.
+It is the minimum-norm image that fits the coefficients, exact with all N of them. It gives no
+standard deviation, as it knows nothing of what was not measured. If the patterns are not
+orthogonal, directions with more noise than the best are shrunk by the excess, as in ridge
+regression: their inverses would be noise alone. Uncertain noise shrinks nothing.
 """
 
 import numpy as np
@@ -17,12 +16,11 @@ from ..prior import fit_scale
 
 
 class ZeroFilled:
-    """The image of least energy that fits."""
+    """Minimum-norm image that fits the coefficients."""
 
     title = "zero-filled inverse"
 
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
-        """Solver of one operator's coefficients."""
         varying, usual = operator.varying, operator.usual_noise
         worse = usual**2 - usual[varying].min(initial=np.inf) ** 2
         if not worse[varying].any():

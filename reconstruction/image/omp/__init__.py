@@ -6,11 +6,11 @@ touches the measurements, and a progressive factorisation replaces the least squ
 
 On the chosen set S let G + ridge I = L D L^T with a unit lower triangle L, and F = G[:, S] L^-T.
 With L z = correlation[S], the residual's correlation is correlation - F D^-1 z, the atoms'
-coefficients u solve L^T u = D^-1 z, and J = energy - z^T D^-1 z. An atom adds a column to F, and
+coefficients u solve L^T u = D^-1 z, and J = energy - z^T D^-1 z. An atom adds a column to F and
 changes none.
 
-Where Numba is installed the pursuit is compiled, which makes it several times as fast. Arrays of
-other libraries than NumPy, such as PyTorch's and CuPy's, are pursued where they are: on a GPU.
+If Numba is installed the pursuit is compiled, which makes it several times as fast. Arrays of other
+libraries than NumPy, such as PyTorch and CuPy, are processed on their own device.
 """
 
 from collections.abc import Callable
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from . import interpreted
 
 FEW = 16
-"""So many calls take less time than loading the compiled pursuit."""
+"""Number of calls up to which loading the compiled pursuit does not pay off."""
 
 _calls = count(1)
 
@@ -39,17 +39,32 @@ def batch_omp(
     tolerance: Any = 0.0,
     max_atoms: int,
 ) -> Any:
-    """Greedy minimisation of J(u) = |y - Phi u|^2 + ridge |u|^2 over few atoms.
+    """Greedy minimisation of J(u) = |y - Phi u|^2 + ridge |u|^2 over a few atoms.
 
-    ``gram`` (n, n) is Phi^T Phi, ``correlation`` (..., n) Phi^T y of each frame, ``energy`` (...)
-    |y|^2; ``ridge`` and ``tolerance`` are one number or one per frame. Each step takes the atom
-    with the largest correlation with the residual, then solves for all atoms taken so far. It ends
-    when J <= ``tolerance``, after ``max_atoms`` atoms, or when no atom helps. Returns the
-    coefficients u (..., n), 0 where an atom was not taken. Columns need not be normalised: the
-    longer ones are preferred. Measurements, and with them the coefficients, may be complex.
+    Each step takes the atom with the largest correlation with the residual, then solves for all
+    atoms taken so far. It ends when J <= ``tolerance``, after ``max_atoms`` atoms, or when no atom
+    helps. Columns need not be normalised: longer ones are preferred.
+
+    Parameters
+    ----------
+    gram
+        Phi^T Phi (n, n).
+    correlation
+        Phi^T y (..., n) of each frame, real or complex.
+    energy
+        |y|^2 (...) of each frame.
+    ridge, tolerance
+        One number, or one for each frame.
+    max_atoms
+        Maximum number of atoms.
+
+    Returns
+    -------
+    array
+        Coefficients u (..., n), 0 for atoms that were not taken.
     """
     if not isinstance(gram, np.ndarray):
-        from .in_step import pursue  # needs what NumPy does not
+        from .in_step import pursue  # needs array-api-compat
 
         return pursue(gram, correlation, energy, ridge, tolerance, max_atoms)
     frames = correlation.reshape(-1, len(gram))
@@ -62,14 +77,14 @@ def batch_omp(
 
 
 def pursuit_of(frames: int) -> Callable[..., NDArray[Any]]:
-    """The compiled one, where there is one and work that is worth it."""
+    """Compiled pursuit if it is available and pays off, else the interpreted one."""
     loaded = _compiled.cache_info().currsize > 0
     many = loaded or frames > 1 or next(_calls) > FEW
     return (_compiled() if many else None) or interpreted.pursue_frames
 
 
 def load_pursuit() -> None:
-    """Load the compiled pursuit, where there is one, before calls that are in a hurry."""
+    """Load the compiled pursuit, if available, ahead of time-critical calls."""
     batch_omp(np.eye(2), np.ones((2, 2)), np.ones(2), max_atoms=1)
 
 

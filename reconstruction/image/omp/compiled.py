@@ -1,4 +1,4 @@
-"""Batch-OMP compiled by Numba: frame by frame, with all that a step touches in the cache."""
+"""Batch-OMP compiled by Numba, frame by frame, so that a step stays in the processor's cache."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,11 +12,11 @@ from .interpreted import DEPENDENT, NEGLIGIBLE
 
 HOW = {"error_model": "numpy", "fastmath": {"contract", "nnan", "nsz"}}
 BLOCK = 64
-"""Entries whose largest is found at once, in vector registers."""
+"""Entries whose maximum is computed at once, in vector registers."""
 
 
 def compiled(function: Callable[..., Any]) -> Any:
-    """Machine code is kept beside the source or in the user's folder, where either can be."""
+    """Compile a function, with its machine code cached on disk if possible."""
     try:
         return njit(cache=True, **HOW)(function)
     except RuntimeError:
@@ -35,7 +35,7 @@ def pursue_frames(
     residual = correlation.copy()
     result = np.zeros_like(correlation)
     columns, numbers = np.empty((maximum, len(gram))), np.empty((2, maximum))
-    positions = np.empty((2, len(gram)), np.intp)
+    indices = np.empty((2, len(gram)), np.intp)
     scaled = np.empty(maximum, correlation.dtype)
     for frame in range(len(correlation)):
         pursue(
@@ -48,7 +48,7 @@ def pursue_frames(
             columns,
             *numbers,
             scaled,
-            *positions,
+            *indices,
         )
     return result
 
@@ -68,7 +68,7 @@ def pursue(
     chosen: NDArray[np.intp],
     excluded: NDArray[np.intp],
 ) -> None:
-    """Fill in the coefficients ``result`` (n,) of one frame; the arrays behind are for its work."""
+    """Fill in the coefficients ``result`` (n,) of one frame; later arguments are work arrays."""
     negligible = NEGLIGIBLE * abs(residual[strongest(residual)])
     taken = 0
     for step in range(residual.size):
@@ -99,24 +99,24 @@ def pursue(
 
 @compiled
 def strongest(values: NDArray[Any]) -> int:
-    """Position of the value of largest modulus, the first of several."""
-    best, position = -1.0, 0
+    """Index of the value of largest modulus, the first of several."""
+    best, index = -1.0, 0
     for start in range(0, values.size, BLOCK):
         largest = 0.0
         for at in range(start, min(start + BLOCK, values.size)):
             power = values[at].real ** 2 + values[at].imag ** 2
             largest = power if power > largest else largest
         if largest > best:
-            best, position = largest, start
-    for at in range(position, values.size):
+            best, index = largest, start
+    for at in range(index, values.size):
         if values[at].real ** 2 + values[at].imag ** 2 >= best:
             return at
-    return position
+    return index
 
 
 @compiled
 def unexplained(gram: Floats, atom: int, columns: Floats, row: Floats, taken: int) -> None:
-    """Write the column of an ``atom``, less those taken times ``row``, four of them at a time."""
+    """Write the column of an ``atom`` minus those taken times ``row``, four at a time."""
     whole = taken - taken % 4
     for i in range(len(gram)):
         columns[taken, i] = gram[atom, i]

@@ -1,7 +1,7 @@
-"""Batch-OMP of all frames in step, on whatever array library and device holds them.
+"""Batch-OMP of all frames in lockstep, on any array library and device.
 
-A step is a few large operations, as graphics processors like them. A frame that has ended, or whose
-atom depends on those before, takes an empty column.
+A step is a few large operations, which suits graphics processors. A frame that has ended, or whose
+atom is linearly dependent, takes an empty column.
 """
 
 from typing import Any
@@ -16,7 +16,7 @@ Array = Any
 def pursue(
     gram: Array, correlation: Array, energy: Any, ridge: Any, tolerance: Any, max_atoms: int
 ) -> Array:
-    """As `batch_omp`, for arrays that keep to the Array API, version 2024.12."""
+    """As `batch_omp`, for arrays that follow the Array API, version 2024.12."""
     xp = array_namespace(gram, correlation)
     frames = xp.reshape(correlation, (-1, gram.shape[0]))
     each = tuple(correlation.shape[:-1])
@@ -82,7 +82,7 @@ def pursue_frames(
 
 
 def _picked(xp: Any, values: Array, atom: Array) -> Array:
-    """Of each frame's values (F, ..., n) those of its atom, (F, ...)."""
-    positions = xp.reshape(atom, (-1, *[1] * (values.ndim - 1)))
-    positions = xp.broadcast_to(positions, (*values.shape[:-1], 1))
-    return xp.take_along_axis(values, positions, axis=-1)[..., 0]
+    """For each frame, its ``values`` (F, ..., n) at its atom, (F, ...)."""
+    indices = xp.reshape(atom, (-1, *[1] * (values.ndim - 1)))
+    indices = xp.broadcast_to(indices, (*values.shape[:-1], 1))
+    return xp.take_along_axis(values, indices, axis=-1)[..., 0]

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats
 
 NEGLIGIBLE = 1e-12
-"""Correlations below this share of the first are rounding."""
+"""Correlations below this fraction of the first are rounding errors."""
 DEPENDENT = 1e-10
-"""An atom of whose energy less than this share is new is a combination of those taken before."""
+"""Minimum fraction of an atom's energy that must be linearly independent of those taken before."""
 
 
 def pursue_frames(
@@ -38,7 +38,7 @@ def _pursue(
     tolerance: float,
     maximum: int,
 ) -> tuple[list[int], NDArray[Any]]:
-    """The atoms chosen from one frame and their coefficients."""
+    """Atoms chosen for one frame, and their coefficients."""
     columns = np.empty((maximum, len(gram)))  # of F
     lower = np.eye(maximum)
     diagonal = np.empty(maximum)

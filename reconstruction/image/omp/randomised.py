@@ -1,4 +1,4 @@
-"""Pursuits that draw their atoms, by the evidence for each, all of one frame in step."""
+"""Pursuits that draw their atoms by the evidence for each, all of one frame in lockstep."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +14,18 @@ def pursue_randomly(
     odds: float,
     draws: Floats,
 ) -> NDArray[np.inexact]:
-    """Coefficients (F, n) of F pursuits of one frame, from uniform ``draws`` (F, most).
+    """Coefficients (F, n) of F pursuits of one frame, from uniform ``draws`` (F, max. atoms).
 
-    Measurements have noise of variance 1; atoms there are have coefficients of variance
-    1 / ``ridge``, and are there with probability P: ``odds`` is P / (1 - P). ``gram`` (n, n) and
-    ``correlation`` (n,) are as for `batch_omp`. With c the correlation of an atom with what is left
-    and p what is new of its energy, it makes the measurements
+    Measurements have noise of variance 1. An atom is present with probability P, where ``odds`` is
+    P / (1 - P), and then has a coefficient of variance 1 / ``ridge``. ``gram`` (n, n) and
+    ``correlation`` (n,) are as for `batch_omp`. With c the correlation of an atom with the residual
+    and p the independent part of its energy, it makes the measurements
 
         odds exp(|c|^2 / 2 (p + ridge)) / sqrt(1 + p / ridge)
 
-    times as likely, and the square of that but for the odds if they are complex. Each step takes an
-    atom, or ends the pursuit, with chances in proportion to this and 1; then coefficients are those
-    of least |y - Phi u|^2 + ridge |u|^2, their means.
+    times as likely; for complex ones all but the odds is squared. Each step takes an atom, or ends
+    the pursuit, with chances proportional to this and 1; coefficients then minimise |y - Phi u|^2 +
+    ridge |u|^2: they are posterior means.
     """
     pursuits, maximum = draws.shape
     every = np.arange(pursuits)
@@ -63,9 +63,9 @@ def pursue_randomly(
 
 
 def drawn(log_weights: Floats, draws: Floats) -> NDArray[np.intp]:
-    """One of n things (F,), by weights (F, n) and uniform ``draws`` (F,); -1 by a weight of 1."""
+    """Index (F,) drawn by weights (F, n) and uniform ``draws`` (F,); -1 by a weight of 1."""
     highest = np.maximum(log_weights.max(axis=1), 0)
     sums = np.exp(log_weights - highest[:, None]).cumsum(axis=1)
     at = draws * (sums[:, -1] + np.exp(-highest))
-    position = (sums <= at[:, None]).sum(axis=1)
-    return np.where(position < sums.shape[1], position, -1)
+    index = (sums <= at[:, None]).sum(axis=1)
+    return np.where(index < sums.shape[1], index, -1)

@@ -2,8 +2,7 @@
 
 from ...base.errors import InputError
 from ...base.registry import Registry
-from ..basis import Basis
-from ..seeds import generator_of
+from ..basis import Basis, generator_of
 
 BASES: Registry[type[Basis]] = Registry(
     "pattern basis", package=__name__, attribute="BASIS", group="reconstruction.bases"
@@ -11,15 +10,26 @@ BASES: Registry[type[Basis]] = Registry(
 
 
 def basis_of(name: str, shape: tuple[int, int]) -> Basis:
-    """The basis of this name and shape, of a seeded one with its seed, as "scrambled:7".
+    """Create a basis by name.
 
-    Raises InputError for an unknown name, a seed that is missing or not needed, and a basis that
-    name and shape do not tell.
+    Parameters
+    ----------
+    name
+        Entry of `BASES`; a seeded basis takes its seed after a colon: ``"scrambled:7"``.
+    shape
+        Rows and columns of a pattern, in virtual pixels.
+
+    Raises
+    ------
+    InputError
+        If the name is unknown, a seed is missing or superfluous, or the basis needs arrays.
     """
     kind = BASES[name.partition(":")[0]]
     rng = generator_of("pattern basis", name, seeded=kind.seeded)
     if rng is not None:
         return kind.drawn(shape, rng)
     if kind.arrays:
-        raise InputError(f"pattern basis {name!r}: its {' and '.join(kind.arrays)} must be given")
+        raise InputError(
+            f"pattern basis {name!r}: needs {' and '.join(kind.arrays)}; pass a basis, not its name"
+        )
     return kind.restored(shape, {})

@@ -1,4 +1,4 @@
-"""Hadamard patterns, by their fast transform.
+"""Hadamard patterns, evaluated by the fast Walsh-Hadamard transform.
 
 Row k of the natural-order (Sylvester) Hadamard matrix of size N = H*W, reshaped to (H, W), is the
 outer product of row k // W of the size-H matrix and row k % W of the size-W matrix.
@@ -16,16 +16,16 @@ from ..basis import Basis
 from ..hadamard import fwht, power_of_two, sequency
 
 MAX_SIDE = 4096
-"""Matrices of longer sides are too large; the fast transform needs none."""
+"""Longest side whose Hadamard matrix is stored; the fast transform needs no matrix."""
 
 
 class Hadamard(Basis):
-    """All N rows; both sides of the shape must be powers of two (InputError otherwise)."""
+    """All N rows; raises InputError unless both sides of the shape are powers of two."""
 
     name = "hadamard"
     orthogonal = True
     usual_order = "sequency-2d"
-    level = 0
+    dc_row = 0
 
     def __init__(self, shape: tuple[int, int]) -> None:
         super().__init__(shape)
@@ -35,7 +35,7 @@ class Hadamard(Basis):
 
     @cached_property
     def factors(self) -> tuple[Floats, Floats] | None:  # type: ignore[override]
-        """The Hadamard matrices of either side, None where they are too large."""
+        """Hadamard matrices of both sides, or None if they are too large."""
         height, width = self.shape
         if max(height, width) > MAX_SIDE:
             return None
@@ -48,17 +48,14 @@ class Hadamard(Basis):
         return np.repeat(sequency(height), width), np.tile(sequency(width), height)
 
     def row(self, k: int) -> Floats:
-        """The k-th row, (H, W)."""
         unit = np.zeros(self.pixels)
         unit[k] = 1
         return fwht(unit).reshape(self.shape)
 
     def project(self, images: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Sum over the pixels of the rows ``index`` (K,) times images (..., N): (..., K)."""
         return fwht(images)[..., index]
 
     def combine(self, weights: NDArray[Any], index: NDArray[np.int32]) -> NDArray[Any]:
-        """Sum of the rows ``index`` (K,) times their weights (..., K): (..., N)."""
         dtype = np.result_type(weights, np.float64)
         full = np.zeros((*np.shape(weights)[:-1], self.pixels), dtype)
         full[..., index] = weights

@@ -1,7 +1,7 @@
-"""Orders in which the rows of a pattern basis are shown, one module each.
+"""Orders in which the rows of a pattern basis are displayed, one module each.
 
-An order is a function from a `Basis` to all its row numbers, the first to be shown first; one that
-is drawn by chance is a `Seeded` one, asked for by name and seed, as ``random:7``.
+An order is a function from a `Basis` to all its row indices, in the order of display. A random
+order is `Seeded`: it is requested by name and seed, as ``random:7``.
 """
 
 from collections.abc import Callable
@@ -13,19 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.registry import Registry
-from ..seeds import generator_of
+from ..basis import generator_of
 
 Order = Callable[[Any], NDArray[np.int64]]
 
 
 @dataclass(frozen=True)
 class Seeded:
-    """An order that ``draw`` makes of a basis and a random generator."""
+    """Order drawn by ``draw`` from a basis and a random generator."""
 
     draw: Callable[[Any, np.random.Generator], NDArray[np.int64]]
 
     def __call__(self, basis: Any, rng: np.random.Generator) -> NDArray[np.int64]:
-        """All row numbers."""
+        """All row indices."""
         return self.draw(basis, rng)
 
 
@@ -35,9 +35,12 @@ ORDERS: Registry[Order | Seeded] = Registry(
 
 
 def pattern_order(name: str) -> Order:
-    """The order of this name, of a seeded one with its seed.
+    """Return an order by name, such as ``"sequency"`` or ``"random:7"``.
 
-    Raises InputError for an unknown name, a seed that is missing, and one that is not needed.
+    Raises
+    ------
+    InputError
+        If the name is unknown, or a seed is missing or superfluous.
     """
     order = ORDERS[name.partition(":")[0]]
     if not isinstance(order, Seeded):

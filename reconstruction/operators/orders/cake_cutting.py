@@ -1,20 +1,18 @@
-"""Fewest connected blocks in the pattern first."""
+"""Patterns with the fewest connected blocks first."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basis import Basis
+from ..basis import Basis, sign_changes
 from ..hadamard import require_hadamard
-from ..sign_changes import sign_changes
 
 
 def by_blocks(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers of a Hadamard basis, by the number of blocks; InputError for another basis.
+    """Row indices of a Hadamard basis, sorted by number of blocks; InputError for other bases.
 
-    A block is a largest set of pixels of one sign that touch along edges. A row is an outer
-    product, so that v sign changes down and h along the image cut it into (v + 1) (h + 1)
-    rectangles, none of which touches another of its sign along an edge. W.-K. Yu, Sensors 19, 4122
-    (2019), who counts them in the pattern.
+    A block is a connected set of pixels of one sign. A row is an outer product, so v sign changes
+    down and h along the image cut it into (v + 1) (h + 1) rectangles, each of which is a block.
+    W.-K. Yu, Sensors 19, 4122 (2019), counts the blocks in the pattern.
     """
     require_hadamard(basis, "cake-cutting")
     vertical, horizontal = sign_changes(basis, "cake-cutting")

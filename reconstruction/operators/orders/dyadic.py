@@ -1,4 +1,4 @@
-"""Paley's order: products of Rademacher functions, by the binary digits of the number."""
+"""Paley's order: products of Rademacher functions, by binary digits."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +8,9 @@ from ..hadamard import require_hadamard
 
 
 def by_digits(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers of a Hadamard basis, their binary digits reversed; InputError for another.
+    """Bit-reversed row indices of a Hadamard basis; InputError for other bases.
 
-    Pattern n is the product of the Rademacher functions r_(i+1) of all digits i of n that are 1,
+    Pattern n is the product of the Rademacher functions r_(i+1) over all bits i of n that are set,
     where r_i changes sign 2^i - 1 times along the row of length N: R. E. A. C. Paley, Proc. London
     Math. Soc. 34, 241 (1932).
     """

@@ -1,4 +1,4 @@
-"""The rows as their basis numbers them."""
+"""Rows in the order of their basis."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,7 +7,7 @@ from ..basis import Basis
 
 
 def natural(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers, ascending."""
+    """Row indices, ascending."""
     return np.arange(basis.rows)
 
 

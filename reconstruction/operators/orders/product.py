@@ -3,16 +3,15 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basis import Basis
-from ..sign_changes import sign_changes
+from ..basis import Basis, sign_changes
 
 
 def by_product(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers, by max(v, 1) max(h, 1) with v and h sign changes down and along the image.
+    """Row indices, sorted by max(v, 1) max(h, 1), with v and h the sign changes down and along.
 
     The hyperbolic cross of D. Dung, V. Temlyakov and T. Ullrich, Hyperbolic Cross Approximation
-    (2018), section 2.3; along the axes it goes farther than any other order. InputError for a basis
-    whose rows have no sign changes.
+    (2018), section 2.3; of all orders it extends farthest along the axes. Raises InputError for a
+    basis whose rows have no sign changes.
     """
     vertical, horizontal = sign_changes(basis, "product")
     return np.argsort(np.maximum(vertical, 1) * np.maximum(horizontal, 1), kind="stable")

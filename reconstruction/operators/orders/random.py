@@ -1,4 +1,4 @@
-"""The level, without which no brightness is known, then all others in random order."""
+"""The DC row first, as it alone measures the brightness, then all others in random order."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +8,9 @@ from . import Seeded
 
 
 def shuffled(basis: Basis, rng: np.random.Generator) -> NDArray[np.int64]:
-    """All row numbers of any basis."""
+    """Row indices of any basis."""
     rows = rng.permutation(basis.rows)
-    return rows if basis.level is None else np.append(basis.level, rows[rows != basis.level])
+    return rows if basis.dc_row is None else np.append(basis.dc_row, rows[rows != basis.dc_row])
 
 
 ORDER = Seeded(shuffled)

@@ -1,21 +1,19 @@
-"""Every coarser image complete before the next finer one begins."""
+"""Nested resolutions: each coarser image is complete before the next finer one begins."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basis import Basis
+from ..basis import Basis, Counts, sign_changes
 from ..hadamard import require_hadamard
-from ..sign_changes import Counts, sign_changes
 
 
 def nested(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers of a Hadamard basis; InputError for another basis.
+    """Row indices of a Hadamard basis; InputError for other bases.
 
-    The first quarter are the rows of an image of half the sides, and so on within it. Of the other
-    quarters first comes that of fine detail along the image alone, then its transpose, then that of
-    detail both ways, each by its number of blocks: M.-J. Sun et al., Sci. Rep. 7, 3464 (2017), who
-    have square images. The coarser images of another have its aspect ratio, as long as their sides
-    have pixels left to halve.
+    The first quarter are the rows of an image of half the sides, ordered the same way. Of the other
+    quarters, detail along the image comes first, then detail down the image, then both, each sorted
+    by number of blocks: M.-J. Sun et al., Sci. Rep. 7, 3464 (2017), for square images. Coarser
+    images of other shapes keep the aspect ratio until a side is one pixel.
     """
     require_hadamard(basis, "russian-dolls")
     vertical, horizontal = sign_changes(basis, "russian-dolls")

@@ -8,7 +8,7 @@ from ..hadamard import require_hadamard, sequency
 
 
 def by_sequency(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers of a Hadamard basis; InputError for another basis."""
+    """Row indices of a Hadamard basis; InputError for other bases."""
     require_hadamard(basis, "sequency")
     return np.argsort(sequency(basis.rows))
 

@@ -1,18 +1,17 @@
-"""Along the diagonals of the plane of frequencies, there and back, as JPEG does."""
+"""Along the diagonals of the frequency plane, back and forth, as in JPEG."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..basis import Basis
-from ..sign_changes import sign_changes
+from ..basis import Basis, sign_changes
 
 
 def along_diagonals(basis: Basis) -> NDArray[np.int64]:
-    """All row numbers, by diagonals of the places of vertical and horizontal frequency.
+    """Row indices, by diagonals of the ranks of vertical and horizontal frequency.
 
-    Places count the different numbers of sign changes, from 0: the first diagonals are (0, 0); (0,
-    1), (1, 0); (2, 0), (1, 1), (0, 2) in terms of (down, along) the image. G. K. Wallace, Commun.
-    ACM 34(4), 30 (1991); for Hadamard rows L. Lopez-Garcia et al., Opt. Express 30, 13714 (2022).
+    Ranks count the distinct numbers of sign changes, from 0: the first diagonals are (0, 0); (0,
+    1), (1, 0); (2, 0), (1, 1), (0, 2) in terms of (down, along). G. K. Wallace, Commun. ACM 34(4),
+    30 (1991); for Hadamard rows L. Lopez-Garcia et al., Opt. Express 30, 13714 (2022). Raises
     InputError for a basis whose rows have no sign changes.
     """
     vertical, horizontal = (

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from reconstruction.base.display import drawing, figure, html_summary, panels, text_summary
 from reconstruction.base.files import Output
-from reconstruction.base.notebook import displayed, drawing, figure, reported
-from reconstruction.base.plotting import panels
 from spisim.base.config.files import csv_table
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
@@ -80,10 +79,10 @@ class Results:
 
     def _repr_html_(self) -> str:
         pictures = [self._means(name) for name in self.metrics[:DISPLAYED]]
-        return displayed(self._title, self._facts, pictures)
+        return html_summary(self._title, self._facts, pictures)
 
     def __repr__(self) -> str:
-        return reported(self._title, self._facts)
+        return text_summary(self._title, self._facts)
 
     @property
     def _title(self) -> str:

@@ -7,7 +7,7 @@ from reconstruction.operators import Basis
 
 class Cosines(Basis):
     name = "cosines"
-    level = 0
+    dc_row = 0
 
     def row(self, k):
         height, width = self.shape

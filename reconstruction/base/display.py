@@ -1,4 +1,4 @@
-"""What objects show of themselves: a few words, and in notebooks pictures beside them, in HTML."""
+"""Representations of objects: text, HTML for notebooks, and Matplotlib plots."""
 
 from base64 import b64encode
 from collections.abc import Iterable, Mapping
@@ -8,16 +8,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from .errors import InputError
 from .png import png
 
 WIDTH_PX = 220
-"""Of a picture."""
+"""Width of a picture."""
 MAX_LINES, MAX_LETTERS = 10, 100
-"""Of what an object says of itself in a terminal."""
+"""Limits of a text representation."""
+SIDE_IN = 3.2
+"""Side of a panel in inches."""
 
 
-def reported(title: str, facts: Mapping[str, Any]) -> str:
-    """A title, and facts by their names in a line each, as `repr` shows them."""
+def text_summary(title: str, facts: Mapping[str, Any]) -> str:
+    """Title and named facts, one per line, for `repr`."""
     lines = [title, *(f"  {name}: {value}" for name, value in facts.items())]
     if len(lines) > MAX_LINES:
         left = len(lines) - MAX_LINES + 1
@@ -29,8 +32,8 @@ def _cut(line: str) -> str:
     return line if len(line) <= MAX_LETTERS else f"{line[: MAX_LETTERS - 1]}…"
 
 
-def displayed(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
-    """A title, facts by their names, and pictures beside them; whatever it is of, it is escaped."""
+def html_summary(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()) -> str:
+    """Title, named facts and pictures beside them, with all text escaped."""
     rows = "".join(
         f'<tr><th style="text-align:left">{escape(name)}</th>'
         f'<td style="text-align:left">{escape(str(value))}</td></tr>'
@@ -43,7 +46,7 @@ def displayed(title: str, facts: Mapping[str, Any], pictures: Iterable[str] = ()
 
 
 def picture(values: ArrayLike, caption: str, unit: str) -> str:
-    """A map (H, W) in grey from its 1st to its 99th percentile; what is not known is blue."""
+    """Map (H, W) in grey from its 1st to its 99th percentile; unknown pixels are blue."""
     array = np.asarray(values, dtype=np.float64)
     finite = np.isfinite(array)
     low, high = np.percentile(array[finite], (1, 99)) if finite.any() else (0.0, 1.0)
@@ -60,7 +63,7 @@ def picture(values: ArrayLike, caption: str, unit: str) -> str:
 
 
 def figure(content: str, caption: str) -> str:
-    """A picture, SVG or other HTML, with words below it."""
+    """Picture, SVG or other HTML, with a caption."""
     return (
         f'<figure style="margin:0;width:{WIDTH_PX}px">{content}<figcaption>{escape(caption)}'
         "</figcaption></figure>"
@@ -68,7 +71,7 @@ def figure(content: str, caption: str) -> str:
 
 
 def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
-    """An SVG of these elements, in coordinates whose corners are low and high, (x, y), y up."""
+    """SVG of these elements, in coordinates with corners low and high, (x, y), y up."""
     (left, bottom), (right, top) = np.asarray(low, float), np.asarray(high, float)
     width, height = max(right - left, 1e-9), max(top - bottom, 1e-9)
     return (
@@ -77,3 +80,26 @@ def drawing(elements: Iterable[str], low: ArrayLike, high: ArrayLike) -> str:
         'xmlns="http://www.w3.org/2000/svg">'
         f'<g transform="scale(1,-1)">{"".join(elements)}</g></svg>'
     )
+
+
+def panels(count: int) -> Any:
+    """Axes (count,) of a new figure; raises InputError without Matplotlib."""
+    try:
+        from matplotlib import pyplot
+    except ModuleNotFoundError:
+        raise InputError(
+            "plots need Matplotlib: pip install 'spisim-reconstruction[window]', or matplotlib"
+        ) from None
+    size = (1.25 * SIDE_IN * count, SIDE_IN)
+    _, axes = pyplot.subplots(1, count, figsize=size, squeeze=False, layout="constrained")
+    return axes[0]
+
+
+def draw_map(axes: Any, values: ArrayLike, title: str, unit: str, colours: str = "gray") -> None:
+    """Map (H, W) from its 1st to its 99th percentile, with a bar; unknown pixels are white."""
+    array = np.asarray(values, dtype=np.float64)
+    finite = array[np.isfinite(array)]
+    low, high = np.percentile(finite, (1, 99)) if finite.size else (0.0, 1.0)
+    drawn = axes.imshow(array, cmap=colours, vmin=low, vmax=high, interpolation="nearest")
+    axes.figure.colorbar(drawn, ax=axes, label=unit)
+    axes.set(title=title, xticks=[], yticks=[])
