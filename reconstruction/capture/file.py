@@ -122,13 +122,13 @@ class CaptureFile:
     def capture(self, start: int, stop: int) -> Capture:
         """A capture of frames ``start`` to ``stop`` in memory, with the truth of them alone."""
         readings = self.batch(start, stop)
-        plan, *later_plans = (
+        plan, *following_plans = (
             self.setup.plan_of(frame)
             for frame in range(start, min(start + len(self.setup.plans), stop))
         )
         return Capture(
             plan=plan,
-            later_plans=tuple(later_plans),
+            following_plans=tuple(following_plans),
             optics=self.setup.optics,
             buckets=readings.buckets,
             spots=readings.spots,
@@ -179,7 +179,7 @@ def read_setup(file: hdf5.Tables) -> Setup:
 
     The datasets are those of a file, with any number of frames, none too.
     """
-    plan, *later_plans = _read_plans(file)
+    plan, *following_plans = _read_plans(file)
     sizes = axis_sizes(plan)
     kinds: dict[str, type | None] = {
         "buckets": Buckets,
@@ -194,7 +194,7 @@ def read_setup(file: hdf5.Tables) -> Setup:
         group: None if part is None else _read(file, group, part, slice(0, 0))
         for group, part in kinds.items()
     }
-    setup = Setup(plan=plan, later_plans=tuple(later_plans), **parts)
+    setup = Setup(plan=plan, following_plans=tuple(following_plans), **parts)
     check_parts(setup)
     return setup
 

@@ -152,7 +152,7 @@ class Provenance:
 class Setup:
     """What all frames of a recording have in common. Its parts hold no readings.
 
-    ``plan`` is that of the first frame; ``later_plans`` as in `Capture`.
+    ``plan`` is that of the first frame; ``following_plans`` as in `Capture`.
     """
 
     plan: PatternPlan
@@ -160,7 +160,7 @@ class Setup:
     buckets: Buckets
     spots: Spots | None
     pattern_taps: PatternTaps | None
-    later_plans: tuple[PatternPlan, ...] = ()
+    following_plans: tuple[PatternPlan, ...] = ()
 
     def __repr__(self) -> str:
         return reported("Setup", self.facts)
@@ -181,7 +181,7 @@ class Setup:
     @property
     def plans(self) -> tuple[PatternPlan, ...]:
         """Of successive frames, over and over."""
-        return (self.plan, *self.later_plans)
+        return (self.plan, *self.following_plans)
 
     def plan_of(self, frame: int) -> PatternPlan:
         """What a frame shows."""
@@ -259,7 +259,7 @@ class Capture:
     """One recording in memory. Raises InputError if its parts do not fit together.
 
     Where there are ``pattern_taps``, the buckets hold their sums over the taps. Where frames show
-    different patterns, ``plan`` is that of the first and ``later_plans`` are those of the next
+    different patterns, ``plan`` is that of the first and ``following_plans`` are those of the next
     ones: frame t shows that of t mod C, with C of them altogether.
     """
 
@@ -270,7 +270,7 @@ class Capture:
     provenance: Provenance
     truth: Truth | None = None
     pattern_taps: PatternTaps | None = None
-    later_plans: tuple[PatternPlan, ...] = ()
+    following_plans: tuple[PatternPlan, ...] = ()
 
     def __post_init__(self) -> None:
         check(self)
@@ -327,7 +327,12 @@ class Capture:
         """What its frames have in common."""
         none = self._all.between(0, 0)
         return Setup(
-            self.plan, self.optics, none.buckets, none.spots, none.pattern_taps, self.later_plans
+            self.plan,
+            self.optics,
+            none.buckets,
+            none.spots,
+            none.pattern_taps,
+            self.following_plans,
         )
 
     def frame(self, frame: int = 0) -> Frames:
@@ -352,7 +357,7 @@ def check(capture: Capture) -> None:
     """Raise InputError unless the parts fit together and their numbers make sense."""
     if capture.provenance.source not in SOURCES:
         raise InputError(f"source is {capture.provenance.source!r}; allowed: {', '.join(SOURCES)}")
-    check_plans((capture.plan, *capture.later_plans))
+    check_plans((capture.plan, *capture.following_plans))
     sizes = axis_sizes(capture.plan)
     for group in PARTS:
         part = getattr(capture, group)
@@ -392,7 +397,7 @@ def check_parts(capture: "Capture | Frames | Setup") -> None:
     if not isinstance(capture, Frames):
         _check_times(capture.buckets)
         if capture.buckets.dead_time_s > 0:
-            for plan in (capture.plan, *capture.later_plans):
+            for plan in (capture.plan, *capture.following_plans):
                 _check_dead_time(capture.buckets, plan)
     for readings in (capture.spots, capture.pattern_taps):
         if readings is not None:

@@ -36,12 +36,12 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
     indices = [np.flatnonzero(exposures) for exposures in displayed]
     retained = np.array([indices[frame % len(plans)] for frame in range(capture.frames)])
     taps = capture.pattern_taps
-    plan, *later_plans = (each.only(some) for each, some in zip(plans, displayed, strict=True))
+    plan, *following_plans = (each.only(some) for each, some in zip(plans, displayed, strict=True))
     return replace(
         capture,
         pattern_taps=None if taps is None else _some(taps, retained, "taps"),
         plan=plan,
-        later_plans=tuple(later_plans),
+        following_plans=tuple(following_plans),
         buckets=_some(capture.buckets, retained, "counts"),
     )
 

@@ -11,8 +11,13 @@ import numpy as np
 from ..base.errors import InputError, naming
 from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
-from ..ranging.calibration import path_check
-from ..ranging.fog.offsets import REPORTED, OffsetEvidence, PathOffsets, path_offsets
+from ..ranging.fog.offsets import (
+    MIN_SIGNIFICANCE,
+    OffsetEvidence,
+    PathOffsets,
+    path_check,
+    path_offsets,
+)
 
 EXAMPLE = "python -m reconstruction check flight/*.h5"
 USEFUL_M = 0.5
@@ -30,7 +35,7 @@ def run(options: argparse.Namespace) -> None:
     if options.json:
         print(json_line(_report(offsets)))
     else:
-        for line in _reported(offsets):
+        for line in _lines(offsets):
             print(printable(line))
 
 
@@ -66,14 +71,14 @@ def _report(offsets: PathOffsets) -> dict[str, Any]:
         {
             "path_offset_m": float(offsets.offset_m[spot]) if finite[spot] else None,
             "sigma_m": float(offsets.sigma_m[spot]) if finite[spot] else None,
-            "told": bool(offsets.reported[spot]),
+            "told": bool(offsets.significant[spot]),
         }
         for spot in range(4)
     ]
     return {"frames": offsets.frames, "spots": spots}
 
 
-def _reported(offsets: PathOffsets) -> Iterator[str]:
+def _lines(offsets: PathOffsets) -> Iterator[str]:
     if offsets.sigma_m.min() > USEFUL_M:
         yield f"too little fog to check the spots' paths; frames with ranges: {offsets.frames}"
         return
@@ -81,10 +86,10 @@ def _reported(offsets: PathOffsets) -> Iterator[str]:
     for spot in range(4):
         offset_m, sigma_m = offsets.offset_m[spot], offsets.sigma_m[spot]
         line = f"spot {spot}  {100 * offset_m:+6.1f} cm, standard deviation {100 * sigma_m:.1f} cm"
-        if offsets.reported[spot]:
+        if offsets.significant[spot]:
             way = "far" if offset_m > 0 else "near"
             line += f": wrongly calibrated, its ranges are {50 * abs(offset_m):.1f} cm too {way}"
         yield line
-    if not offsets.reported.any():
-        min_m = REPORTED * offsets.sigma_m.max()
+    if not offsets.significant.any():
+        min_m = MIN_SIGNIFICANCE * offsets.sigma_m.max()
         yield f"no spot differs from the others; {100 * min_m:.1f} cm would be told"

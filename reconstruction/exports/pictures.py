@@ -7,9 +7,11 @@ from ..base.errors import InputError
 from ..base.files import mark
 from ..base.png import png
 from .export import KIND
+from .shot import Shot
 
 MAX_MM = 2**16 - 1
 """Depths beyond are left out, as those that are not known."""
+POINT = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("intensity", "<f4")])
 
 
 def depth_png(depth_m: NDArray[np.floating] | None, shape: tuple[int, int]) -> bytes:
@@ -34,3 +36,12 @@ def require_depths(result: int, shots: int) -> None:
         raise InputError("there is nothing to export")
     if not result:
         raise InputError("there is no depth map: no spot has a range, or the optics are not known")
+
+
+def organised(shot: Shot) -> NDArray[np.void]:
+    """Points (H, W) of `POINT`: metres in the optical frame, nan without depth; image values."""
+    points = np.empty(shot.shape, POINT)
+    for axis, values in zip("xyz", np.moveaxis(shot.points_m, -1, 0), strict=True):
+        points[axis] = values
+    points["intensity"] = shot.image
+    return points

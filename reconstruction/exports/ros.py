@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..ranging import RANGED
-from .clouds import POINT, organised
+from .pictures import POINT, organised
 from .poses import OPTICAL_IN_BODY, quaternion_of
 from .shot import Shot
 

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 from ..base.errors import InputError, in_words
 from ..capture import Frames
-from .allowance import Allowance
 from .counts import Counts
 from .framing import VERSION, Kind, Message
 from .links import Ended, Source
 from .queues import Waiting
-from .senders import Senders
+from .senders import Allowance, Senders
 from .sequence import Sequence as InTurn
 from .setups import StreamSetup, misfit
 

@@ -1,5 +1,9 @@
 """Pictures of images and depth maps, as PNG."""
 
+import base64
+import zlib
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,7 +13,7 @@ from ..base.png import png
 from ..capture import Setup
 from ..depth import pixel_of
 from ..ranging import RANGED, Ranges
-from .glyphs import HEIGHT, written
+from .letters import HEIGHT, LETTERS, PACKED, WIDTHS
 from .scale import GREY, VIRIDIS, Scale
 
 SIDE = 512
@@ -98,10 +102,10 @@ def _framed(picture: Canvas, title: str, scale: Scale, label: str) -> Canvas:
     inner = max(height, MIN_SIDE)
     top, right = MARGIN + HEIGHT + GAP, MARGIN + width + 2 * GAP
     values, numbers, factor = scale.numbers(max(2, inner // NUMBER_SPACING))
-    texts = [written(number) for number in numbers]
-    name = np.rot90(written(f"{label} {factor}".strip()))
+    texts = [rendered_text(number) for number in numbers]
+    name = np.rot90(rendered_text(f"{label} {factor}".strip()))
     column = right + BAR + GAP // 2 + max(text.shape[1] for text in texts) + GAP
-    heading = written(title)
+    heading = rendered_text(title)
     size = (
         max(top + inner, top + name.shape[0]) + MARGIN,
         max(column + name.shape[1], MARGIN + heading.shape[1]) + MARGIN,
@@ -143,7 +147,7 @@ def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
         for tall, wide in ((half_width, CROSS), (CROSS, half_width)):
             rows = slice(max(row - tall, 0), row + tall + 1)
             picture[rows, max(column - wide, 0) : column + wide + 1] = grey
-    cover = written(text)
+    cover = rendered_text(text)
     height, width = cover.shape
     left = column + 2 * CROSS
     if left + width > picture.shape[1]:
@@ -158,3 +162,18 @@ def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) ->
     part = canvas[top : top + cover.shape[0], left : left + cover.shape[1]]
     fraction = cover[: part.shape[0], : part.shape[1], None]
     part[:] = np.round((1 - fraction) * part + fraction * colour).astype(np.uint8)
+
+
+@cache
+def _glyphs() -> dict[str, Floats]:
+    packed = np.frombuffer(zlib.decompress(base64.b85decode(PACKED)), np.uint8)
+    levels = np.stack([packed >> 4, packed & 15], axis=-1).reshape(HEIGHT, -1)
+    ends = np.cumsum([int(width, 16) for width in WIDTHS])
+    parts = np.split(levels[:, : ends[-1]] / 15, ends[:-1], axis=1)
+    return dict(zip(LETTERS, parts, strict=True))
+
+
+def rendered_text(text: str) -> Floats:
+    """How much of each pixel a line of text covers, 0..1: (HEIGHT, width)."""
+    glyphs = _glyphs()
+    return np.hstack([glyphs[" "][:, :0], *(glyphs.get(each, glyphs["?"]) for each in text)])

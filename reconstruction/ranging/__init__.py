@@ -2,7 +2,6 @@
 
 from .brightness import Brightness, brightness_at
 from .consistency import range_consistency
-from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads, usual_rangings
 from .ranges import (
@@ -13,6 +12,7 @@ from .ranges import (
     Paths,
     Ranges,
     Status,
+    range_from_path,
     ranges_from_paths,
 )
 from .unwrap import path_from_phases, unambiguous_path_m

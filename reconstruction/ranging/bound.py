@@ -22,13 +22,13 @@ from ..capture.readings.cw import CwSpots
 from ..capture.readings.dtof import HistogramSpots
 from ..capture.readings.pulsed import PulsedSpots
 from ..capture.spots import SpotOptics
-from .fog.algebra import inverse
 from .fog.modes import LOG_SIGMA
+from .fog.numerics import inverse
 from .fog.overlap import overlap, require_optics
 from .fog.templates import EXTINCTIONS_PER_M
 from .histogram import coates
 
-NEAREST_M, STEP_M = 0.01, 0.01
+MIN_RANGE_M, STEP_M = 0.01, 0.01
 """Where the fog's integral begins, and its steps beyond 1 m; nearer ones are in proportion."""
 NEAR, OVERLAPS = 400, 300
 """Steps below 1 m; ranges at which the overlap is computed, for between them it is smooth."""
@@ -55,14 +55,14 @@ class Targets:
     backscatter: float = 0.0
 
 
-def make_bound(spots: Spots, longest_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
+def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
     """Bound for targets up to a range, with readings of which ``spots`` may hold none.
 
     ``prior`` as BEFOREHAND; infinite for what is not known at all. Raises InputError where
     the recording does not tell what `fog.overlap` needs, or the laser's light in each reading.
     """
     require_optics(spots)
-    lights = _lights(spots, longest_m)
+    lights = _lights(spots, max_range_m)
     if any(np.isnan(light.table[:, -1]).any() for light in lights):
         raise InputError(
             "the laser's light in each reading is not known (nan), and the bound needs it"
@@ -73,7 +73,7 @@ def make_bound(spots: Spots, longest_m: float, prior: tuple[float, float] = PRIO
 
     def bound(targets: Targets, readings: Floats) -> Floats:
         information = np.zeros((fog + 2, fog + 2))
-        information[-2:, -2:] = _given_prior(*prior)
+        information[-2:, -2:] = _prior_information(*prior)
         weights = precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
@@ -112,9 +112,9 @@ def smooth_overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]
     return np.array(weights), range_m + back_m
 
 
-def _lights(spots: Spots, longest_m: float) -> list[_Light]:
-    near = np.geomspace(NEAREST_M, 1.0, NEAR)
-    range_m = np.concatenate([near, np.arange(1 + STEP_M, longest_m + 2 * STEP_M, STEP_M)])
+def _lights(spots: Spots, max_range_m: float) -> list[_Light]:
+    near = np.geomspace(MIN_RANGE_M, 1.0, NEAR)
+    range_m = np.concatenate([near, np.arange(1 + STEP_M, max_range_m + 2 * STEP_M, STEP_M)])
     kernel = _kernel(spots)
     return [
         _Light(range_m, path_m, weight * range_m**2, kernel(path_m), kernel)
@@ -143,13 +143,13 @@ def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]
 
 def _sigmas(information: Floats) -> Floats:
     """Standard deviations of all parameters; infinite of those that nothing tells of."""
-    reported = np.flatnonzero(np.diagonal(information) > 0)
-    result = np.full(len(information), np.inf)
-    result[reported] = np.sqrt(np.diagonal(inverse(information[None, reported][:, :, reported])[0]))
-    return result
+    informed = np.flatnonzero(np.diagonal(information) > 0)
+    sigmas = np.full(len(information), np.inf)
+    sigmas[informed] = np.sqrt(np.diagonal(inverse(information[None, informed][:, :, informed])[0]))
+    return sigmas
 
 
-def _given_prior(log_extinction: float, log_ratio: float) -> Floats:
+def _prior_information(log_extinction: float, log_ratio: float) -> Floats:
     """Information (2, 2) about ln extinction and ln backscattering."""
     together = np.array([[1.0, -1.0], [-1.0, 1.0]])
     return np.diag([log_extinction**-2, 0.0]) + together * log_ratio**-2

@@ -11,7 +11,7 @@ from ..capture.readings.cw import CwSpots
 from .methods.cw import demodulate, quadrature_weights
 from .ranges import MIN_SIGNAL, Ranges
 
-MIN_M = 0.05
+MIN_DIFFERENCE_M = 0.05
 """Ranges that differ by less may do so by calibration."""
 NO_REASONS = ("",) * 4
 
@@ -25,21 +25,21 @@ def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str,
     """
     result = {}
     for name, ranges in rangings.items():
-        if _knows_better(ranges):
+        if _models_other_light(ranges):
             continue
-        others = {other: each for other, each in rangings.items() if _knows_better(each)}
+        others = {other: each for other, each in rangings.items() if _models_other_light(each)}
         apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else NO_REASONS
-        reported = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
-        doubted = [f"{spot} ({why})" for spot, why in enumerate(reported) if why]
-        if doubted:
+        reasons = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
+        affected = [f"{spot} ({why})" for spot, why in enumerate(reasons) if why]
+        if affected:
             result[name] = (
                 "perhaps biased by fog or further echoes, beyond its sigma, at "
-                f"spot{'s' * (len(doubted) > 1)} {', '.join(doubted)}"
+                f"spot{'s' * (len(affected) > 1)} {', '.join(affected)}"
             )
     return result
 
 
-def _knows_better(ranges: Ranges) -> bool:
+def _models_other_light(ranges: Ranges) -> bool:
     return ranges.fog is not None or any(ranges.alternatives)
 
 
@@ -48,7 +48,7 @@ def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
     for name, other in others.items():
         if ranges.valid[spot] and other.valid[spot]:
             sigma_m = np.hypot(ranges.sigma_m[spot], other.sigma_m[spot])
-            if abs(ranges.range_m[spot] - other.range_m[spot]) > _limit_m(sigma_m):
+            if abs(ranges.range_m[spot] - other.range_m[spot]) > _min_difference_m(sigma_m):
                 return f"{other.range_m[spot]:.2f} m by {name}"
     return ""
 
@@ -83,10 +83,10 @@ def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
 def _apart(range_m: float, off_m: Floats, sigma_m: Floats) -> str:
     """The nearest and the farthest range of the frequencies (J,), if they are not the same."""
     near, far = int(off_m.argmin()), int(off_m.argmax())
-    if not off_m[far] - off_m[near] > _limit_m(np.hypot(sigma_m[near], sigma_m[far])):
+    if not off_m[far] - off_m[near] > _min_difference_m(np.hypot(sigma_m[near], sigma_m[far])):
         return ""
     return f"{range_m + off_m[near]:.2f} to {range_m + off_m[far]:.2f} m by its frequencies"
 
 
-def _limit_m(sigma_m: float) -> float:
-    return max(MIN_SIGNAL * sigma_m, MIN_M)
+def _min_difference_m(sigma_m: float) -> float:
+    return max(MIN_SIGNAL * sigma_m, MIN_DIFFERENCE_M)

@@ -16,9 +16,9 @@ from ..base.arrays import Floats
 
 BLOCKS = 16
 """Parts of a histogram whose median is the first guess of its background."""
-REACH = 6.0
+MAX_WIDTHS = 6.0
 """Bins within so many widths of the pulse tell about it and its background."""
-STEPS = 50
+MAX_STEPS = 50
 """Most steps of Fisher scoring."""
 
 
@@ -55,8 +55,8 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
     rate, watched = coates(counts, cycles)
     start = _matched(rate, width)
     bins = counts.shape[-1]
-    reach = min(bins, int(np.ceil(REACH * start[3].max())) + 2)
-    nearest = np.floor(start[0]).astype(int)[:, None] + np.arange(-reach, reach + 1)
+    half_window = min(bins, int(np.ceil(MAX_WIDTHS * start[3].max())) + 2)
+    nearest = np.floor(start[0]).astype(int)[:, None] + np.arange(-half_window, half_window + 1)
     inside = (nearest >= 0) & (nearest < bins)
     at = np.clip(nearest, 0, bins - 1)
     seen = np.take_along_axis(counts, at, axis=-1) * inside
@@ -65,11 +65,11 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
 
     fitted = slice(3 if width is not None else 4)
     minimum = 1e-3 / cycles
-    narrowest, widest = (0.1, float(bins)) if width is None else (width, width)
-    lowest = np.array([-1.0, minimum, minimum / bins, narrowest])
-    highest = np.array([bins + 1.0, 50.0, 50.0, widest])
+    min_width, max_width = (0.1, float(bins)) if width is None else (width, width)
+    lowest = np.array([-1.0, minimum, minimum / bins, min_width])
+    highest = np.array([bins + 1.0, 50.0, 50.0, max_width])
     theta = np.clip(np.stack(start, axis=-1), lowest, highest)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         score, information = _score(theta, edges, seen, watched)
         # A pulse within one bin says nothing of its place there: this keeps the step finite.
         information[:, 0, 0] += 1 / (theta[:, 3] ** 2 + 1 / 12)
@@ -77,9 +77,9 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
         step[:, fitted] = (_inverse(information[:, fitted, fitted]) @ score[:, fitted, None])[
             ..., 0
         ]
-        longest = theta[:, 3:] * [0.5, np.inf, np.inf, 0.5]
+        max_step = theta[:, 3:] * [0.5, np.inf, np.inf, 0.5]
         before = theta
-        theta = np.clip(theta + np.clip(step, -longest, longest), lowest, highest)
+        theta = np.clip(theta + np.clip(step, -max_step, max_step), lowest, highest)
         if (np.abs(theta - before)[:, [0, 3]] < 1e-5 * theta[:, 3:]).all():
             break
     _, information = _score(theta, edges, seen, watched)

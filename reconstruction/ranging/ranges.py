@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..capture import Spots
-from .geometry import range_from_path
 
 Status = Literal[
     "ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak", "weather prior"
@@ -18,7 +17,7 @@ RANGED: tuple[Status, ...] = ("ok", "weather prior")
 
 MIN_SIGNAL = 3.0
 """A spot counts as seen when its signal exceeds its own standard deviation this many times."""
-LONGEST_IN_FOG_M = 150.0
+MAX_FOG_RANGE_M = 150.0
 """Farther targets are not looked for in fog: where it matters, a drone's laser shows none there."""
 
 
@@ -109,6 +108,21 @@ class Ranges:
     def valid(self) -> NDArray[np.bool_]:
         """Where there is a range (4,)."""
         return np.isin(self.status, RANGED)
+
+
+def range_from_path(
+    path_m: Floats, directions: Floats, detector_positions_m: Floats
+) -> tuple[Floats, Floats]:
+    """Range r (...,) along unit directions d (..., 3) from the path r + |r d - b|; its derivative.
+
+    r = (L^2 - |b|^2) / 2 (L - d.b), dr/dL = (L - r) / (L - d.b), b (..., 3) the detector's
+    position. Only L > |b| is the length of a path.
+    """
+    squared = (detector_positions_m**2).sum(axis=-1)
+    along = (directions * detector_positions_m).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = (path_m**2 - squared) / (2 * (path_m - along))
+        return range_m, (path_m - range_m) / (path_m - along)
 
 
 def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:

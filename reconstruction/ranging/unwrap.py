@@ -18,7 +18,7 @@ from .ranges import MIN_SIGNAL
 
 PHASE_ERROR_RAD = 0.05
 """Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
-LONGEST_PATH_M = 20_000.0
+MAX_PATH_M = 20_000.0
 """Paths beyond this are not considered where several frequencies could tell them: no laser of a
 drone shows anything there."""
 RESOLVED = 1e-9, 1e9
@@ -108,7 +108,7 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
     """Path length at which the phases of all frequencies repeat, in metres.
 
     That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
-    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
+    which no phase differs by more than `path_from_phases` could tell, MAX_PATH_M at most.
     """
     return _repeated_after_m(tuple(np.unique(frequencies_hz).tolist()))
 
@@ -116,8 +116,8 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
 @lru_cache(maxsize=16)  # the same for all frames of a recording
 def _repeated_after_m(frequencies_hz: tuple[float, ...]) -> float:
     shortest = c / max(frequencies_hz)
-    out_of_distribution = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
-    paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
+    max_difference = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
+    paths = shortest * np.arange(1, int(MAX_PATH_M / shortest) + 2)
     cycles = np.multiply.outer(paths, np.array(frequencies_hz) / c)
-    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < out_of_distribution
-    return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M
+    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < max_difference
+    return float(paths[repeats.argmax()]) if repeats.any() else MAX_PATH_M

@@ -114,7 +114,7 @@ def facts_of(capture: Capture) -> dict[str, str]:
 
 def _of_several_frames(setup: Setup) -> dict[str, str]:
     """What frames that show different patterns show together."""
-    if not setup.later_plans:
+    if not setup.following_plans:
         return {}
     displayed = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
     return {"of several frames": f"{displayed} patterns, which {len(setup.plans)} frames deal out"}

@@ -52,7 +52,7 @@ def test_setup_and_frames_come_back_bit_for_bit(recording):
 
 def test_plans_that_take_turns_come_back(capture):
     plans = [make_plan((16, 16), 128, f"random:{seed}") for seed in range(3)]
-    dealt = replace(film(capture, 3), plan=plans[0], later_plans=tuple(plans[1:]))
+    dealt = replace(film(capture, 3), plan=plans[0], following_plans=tuple(plans[1:]))
     stream = StreamSetup(setup_payload(dealt.setup))
     assert [stream.setup.digest(n) for n in range(4)] == [dealt.setup.digest(n) for n in range(4)]
 

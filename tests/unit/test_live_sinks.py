@@ -124,7 +124,7 @@ def test_a_part_that_cannot_be_written_costs_the_next_one_nothing(recording, tmp
 
 def test_where_patterns_take_turns_a_gap_begins_another_capture(capture, tmp_path):
     plans = [make_plan((16, 16), 128, f"random:{seed}") for seed in range(3)]
-    dealt = replace(film(capture, 8), plan=plans[0], later_plans=tuple(plans[1:]))
+    dealt = replace(film(capture, 8), plan=plans[0], following_plans=tuple(plans[1:]))
     content = messages(dealt)
     del content[5]  # frame 4
     fed(CaptureRecord(tmp_path / "a.h5"), content)

@@ -20,8 +20,8 @@ from fourspots import (
 from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.geometry import range_from_path
 from reconstruction.ranging.methods.cw import demodulate, quadrature_weights
+from reconstruction.ranging.ranges import range_from_path
 
 FREQUENCY = 15e6
 

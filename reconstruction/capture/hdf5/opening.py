@@ -7,9 +7,8 @@ from pathlib import Path
 import h5py
 
 from ...base.errors import InputError, naming
-from .damage import undamaged
 from .formats import SEALED_SINCE, Format
-from .reading import Contents
+from .reading import Contents, undamaged
 from .sealing import is_sealed
 from .sizes import check_sizes
 from .survey import survey

@@ -1,8 +1,10 @@
 """Datasets by name, each with its unit."""
 
 import math
+import struct
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -12,10 +14,26 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from .chunks import Chunks
-from .damage import undamaged
 from .strings import check_attribute, check_dataset
 
 MAX_ATTRIBUTE_BYTES = 2**16
+
+DAMAGE = (
+    OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError,
+    struct.error,
+)  # fmt: skip
+"""What h5py and NumPy raise on files that are not HDF5 or no longer what was written."""
+
+
+@contextmanager
+def undamaged() -> Iterator[None]:
+    """Tell what the library makes of a damaged file. Nothing but reading may stand within."""
+    try:
+        yield
+    except (InputError, PermissionError):
+        raise
+    except DAMAGE as error:
+        raise InputError(f"not an HDF5 file, or truncated or damaged ({error})") from error
 
 
 class Dataset:

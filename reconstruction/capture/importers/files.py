@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from ...base.errors import InputError, naming
 from ...base.npy import COMPLEX, REAL, read_header, read_npy
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
-from .matlab import read_mat
+from .matlab import pick, read_mat
 from .text import read_text
-from .variables import pick
 
 
 def load_array(

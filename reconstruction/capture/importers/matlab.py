@@ -5,17 +5,19 @@ import math
 import struct
 import warnings
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, nearest
 from .. import hdf5
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
-from .variables import pick
+
+Variable = TypeVar("Variable")
 
 HEADER_BYTES = 128
 """Of a file of version 5; elements follow, each a type, a size and data."""
@@ -27,6 +29,18 @@ NUMBERS = frozenset(
     [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
     + ["double", "single", "logical"]
 )
+
+
+def pick(variables: Mapping[str, Variable], name: str | None) -> Variable:
+    """The one of a name, or the only one; InputError if there is none or several."""
+    names = list(variables)
+    if name is None:
+        if len(names) != 1:
+            raise InputError(f"name one of its variables: {', '.join(names)}")
+        return variables[names[0]]
+    if name not in variables:
+        raise InputError(f"has no variable {name!r}: {nearest(name, names)}")
+    return variables[name]
 
 
 def read_mat(path: Path, variable: str | None) -> NDArray[Any]:

@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from ...base.files import mark
-from ..clouds import POINT, organised
 from ..export import KIND, Export
-from ..pictures import require_depths
+from ..pictures import POINT, organised, require_depths
 from ..poses import quaternion_of
 from ..shot import Shot
 

@@ -134,7 +134,7 @@ def _capture(arrivals: list[Arrival]) -> Capture:
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return Capture(
         plan=plans[0],
-        later_plans=tuple(plans[1 : len(frames)]),
+        following_plans=tuple(plans[1 : len(frames)]),
         buckets=_joined([frame.buckets for frame in frames]),
         spots=None if first.spots is None else _joined([frame.spots for frame in frames]),
         pattern_taps=None

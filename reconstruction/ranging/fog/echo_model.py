@@ -14,7 +14,7 @@ STEP_M = 0.005
 """Between ranges over which the fog is summed up."""
 DIFFERENCE_M = 1e-3
 """Of the paths whose readings give the slope."""
-MIN = 8
+MIN_STEPS = 8
 """Steps before the nearest target."""
 
 
@@ -37,26 +37,28 @@ class EchoModel:
     """Readings of four spots up to a range; ``response`` as for `templates.make_templates`."""
 
     def __init__(
-        self, optics: SpotOptics, response: Callable[[Floats], Floats], longest_m: float
+        self, optics: SpotOptics, response: Callable[[Floats], Floats], max_range_m: float
     ) -> None:
-        self._range_m = np.arange(1, longest_m / STEP_M + 2) * STEP_M
+        self._range_m = np.arange(1, max_range_m / STEP_M + 2) * STEP_M
         self._weight = overlap(optics, self._range_m)[0]
         self._path_m = path_lengths(optics, self._range_m)
-        before, self._reported, after = (
+        before, self._response, after = (
             np.stack([response(path + shift) for path in self._path_m])  # (4, n, R)
             for shift in (-DIFFERENCE_M, 0.0, DIFFERENCE_M)
         )
-        self._turned = (after - before) / (2 * DIFFERENCE_M)
+        self._response_slope = (after - before) / (2 * DIFFERENCE_M)
 
     def __call__(self, spot: int, range_m: float, reflectance: float, log_fog: Floats) -> Echo:
         """What a spot reads; ``log_fog`` of backscattering and extinction."""
         beta, sigma = np.exp(log_fog)
-        after = int(np.clip(np.searchsorted(self._range_m, range_m), MIN, self._range_m.size - 1))
+        after = int(
+            np.clip(np.searchsorted(self._range_m, range_m), MIN_STEPS, self._range_m.size - 1)
+        )
         fraction = (range_m - self._range_m[after - 1]) / STEP_M
         path_m = self._path_m[spot, : after + 1]
         seen = self._weight[spot, : after + 1] * np.exp(-sigma * path_m)
-        light = seen * self._reported[spot, :, : after + 1]
-        turned = seen * self._turned[spot, :, : after + 1]
+        light = seen * self._response[spot, :, : after + 1]
+        turned = seen * self._response_slope[spot, :, : after + 1]
 
         def here(values: Floats) -> Floats:
             before, behind = values[..., -2], values[..., -1]

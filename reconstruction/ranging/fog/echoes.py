@@ -12,28 +12,28 @@ from scipy.special import ndtr
 from ...base.arrays import Floats
 from ..histogram import coates
 from ..ranges import Alternative
-from .histograms import REACH, HistogramTemplates
-from .modes import NEAREST_M
+from .histograms import WINDOW_SIGMAS, HistogramTemplates
+from .modes import MIN_RANGE_M
 from .posterior import SpotPosterior
 
-DEVIANCE = 30.0
+MIN_DEVIANCE = 30.0
 """Least deviance of an echo: so strong a one is in no histogram of a thousand by chance."""
-FEWEST = 5.0
+MIN_ARRIVALS = 5.0
 """Arrivals of an echo,"""
-FAINT = 0.02
+MIN_RELATIVE_SIGNAL = 0.02
 """and its light over that of the likeliest one, at least."""
 UNEVEN = 0.5
 """Patches of fog may be so much denser, relative."""
 STEADY = 0.9
 """Share of the bins that hold no more than background, echoes that are not known yet or not."""
-MAX = 4
+MAX_ECHOES = 4
 """Echoes of one spot."""
-WIDER = 4.0
+MIN_EXCESS_WIDTH = 4.0
 """Standard deviations by which a pulse must be wider than one echo's to count as several."""
 
 
 def with_echoes(
-    given: SpotPosterior,
+    posterior: SpotPosterior,
     templates: HistogramTemplates,
     counts: Floats,
     cycles: int,
@@ -43,25 +43,27 @@ def with_echoes(
 
     Echoes become alternatives by their share of the light, the likeliest range first.
     """
-    if not given.alternatives:
-        return given
+    if not posterior.alternatives:
+        return posterior
     rate, watched = coates(counts[None], cycles)
-    first = given.alternatives[0]
+    first = posterior.alternatives[0]
     around = _Around(templates, spot, watched[0])
-    result = [(first.range_m, first.sigma_m, given.signal)]
+    result = [(first.range_m, first.sigma_m, posterior.signal)]
     pulse = around.pulse(*result[0])
-    fog = given.backscatter * templates.fog[spot, given.node]
+    fog = posterior.backscatter * templates.fog[spot, posterior.node]
     steady = np.sort(rate[0] - fog - pulse)[: int(STEADY * counts.size)].mean()
     model = fog + pulse + max(steady, 0.5 / cycles / counts.size)
     spread_m = around.excess_width_m(rate[0] - model + pulse, result[0], model)
-    while len(result) < MAX:
-        echo = around.strongest(rate[0], model, UNEVEN * fog + FAINT * given.signal / around.window)
+    while len(result) < MAX_ECHOES:
+        echo = around.strongest(
+            rate[0], model, UNEVEN * fog + MIN_RELATIVE_SIGNAL * posterior.signal / around.window
+        )
         if echo is None:
             break
         result.append(echo)
         model = model + around.pulse(*echo)
     if len(result) == 1 and not spread_m:
-        return given
+        return posterior
     fractions = np.array([signal for *_, signal in result])
     fractions = fractions / fractions.sum()
     echoes = [
@@ -69,7 +71,7 @@ def with_echoes(
         for (range_m, sigma_m, _), fraction in zip(result, fractions, strict=True)
     ]
     echoes[0] = echoes[0]._replace(sigma_m=float(np.hypot(first.sigma_m, spread_m)))
-    return replace(given, alternatives=tuple(echoes), echoes=len(echoes))
+    return replace(posterior, alternatives=tuple(echoes), echoes=len(echoes))
 
 
 class _Around:
@@ -81,8 +83,8 @@ class _Around:
         self._width = templates.width
         self._watched = watched
         self._metres = np.gradient(templates.range_m, self._delay)[-1]  # per bin
-        self.window = 2 * int(np.ceil(REACH * templates.width)) + 1
-        self._nearest = int(np.interp(NEAREST_M, templates.range_m, self._delay))
+        self.window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
+        self._nearest = int(np.interp(MIN_RANGE_M, templates.range_m, self._delay))
 
     def pulse(self, range_m: float, _sigma_m: float, signal: float) -> Floats:
         """Arrivals per cycle (B,) of an echo."""
@@ -102,12 +104,12 @@ class _Around:
             self.window * uniform_filter1d(self._watched * each, self.window, mode="constant")
             for each in (rate, model, minimum)
         )
-        more = np.where(result - expected > np.maximum(needed, FEWEST), result, expected)
+        more = np.where(result - expected > np.maximum(needed, MIN_ARRIVALS), result, expected)
         deviance = 2 * (more * np.log(more / expected) - (more - expected))
         deviance[: self._nearest] = 0
         index = int(deviance.argmax())
         arrivals = float(result[index] - expected[index])
-        if deviance[index] < DEVIANCE:
+        if deviance[index] < MIN_DEVIANCE:
             return None
         inside = 2 * ndtr(self.window / 2 / self._width) - 1  # share of a pulse in the window
         at = slice(max(index - self.window // 2, 0), index + self.window // 2 + 1)
@@ -132,6 +134,6 @@ class _Around:
         bell = self.pulse(*echo)[at]
         expected = float(bell @ offset[at] ** 2 / bell.sum())
         noise = np.sqrt(model[at] / self._watched[at] @ (offset[at] ** 2 - expected) ** 2) / light
-        if squares - expected < WIDER * noise:
+        if squares - expected < MIN_EXCESS_WIDTH * noise:
             return 0.0
         return float(np.sqrt(squares - expected) * self._metres)

@@ -11,18 +11,17 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ..ranges import Alternative
-from .algebra import inverse, solved
-from .belief import FogBelief
-from .chances import chi_squared_above, chi_squared_limit
-from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, Modes, Places
+from .fog_state import FogState
+from .modes import BRIGHT, MAX_STEP_M, MIN_RANGE_M, Indices, Modes
+from .numerics import chi_squared_above, chi_squared_limit, inverse, solved
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits that chance makes less often than this need another explanation."""
-GAIN = 12.0
+MIN_GAIN = 12.0
 """Two targets have to explain so much more, in chi squared, than one."""
-CLOSEST_M = 0.05
+MIN_SEPARATION_M = 0.05
 """Two targets nearer to each other are one."""
 PAIRS = 24
 STEPS = 8
@@ -31,7 +30,7 @@ STEPS = 8
 def with_edges(
     given: Posterior,
     modes: Modes,
-    belief: FogBelief,
+    prior: FogState,
     templates: Templates,
     readings: Floats,
     covariance: Floats,
@@ -45,7 +44,7 @@ def with_edges(
     odd = odd_spots(given, n)
     if not odd:
         return given
-    fog = _without(odd, modes, belief, given).fog
+    fog = _without(odd, modes, prior, given).fog
     pairs = {
         spot: _two_targets(
             given.spots[spot].misfit, fog, templates, readings[spot], covariance[spot], spot
@@ -53,7 +52,7 @@ def with_edges(
         for spot in odd
     }
     edges = [spot for spot, pair in pairs.items() if pair]
-    others = _without(edges, modes, belief, given)
+    others = _without(edges, modes, prior, given)
 
     def revised(number: int) -> SpotPosterior:
         if number in edges:
@@ -64,10 +63,10 @@ def with_edges(
     return Posterior(tuple(map(revised, range(4))), others.fog)
 
 
-def _without(spots: list[int], modes: Modes, belief: FogBelief, given: Posterior) -> Posterior:
+def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
     """The posterior of other spots than these, what is known where there are no others."""
     others = ~np.isin(modes.spot, spots)
-    return posterior(modes.only(others), belief) if spots and others.any() else given
+    return posterior(modes.only(others), prior) if spots and others.any() else given
 
 
 def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
@@ -102,20 +101,20 @@ def _freedom(readings: int) -> int:
 
 def _two_targets(
     single: float,
-    belief: FogBelief,
+    prior: FogState,
     templates: Templates,
     readings: Floats,
     covariance: Floats,
     spot: int,
 ) -> tuple[Alternative, ...]:
     """Ranges of two targets, none unless they are much better than a ``single`` one."""
-    node = int(belief.fraction.argmax())
-    backscatter = float(np.exp(belief.log_median[node]))
+    node = int(prior.probability.argmax())
+    backscatter = float(np.exp(prior.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
     patch = templates.uneven.shape[2] // 2
     noise = covariance + backscatter**2 * templates.uneven[spot, node, patch]
     white = np.linalg.inv(np.linalg.cholesky(noise))
-    first = np.searchsorted(templates.range_m, NEAREST_M)
+    first = np.searchsorted(templates.range_m, MIN_RANGE_M)
     positions = np.arange(first, templates.range_m.size - 1, SEARCH)
     a = white @ target[:, positions]
     y = white @ (readings - backscatter * fog[:, -1])
@@ -123,10 +122,10 @@ def _two_targets(
     at = np.stack([positions[near], positions[far]], axis=1).astype(np.float64)
     pair = _Pairs(white @ target, y)
     at, rho, misfit, information = pair.refined(at)
-    apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > CLOSEST_M
+    apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > MIN_SEPARATION_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
-    reported = (variance < CLOSEST_M**2).all(axis=1)  # not where the detector sees nothing
-    retained = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart & reported
+    localised = (variance < MIN_SEPARATION_M**2).all(axis=1)  # not where the detector sees nothing
+    retained = (rho > 0).all(axis=1) & (misfit < single - MIN_GAIN) & apart & localised
     if not retained.any():
         return ()
     at, rho, misfit, information, variance = (
@@ -140,7 +139,7 @@ def _two_targets(
     return joined(range_m.ravel(), variance.ravel(), fraction.ravel())
 
 
-def _best_pairs(a: Floats, y: Floats) -> tuple[Places, Places]:
+def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
     """Columns of the pairs of targets (n, R) that leave least of readings (n,)."""
     gram, ya = a.T @ a, y @ a
     own = np.diagonal(gram)
@@ -169,11 +168,11 @@ class _Pairs:
         self._readings = readings
 
     def refined(self, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Places (P, 2), reflectances (P, 2), misfits (P,), information (P, 4, 4) about both."""
-        longest = self._target.shape[1] - 2.0
+        """Indices (P, 2), reflectances (P, 2), misfits (P,), information (P, 4, 4) about both."""
+        max_index = self._target.shape[1] - 2.0
         rho = np.zeros_like(at)
         for step in range(STEPS + 1):
-            low = np.clip(at.astype(int), 0, int(longest))
+            low = np.clip(at.astype(int), 0, int(max_index))
             fraction = (at - low)[..., None]
             here, there = self._target.T[low], self._target.T[low + 1]
             value = here + fraction * (there - here)  # (P, 2, n)
@@ -186,6 +185,6 @@ class _Pairs:
             if step == STEPS:
                 break
             move = solved(information, (jacobian @ residual[..., None])[..., 0])
-            at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
+            at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
             rho = rho + move[:, 2:]
         return at, rho, (residual**2).sum(axis=1), information

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
-from .algebra import inverse, solved
+from .numerics import inverse, solved
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
-Places = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 BACKSCATTER_PER_SR = 0.035
 """Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
 LOG_SIGMA = 0.6
 """Of the logarithm of that, over kinds of fog."""
-NEAREST_M = 0.3
-CUTOFF = 40.0
+MIN_RANGE_M = 0.3
+MAX_EXCESS_MISFIT = 40.0
 """Minima worse than the best of spot and extinction by this much, in chi squared, do not count."""
-FAINT = 0.3
+MIN_STRENGTH = 0.3
 """Modes of targets weaker than this, in standard deviations, are no better than none."""
 STEPS = 3
 UNEVEN_STEPS = 2
@@ -45,8 +45,8 @@ class Modes:
     is the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared.
     """
 
-    spot: Places
-    node: Places
+    spot: Indices
+    node: Indices
     range_m: Floats
     backscatter: Floats
     log_weight: Floats
@@ -58,11 +58,11 @@ class Modes:
     signal: Floats
     misfit: Floats
 
-    def only(self, chosen: Mask | Places) -> "Modes":
+    def only(self, chosen: Mask | Indices) -> "Modes":
         """Some of them."""
         return Modes(*(values[chosen] for values in vars(self).values()))
 
-    def and_those(self, others: "Modes") -> "Modes":
+    def joined_with(self, others: "Modes") -> "Modes":
         """These and others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Modes(*(np.concatenate(pair) for pair in pairs))
@@ -82,7 +82,7 @@ def find_modes(
     """
     spot, node, position = _search(templates, readings, covariance, usable)
     result = _refine(templates, readings, covariance, spot, node, position, scaled)
-    return result.and_those(_without_target(templates, readings, covariance, usable))
+    return result.joined_with(_without_target(templates, readings, covariance, usable))
 
 
 def _without_target(
@@ -100,27 +100,27 @@ def _without_target(
         for each in (readings[spot], templates.fog[spot, node, :, -1])
     )
     residual = y - beta[:, None] * g
-    longest = templates.range_m[-1]
-    misfit, no_return = (residual**2).sum(axis=1), np.zeros(len(spot))
+    max_index = templates.range_m[-1]
+    misfit, zeros = (residual**2).sum(axis=1), np.zeros(len(spot))
     return Modes(
         spot=spot,
         node=node,
         range_m=np.full(len(spot), np.nan),
         backscatter=beta,
-        log_weight=np.log(EMPTY * longest) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
+        log_weight=np.log(EMPTY * max_index) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
         slope=(g * residual).sum(axis=1),
         curvature=(g * g).sum(axis=1),
-        drift=no_return,
-        variance_m2=no_return,
-        strength=no_return,
-        signal=no_return,
+        drift=zeros,
+        variance_m2=zeros,
+        strength=zeros,
+        signal=zeros,
         misfit=misfit,
     )
 
 
 def _search(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
-) -> tuple[Places, Places, Places]:
+) -> tuple[Indices, Indices, Indices]:
     """Spot, extinction and place in the tables of all minima."""
     guess = expected_backscatter(templates.extinction_per_m)
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
@@ -139,10 +139,10 @@ def _search(
         rho = np.where(beta > 0, rho, ya / aa)
         misfit = (y**2).sum(axis=2) + (prior * guess**2)[:, None] - rho * ya - beta * yg
     range_m = templates.range_m[::SEARCH]
-    misfit = np.where((rho > 0) & (range_m > NEAREST_M), misfit, np.inf)
+    misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
     minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    minimum &= inner < inner.min(axis=-1, keepdims=True) + CUTOFF
+    minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
     spot, node, position = np.nonzero(minimum & usable[:, None, None])
     return spot, node, (position + 1) * SEARCH
 
@@ -151,19 +151,19 @@ def _refine(
     templates: Templates,
     readings: Floats,
     covariance: Floats,
-    spot: Places,
-    node: Places,
-    position: Places,
+    spot: Indices,
+    node: Indices,
+    position: Indices,
     scaled: bool,
 ) -> Modes:
     guess = expected_backscatter(templates.extinction_per_m)[node]
     prior = 1 / (guess * LOG_SIGMA) ** 2
     beta, at = guess, position.astype(np.float64)
-    longest = templates.range_m.size - 2.0
+    max_index = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
     noise = np.zeros((len(spot), *covariance.shape[1:]))
     for step in range(STEPS + 1):
-        below = np.clip(at.astype(int), 0, int(longest))
+        below = np.clip(at.astype(int), 0, int(max_index))
         fraction = (at - below)[:, None]
         target, slope = _between(templates.target, spot, node, below, fraction)
         fog, _ = _between(templates.fog, spot, node, below, fraction)
@@ -190,7 +190,7 @@ def _refine(
         pull = gradient.copy()
         pull[:, 2] += prior * (guess - beta)
         move = solved(regular, pull)
-        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
+        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
         rho = np.maximum(rho + move[:, 1], 1e-9)
         beta = np.maximum(beta + move[:, 2], 0)
     regular = information.copy()
@@ -216,7 +216,7 @@ def _refine(
         signal=rho * np.linalg.norm(target, axis=1),
         misfit=misfit,
     )
-    return result.only((strength > FAINT) & (at > 1) & (at < longest))
+    return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
 
 
 def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
@@ -225,7 +225,7 @@ def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
 
 
 def _between(
-    table: Floats, spot: Places, node: Places, below: Places, fraction: Floats
+    table: Floats, spot: Indices, node: Indices, below: Indices, fraction: Floats
 ) -> tuple[Floats, Floats]:
     """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
     here, there = table[spot, node, :, below], table[spot, node, :, below + 1]

@@ -13,11 +13,11 @@ from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
-from .answer import NARROW_M, ranges_of, statuses
-from .belief import FogBelief, FogSolver
-from .chances import chi_squared_limit, normal_cdf
+from .answer import TOLERANCE_M, ranges_of, statuses
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
+from .fog_state import FogSolver, FogState
 from .modes import find_modes
+from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
 from .templates import (
     EXTINCTIONS_PER_M,
@@ -40,21 +40,21 @@ MANY = 3
 
 
 def charge_solver(
-    spots: CwSpots | PulsedSpots, optics: Optics | None, longest_m: float
+    spots: CwSpots | PulsedSpots, optics: Optics | None, max_range_m: float
 ) -> FogSolver:
     """Solver of one recording's charges; raises InputError as `echo_combinations`."""
     spots.check_noise(4)
-    combine, response = echo_combinations(spots, longest_m)
+    combine, response = echo_combinations(spots, max_range_m)
     if len(combine) == PER_TARGET:
-        return underdetermined_solver(spots, optics, combine, response, longest_m)
+        return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    templates = make_templates(spots, response, longest_m)
+    templates = make_templates(spots, response, max_range_m)
     rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_cdf(-MIN_SIGNAL))
 
     def solve(
-        spots: Spots, belief: FogBelief, brightness: Brightness | None
-    ) -> tuple[Ranges, FogBelief]:
+        spots: Spots, prior: FogState, brightness: Brightness | None
+    ) -> tuple[Ranges, FogState]:
         assert isinstance(spots, CwSpots | PulsedSpots)
         readings = spots.electrons(spots.taps[0])
         variance = spots.variance(readings)
@@ -65,26 +65,26 @@ def charge_solver(
 
         def fit(templates: Templates) -> tuple[Posterior, Posterior]:
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-            given = posterior(modes, belief)
-            return given, with_edges(given, modes, belief, templates, echoes, covariance)
+            estimate = posterior(modes, prior)
+            return estimate, with_edges(estimate, modes, prior, templates, echoes, covariance)
 
-        single, given = fit(templates)
+        single, estimate = fit(templates)
         chance = disagreement(single, len(combine))
         if chance < DOUBTFUL:
             _, other = fit(rough)
             if chance < UNLIKELY:
-                given = _of_a_bank(other, given, odd_spots(single, len(combine)))
+                estimate = _of_a_bank(other, estimate, odd_spots(single, len(combine)))
             else:
-                given = _unless_rough(given, other)
+                estimate = _unless_rough(estimate, other)
         ranges = ranges_of(
-            given.spots,
-            statuses(given, saturated, dark),
+            estimate.spots,
+            statuses(estimate, saturated, dark),
             readings.mean(axis=1),
-            given.fog.optics(EXTINCTIONS_PER_M),
+            estimate.fog.optics(EXTINCTIONS_PER_M),
         )
-        return ranges, given.fog
+        return ranges, estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
+    return FogSolver(FogState.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
 def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
@@ -103,7 +103,7 @@ def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
 
     def same(one: SpotPosterior, other: SpotPosterior) -> bool:
         ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
-        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < NARROW_M
+        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < TOLERANCE_M
 
     spots = (
         one if one.on_edge or same(one, other) else other
@@ -118,24 +118,24 @@ def _squares(echoes: Floats, covariance: Floats) -> Floats:
 
 
 def echo_combinations(
-    spots: CwSpots | PulsedSpots, longest_m: float
+    spots: CwSpots | PulsedSpots, max_range_m: float
 ) -> tuple[Floats, Callable[[Floats], Floats]]:
     """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
 
     With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
     InputError where the laser's light is not known, and where no echo tells anything.
     """
-    reported = spots.response(np.linspace(0, 2 * longest_m, 4001))
-    if np.isnan(reported).any():
+    response_table = spots.response(np.linspace(0, 2 * max_range_m, 4001))
+    if np.isnan(response_table).any():
         raise InputError(
             "the energy of the laser in each reading, or its contrast, is not known (nan), and "
             "ranging in fog needs it: echoes of different readings are compared"
         )
     free = _unmoved(spots.steady)
-    left, strength, _ = np.linalg.svd(free @ reported, full_matrices=False)
+    left, strength, _ = np.linalg.svd(free @ response_table, full_matrices=False)
     if not strength[0] > 0:
         raise InputError(
-            f"no echo from within {longest_m:.3g} m comes into any reading: the times of the "
+            f"no echo from within {max_range_m:.3g} m comes into any reading: the times of the "
             "windows and spots/delay_offset_s cannot be right"
         )
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free

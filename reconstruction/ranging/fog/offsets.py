@@ -22,11 +22,12 @@ from ...base.errors import InputError
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
-from .algebra import inverse, solved
+from ...capture.schema import between
 from .echo_model import EchoModel
-from .modes import LOG_SIGMA, Places, expected_backscatter
+from .modes import LOG_SIGMA, Indices, expected_backscatter
+from .numerics import inverse, solved
 from .of_charge import echo_combinations
-from .solvers import fog_solver
+from .solvers import fog_solver, max_fog_range_m
 from .templates import EXTINCTIONS_PER_M, UNEVENNESS
 from .underdetermined import PER_TARGET
 
@@ -36,7 +37,7 @@ FIRST = UNEVENNESS / 2
 """That with which target and fog are fitted first."""
 STEPS = 4
 """Of Gauss-Newton, from what the method of ranging finds."""
-MAX_STEP_M, MAX_LOG_STEP, DARKEST = 0.05, 0.5, 1e-3
+MAX_STEP_M, MAX_LOG_STEP, MIN_REFLECTANCE = 0.05, 0.5, 1e-3
 """Longest step of a range and of logarithms, and least reflectance."""
 LOG_EXTINCTION = -3.0, 1.5
 """Mean and deviation of ln(extinction in 1/m) beforehand."""
@@ -46,9 +47,9 @@ MODEL_M = 0.01
 """What the echo of the model may be early or late at one spot, beside the others."""
 PARTS = 8
 """Parts of a recording that have to agree."""
-REPORTED = 3.5
+MIN_SIGNIFICANCE = 3.5
 """Standard deviations from which on an offset is told: by chance in one of 500 recordings."""
-MAX = 2
+MAX_SIGNIFICANT = 2
 """Of four spots so many can be told from the others."""
 
 
@@ -81,22 +82,23 @@ class PathOffsets:
 
     offset_m: Floats
     sigma_m: Floats
-    reported: Mask
+    significant: Mask
     frames: int
 
 
-def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvidence | None]:
+def path_check(spots: Spots) -> Callable[[Spots], OffsetEvidence | None]:
     """Evidence of each frame of a recording; None of those with fewer than two ranges.
 
     Raises InputError as `fog_solver`, and of histograms, whose offsets are not looked for.
     """
     if not isinstance(spots, CwSpots | PulsedSpots):
         raise InputError("offsets of paths are told from taps and windows, not from histograms")
-    prior, solve = fog_solver(spots, longest_m)
-    combine, response = echo_combinations(spots, longest_m)
+    prior, solve = fog_solver(spots)
+    max_range_m = max_fog_range_m(spots)
+    combine, response = echo_combinations(spots, max_range_m)
     if len(combine) <= PER_TARGET:
         return lambda spots: None
-    model = EchoModel(spots, response, longest_m)
+    model = EchoModel(spots, response, max_range_m)
 
     def find(spots: Spots) -> OffsetEvidence | None:
         assert isinstance(spots, CwSpots | PulsedSpots)
@@ -105,7 +107,7 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
         if seen.size < 2:
             return None
         readings = spots.electrons(spots.taps[0])
-        node = int(fog.fraction[1:].argmax()) + 1  # the first is clear air
+        node = int(fog.probability[1:].argmax()) + 1  # the first is clear air
         log_fog = np.array([fog.log_median[node], np.log(EXTINCTIONS_PER_M[node])])
         return _evidence(
             model,
@@ -119,29 +121,36 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
     return find
 
 
-def path_offsets(result: Sequence[OffsetEvidence | None]) -> PathOffsets:
+def measure_path_offsets(spots: Spots) -> PathOffsets:
+    """Estimate the offsets from all frames of a recording; raises InputError as `path_check`."""
+    find = path_check(between(spots, 0, 0))
+    frames = range(len(spots.readings))
+    return path_offsets([find(between(spots, frame, frame + 1)) for frame in frames])
+
+
+def path_offsets(frames: Sequence[OffsetEvidence | None]) -> PathOffsets:
     """What frames, in their order, tell together."""
-    reported = [each for each in result if each is not None]
-    if not reported:
+    evidence = [each for each in frames if each is not None]
+    if not evidence:
         return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
-    uneven = int(np.sum([each.log for each in reported], axis=0).argmax())
-    score = np.array([each.score[uneven] for each in reported])
-    information = np.array([each.information[uneven] for each in reported])
+    uneven = int(np.sum([each.log for each in evidence], axis=0).argmax())
+    score = np.array([each.score[uneven] for each in evidence])
+    information = np.array([each.information[uneven] for each in evidence])
     covariance = inverse((information.sum(axis=0) + np.eye(4) / UNKNOWN_M**2)[None])[0]
     offset_m = covariance @ score.sum(axis=0)
-    parts = np.linspace(0, len(reported), min(PARTS, len(reported)), endpoint=False).astype(int)
+    parts = np.linspace(0, len(evidence), min(PARTS, len(evidence)), endpoint=False).astype(int)
     growth = max(
         1.0,
         _scatter(score, information, offset_m),
         _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
-        _in_common(reported, uneven),
+        _in_common(evidence, uneven),
     )
     off = np.zeros(4, bool)
     while True:
         beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
         away = np.where(off, 0, np.abs(beside_m) / sigma_m)
-        if away.max() < REPORTED or off.sum() == MAX:
-            return PathOffsets(beside_m, sigma_m, off, len(reported))
+        if away.max() < MIN_SIGNIFICANCE or off.sum() == MAX_SIGNIFICANT:
+            return PathOffsets(beside_m, sigma_m, off, len(evidence))
         off[away.argmax()] = True
 
 
@@ -166,14 +175,14 @@ def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
     return float(np.sqrt(squares / (3 * (len(score) - 1))))
 
 
-def _in_common(reported: Sequence[OffsetEvidence], uneven: int) -> float:
+def _in_common(evidence: Sequence[OffsetEvidence], uneven: int) -> float:
     """Of what all frames leave in common, its size over what noise would leave.
 
     Patches of fog that stand still are one draw, however many frames they are in.
     """
-    left = np.sum([each.left[uneven] for each in reported], axis=0)
-    noise = np.sum([each.noise[uneven] for each in reported], axis=0)
-    expected = np.sum([each.expected[uneven] for each in reported], axis=0)
+    left = np.sum([each.left[uneven] for each in evidence], axis=0)
+    noise = np.sum([each.noise[uneven] for each in evidence], axis=0)
+    expected = np.sum([each.expected[uneven] for each in evidence], axis=0)
     seen = noise.any(axis=(1, 2))
     left, noise, expected = left[seen], noise[seen], expected[seen]
     squares = (left * np.linalg.solve(noise, left[..., None])[..., 0]).sum()
@@ -185,7 +194,7 @@ def _evidence(
     model: EchoModel,
     readings: Floats,
     covariance: Floats,
-    spots: Places,
+    spots: Indices,
     range_m: Floats,
     log_fog: Floats,
 ) -> OffsetEvidence:
@@ -200,7 +209,7 @@ def _evidence(
     left, jacobian, _ = _around(model, readings, spots, at)
     for row in range(spots.size):
         target = jacobian[row, :, 3 + 3 * row]
-        at[3 + 3 * row] = max(left[row] @ target / (target @ target), DARKEST)
+        at[3 + 3 * row] = max(left[row] @ target / (target @ target), MIN_REFLECTANCE)
     for step in range(STEPS + 1):
         left, jacobian, uneven = _around(model, readings, spots, at)
         if step == STEPS:
@@ -211,7 +220,7 @@ def _evidence(
         move[:2] = np.clip(move[:2], -MAX_LOG_STEP, MAX_LOG_STEP)
         move[2::3] = np.clip(move[2::3], -MAX_STEP_M, MAX_STEP_M)
         at = at + move
-        at[3::3] = np.maximum(at[3::3], DARKEST)
+        at[3::3] = np.maximum(at[3::3], MIN_REFLECTANCE)
     result = [
         _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at, spots)
         for unevenness in UNEVENNESSES
@@ -220,7 +229,7 @@ def _evidence(
 
 
 def _around(
-    model: EchoModel, readings: Floats, spots: Places, at: Floats
+    model: EchoModel, readings: Floats, spots: Indices, at: Floats
 ) -> tuple[Floats, Floats, Floats]:
     """What is left of readings, its slopes (m, n, p), and the noise of fog as uneven as dense."""
     jacobian = np.zeros((*readings.shape, at.size))
@@ -256,7 +265,7 @@ def _normal(
 
 
 def _of_offsets(
-    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Places
+    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Indices
 ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
     """Fields of `OffsetEvidence` for one unevenness."""
     information, gradient, log = _normal(left, jacobian, noise, at)
@@ -281,7 +290,7 @@ def _of_offsets(
     )
 
 
-def _of_four(values: Floats, spots: Places) -> Floats:
+def _of_four(values: Floats, spots: Indices) -> Floats:
     """Values (m, ...) of some spots among those of all four (4, ...), nothing elsewhere."""
     every = np.zeros((4, *values.shape[1:]))
     every[spots] = values

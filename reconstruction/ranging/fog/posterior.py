@@ -10,7 +10,7 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ..ranges import MIN_SIGNAL, Alternative
-from .belief import FogBelief
+from .fog_state import FogState
 from .modes import Modes
 
 GRID = np.geomspace(1e-6, 0.1, 96)
@@ -52,27 +52,27 @@ class Posterior:
     """What is known of four ranges, and of the fog."""
 
     spots: tuple[SpotPosterior, ...]
-    fog: FogBelief
+    fog: FogState
 
 
-def posterior(modes: Modes, belief: FogBelief) -> Posterior:
+def posterior(modes: Modes, prior: FogState) -> Posterior:
     """Posterior of the modes of all spots, and of the fog of which so much is held beforehand."""
     if not modes.spot.size:
-        return Posterior((SpotPosterior(),) * 4, belief)
+        return Posterior((SpotPosterior(),) * 4, prior)
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
     beta = GRID
-    weight, by_mode = _weighted(modes, belief, beta)
+    weight, by_mode = _weighted(modes, prior, beta)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
-        weight, by_mode = _weighted(modes, belief, beta)
+        weight, by_mode = _weighted(modes, prior, beta)
     total = by_mode.sum(axis=1)
     moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (by_mode * moved).sum(axis=1) / total
-        spread = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
-    variance = modes.variance_m2 + spread
+        drift_variance = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
+    variance = modes.variance_m2 + drift_variance
     seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
 
     def of(spot: int) -> SpotPosterior:
@@ -93,16 +93,16 @@ def posterior(modes: Modes, belief: FogBelief) -> Posterior:
 
     return Posterior(
         spots=tuple(of(spot) for spot in range(4)),
-        fog=belief.updated(weight, beta),
+        fog=prior.update(weight, beta),
     )
 
 
-def _weighted(modes: Modes, belief: FogBelief, beta: Floats) -> tuple[Floats, Floats]:
+def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:
     """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
     offset = beta - modes.backscatter[:, None]
     log = modes.log_weight[:, None] + modes.slope[:, None] * offset
     log -= modes.curvature[:, None] * offset**2 / 2
-    fog = belief.log_density(beta)
+    fog = prior.log_density(beta)
     # Every usable spot has modes at every extinction, in this order.
     changes = np.diff(modes.node, prepend=-1) != 0
     starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
@@ -122,8 +122,8 @@ def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative,
     order = seen[np.argsort(mean[seen])]
     mean, variance, weight = mean[order], variance[order], weight[order]
     sigma = SPREAD * np.sqrt(variance)
-    reach = np.maximum.accumulate(mean + sigma)
-    starts = np.concatenate([[True], (mean - sigma)[1:] > reach[:-1]])
+    max_reach = np.maximum.accumulate(mean + sigma)
+    starts = np.concatenate([[True], (mean - sigma)[1:] > max_reach[:-1]])
     group = np.cumsum(starts) - 1
     total = np.bincount(group, weight)
     centre = np.bincount(group, weight * mean) / total

@@ -15,7 +15,7 @@ from ...capture import Optics
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import bucket_optics
-from .modes import Places
+from .modes import Indices
 from .overlap import overlap, path_lengths
 from .templates import PATCH_STEP, STEP_M, make_templates
 
@@ -23,7 +23,7 @@ STRIDE = 8
 """Steps of the templates between ranges where roots are looked for."""
 OUTSIDE = 2.0
 """Steps by which a root may lie beside the one that it was found in, as amplitudes bend."""
-DARKEST = 1e-12
+MIN_REFLECTANCE = 1e-12
 """Least reflectance."""
 BEYOND = 0.05
 """Prior probability of a target that is as far again as phases tell apart, and looks near: that of
@@ -41,9 +41,9 @@ class Roots:
     readings. A pixel has ``pixel_surface`` electrons of the target and ``pixel_veil`` of the fog.
     """
 
-    spot: Places
-    node: Places
-    draw: Places
+    spot: Indices
+    node: Indices
+    draw: Indices
     range_m: Floats
     noise_m2: Floats
     reading_m2: Floats
@@ -67,7 +67,7 @@ class Symmetric:
         """Those of an array (..., 2, 2)."""
         return cls(matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1])
 
-    def at(self, index: Places) -> "Symmetric":
+    def at(self, index: Indices) -> "Symmetric":
         """Some of those along one axis."""
         return Symmetric(self.xx[index], self.xy[index], self.yy[index])
 
@@ -106,12 +106,12 @@ class RootTables:
         spots: CwSpots | PulsedSpots,
         optics: Optics | None,
         response: Callable[[Floats], Floats],
-        longest_m: float,
+        max_range_m: float,
         extinctions_per_m: Floats,
     ) -> None:
-        self._longest_m = longest_m
-        max_range_m = longest_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
-        made = make_templates(spots, response, max_range_m, extinctions_per_m)
+        self._max_range_m = max_range_m
+        ends_m = max_range_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
+        made = make_templates(spots, response, ends_m, extinctions_per_m)
         self.range_m = made.range_m
         self._shape = made.target.shape[:2]
         target, fog = (table.swapaxes(0, 2).swapaxes(1, 2) for table in (made.target, made.fog))
@@ -162,7 +162,7 @@ class RootTables:
         square = target_x**2 + target_y**2
         size = np.sqrt(square)
         along = (x - beta * fog_x) * target_x + (y - beta * fog_y) * target_y
-        reflectance = np.maximum(along / square, DARKEST)
+        reflectance = np.maximum(along / square, MIN_REFLECTANCE)
         # A target farther off has more fog in front of it, too.
         farther_x = reflectance * slope_x + np.pi * beta * target_x
         farther_y = reflectance * slope_y + np.pi * beta * target_y
@@ -176,9 +176,9 @@ class RootTables:
             noise_m2, reading_m2 = (
                 each.variance(-unit_y, unit_x) * stretch for each in (noise, reading)
             )
-            log_prior = log_density(reflectance) - np.log(jacobian * self._longest_m)
+            log_prior = log_density(reflectance) - np.log(jacobian * self._max_range_m)
         range_m = self.range_m[at] + fraction * STEP_M
-        log_prior += np.where(range_m > self._longest_m, np.log(BEYOND), np.log(1 - BEYOND))
+        log_prior += np.where(range_m > self._max_range_m, np.log(BEYOND), np.log(1 - BEYOND))
         return Roots(
             spot=spot,
             node=node,
@@ -195,7 +195,7 @@ class RootTables:
 
     def _crossings(
         self, pairs: Floats, backscatter: Floats
-    ) -> tuple[Places, Places, Places, Places]:
+    ) -> tuple[Indices, Indices, Indices, Indices]:
         """Spot, node and draw of each root, and the step of the tables before it.
 
         Between two ranges nothing crosses 0 for any backscattering if it does not for the least and
@@ -216,7 +216,7 @@ class RootTables:
         here = table * across.shape[-1] + cell
         beta = backscatter.T[:, table % self._shape[1]]  # (B, cells)
 
-        def at(position: Places, whole: Floats, echo: Floats) -> Floats:
+        def at(position: Indices, whole: Floats, echo: Floats) -> Floats:
             return np.asarray(whole.ravel()[position] - beta * echo.ravel()[position])
 
         before, behind = (at(here + end, across, self._echo_across) for end in (0, 1))

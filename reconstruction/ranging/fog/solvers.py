@@ -1,17 +1,38 @@
 """From the readings of a frame and what is held of the fog to ranges, and what is held then."""
 
+import numpy as np
+
+from ...base.constants import c
 from ...base.errors import InputError
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
-from .belief import FogSolver
-from .modes import NEAREST_M
+from ..ranges import MAX_FOG_RANGE_M
+from ..unwrap import unambiguous_path_m
+from .fog_state import FogSolver
+from .modes import MIN_RANGE_M
 from .of_charge import charge_solver
 from .overlap import require_optics
 
 
-def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> FogSolver:
+def unambiguous_range_m(spots: Spots) -> float:
+    """Range beyond which an echo falls outside the readings or looks nearer than it is."""
+    if isinstance(spots, CwSpots):
+        return unambiguous_path_m(np.unique(spots.tap_frequencies_hz)) / 2
+    if isinstance(spots, HistogramSpots):
+        gate_s = spots.start_s + spots.counts.shape[-1] * spots.bin_width_s
+        return float(c * (gate_s - spots.delay_offset_s) / 2)
+    assert isinstance(spots, PulsedSpots)
+    return float(c * (spots.window_starts_s[-1] - spots.delay_offset_s) / 2)
+
+
+def max_fog_range_m(spots: Spots) -> float:
+    """Range up to which fog ranging looks for targets."""
+    return min(unambiguous_range_m(spots), MAX_FOG_RANGE_M)
+
+
+def fog_solver(spots: Spots, optics: Optics | None = None) -> FogSolver:
     """Solver of one recording's readings, of targets up to a range.
 
     Of its ``optics`` only readings that tell fog and target badly apart make use.
@@ -20,15 +41,16 @@ def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> 
     much light the lasers send, or where its readings tell of no range at all.
     """
     require_optics(spots)
-    if longest_m <= NEAREST_M:
+    max_range_m = max_fog_range_m(spots)
+    if max_range_m <= MIN_RANGE_M:
         raise InputError(
-            f"the spots' readings tell of ranges up to {longest_m:.3g} m, and ranging in fog "
-            f"begins at {NEAREST_M} m: their frequencies, or times and delay_offset_s, cannot be "
+            f"the spots' readings tell of ranges up to {max_range_m:.3g} m, and ranging in fog "
+            f"begins at {MIN_RANGE_M} m: their frequencies, or times and delay_offset_s, cannot be "
             "right"
         )
     if isinstance(spots, HistogramSpots):
         from .of_histograms import histogram_solver  # slow to import
 
-        return histogram_solver(spots, longest_m)
+        return histogram_solver(spots, max_range_m)
     assert isinstance(spots, CwSpots | PulsedSpots)
-    return charge_solver(spots, optics, longest_m)
+    return charge_solver(spots, optics, max_range_m)

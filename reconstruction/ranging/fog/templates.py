@@ -58,19 +58,19 @@ class Templates:
 def make_templates(
     optics: SpotOptics,
     response: Callable[[Floats], Floats],
-    longest_m: float,
+    max_range_m: float,
     extinctions_per_m: Floats = EXTINCTIONS_PER_M,
 ) -> Templates:
     """Tables up to a range; ``response`` gives readings (n, ...) of all light by its path (...)."""
-    fine_m = np.arange(STEP_M / INTEGRATION_STEPS, longest_m, STEP_M / INTEGRATION_STEPS)
-    coarse_m = np.arange(0.0, longest_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
+    fine_m = np.arange(STEP_M / INTEGRATION_STEPS, max_range_m, STEP_M / INTEGRATION_STEPS)
+    coarse_m = np.arange(0.0, max_range_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
     weight = np.array([np.interp(fine_m, coarse_m, w) for w in overlap(optics, coarse_m)[0]])
     path_m = path_lengths(optics, fine_m)
-    reported = np.stack([response(path) for path in path_m])  # (4, n, fine)
+    kernel = np.stack([response(path) for path in path_m])  # (4, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
     for extinction in extinctions_per_m:
-        seen = (weight * np.exp(-extinction * path_m))[:, None] * reported
+        seen = (weight * np.exp(-extinction * path_m))[:, None] * kernel
         density = seen * (STEP_M / INTEGRATION_STEPS)
         target.append(seen[..., keep] / np.pi)
         fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep])

@@ -5,7 +5,7 @@ from ...base.registry import Registry
 from ...capture import Spots
 from ...capture.schema import between
 from ..method import RangingMethod
-from ..ranges import LONGEST_IN_FOG_M, Ranges
+from ..ranges import MAX_FOG_RANGE_M, Ranges
 
 RANGING_METHODS: Registry[RangingMethod] = Registry(
     "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
@@ -40,7 +40,7 @@ def usual_rangings(spots: Spots) -> tuple[str, ...]:
     """
     fog = RANGING_METHODS["fog"]
     clear = spots.clear_probability == 1
-    if not clear and reads("fog", spots) and fog.unambiguous_range_m(spots) <= LONGEST_IN_FOG_M:
+    if not clear and reads("fog", spots) and fog.unambiguous_range_m(spots) <= MAX_FOG_RANGE_M:
         return "fog", spots.method
     return (spots.method,)
 

@@ -9,7 +9,7 @@ from ...capture import Optics, Spots
 from ..brightness import Brightness
 from ..fog.solvers import fog_solver
 from ..method import RangingSolver
-from ..ranges import LONGEST_IN_FOG_M, Ranges
+from ..ranges import Ranges
 from .fog import Fog
 
 
@@ -21,14 +21,13 @@ class FogCarried(Fog):
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""
-        longest_m = min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M)
-        prior, solver = fog_solver(spots, longest_m, optics)
-        belief = prior
+        prior, solver = fog_solver(spots, optics)
+        predicted = prior
 
         def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
-            nonlocal belief
-            ranges, after = solver(spots, belief, brightness)
-            belief = after.predict(prior)
+            nonlocal predicted
+            ranges, posterior = solver(spots, predicted, brightness)
+            predicted = posterior.predict(prior)
             return ranges
 
         return solve

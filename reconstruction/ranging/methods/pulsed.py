@@ -47,7 +47,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     taken = np.stack([np.zeros_like(first), first, first + 1], axis=1)
     electrons = np.take_along_axis(every, taken, axis=1)
     variance = np.take_along_axis(spots.variance(every), taken, axis=1)
-    fraction, signal, sigma = fraction_in_second(electrons, variance)
+    fraction, signal, sigma = second_window_fraction(electrons, variance)
     delay = spots.window_starts_s[first] + fraction * spots.pulse_width_s - spots.delay_offset_s
     echoes = electrons[:, 1:] - electrons[:, :1]
     in_each = echoes > MIN_SIGNAL * np.sqrt(variance[:, 1:] + variance[:, :1])
@@ -64,7 +64,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     return ranges_from_paths(paths, spots)
 
 
-def fraction_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
+def second_window_fraction(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
     """Share r of the pulse in the second window, its whole signal s, and the deviation of r.
 
     Each (...,), from background, first and second window (..., 3) and their variances, carried to

@@ -27,13 +27,13 @@ CHANGE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class FogBelief:
-    """Probabilities ``fraction`` (K,) of extinctions, and for each log-normal backscattering.
+class FogState:
+    """Probabilities ``probability`` (K,) of extinctions, and for each log-normal backscattering.
 
     ``log_median`` and ``log_sigma`` (K,) of backscattering in 1 / (m sr).
     """
 
-    fraction: Floats
+    probability: Floats
     log_median: Floats
     log_sigma: Floats
 
@@ -45,34 +45,38 @@ class FogBelief:
         """
         stated = weather.clear_probability
         clear = unstated if np.isnan(stated) else np.clip(stated, IMPOSSIBLE, 1 - IMPOSSIBLE)
-        fraction = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
-        fraction[0] = clear
+        probability = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
+        probability[0] = clear
         if not np.isnan(weather.visibility_m):
             # Over the likeliest: visibilities beyond the extinctions are at their ends.
             away = np.log(extinction_per_m * weather.visibility_m / KOSCHMIEDER)
             log = -((away / VISIBILITY_LOG_SIGMA) ** 2) / 2
-            fraction = np.exp(log - log.max()) + IMPOSSIBLE
-            fraction /= fraction.sum()
+            probability = np.exp(log - log.max()) + IMPOSSIBLE
+            probability /= probability.sum()
         median = np.log(expected_backscatter(extinction_per_m))
-        return cls(fraction, median, np.full(fraction.size, LOG_SIGMA))
+        return cls(probability, median, np.full(probability.size, LOG_SIGMA))
 
     @property
     def log_backscatter_sigma(self) -> float:
         """Standard deviation of the logarithm of backscattering."""
-        mean = self.fraction @ self.log_median
-        return float(np.sqrt(self.fraction @ (self.log_sigma**2 + (self.log_median - mean) ** 2)))
+        mean = self.probability @ self.log_median
+        return float(
+            np.sqrt(self.probability @ (self.log_sigma**2 + (self.log_median - mean) ** 2))
+        )
 
     def log_ratio(self, unstated: float) -> Floats:
         """Logarithm (K,) of the probabilities over those where nothing is stated."""
-        no_return = np.full(self.fraction.size, (1 - unstated) / (self.fraction.size - 1))
-        no_return[0] = unstated
-        return np.log(np.maximum(self.fraction, 1e-300) / no_return)
+        unstated_probability = np.full(
+            self.probability.size, (1 - unstated) / (self.probability.size - 1)
+        )
+        unstated_probability[0] = unstated
+        return np.log(np.maximum(self.probability, 1e-300) / unstated_probability)
 
     def optics(self, extinction_per_m: Floats) -> FogOptics:
         """The fog itself, of the extinctions (K,) that have these probabilities."""
         return FogOptics(
-            extinction_per_m=float(self.fraction @ extinction_per_m),
-            backscatter_per_m_sr=float(np.exp(self.fraction @ self.log_median)),
+            extinction_per_m=float(self.probability @ extinction_per_m),
+            backscatter_per_m_sr=float(np.exp(self.probability @ self.log_median)),
             log_sigma=self.log_backscatter_sigma,
         )
 
@@ -81,33 +85,33 @@ class FogBelief:
         log = np.log(backscatter)
         away = (log - self.log_median[:, None]) / self.log_sigma[:, None]
         cells = np.log(np.gradient(log)) - np.log(self.log_sigma)[:, None]
-        return np.asarray(np.log(self.fraction)[:, None] + cells - away**2 / 2)
+        return np.asarray(np.log(self.probability)[:, None] + cells - away**2 / 2)
 
-    def updated(self, weight: Floats, backscatter: Floats) -> Self:
+    def update(self, weight: Floats, backscatter: Floats) -> Self:
         """What is held after readings that gave backscattering (B,) or (K, B) weights (K, B)."""
-        fraction = weight.sum(axis=1)
+        probability = weight.sum(axis=1)
         log = np.log(backscatter)
-        within = weight / np.maximum(fraction, 1e-300)[:, None]
+        within = weight / np.maximum(probability, 1e-300)[:, None]
         mean = (within * log).sum(axis=1)
         sigma = np.sqrt(np.maximum((within * log**2).sum(axis=1) - mean**2, 1e-12))
-        valid = fraction > 1e-12
+        valid = probability > 1e-12
         return type(self)(
-            fraction=fraction,
+            probability=probability,
             log_median=np.where(valid, mean, self.log_median),
             log_sigma=np.where(valid, sigma, self.log_sigma),
         )
 
     def predict(self, prior: Self) -> Self:
         """What is held a frame later, of fog that drifts and, rarely, is another one."""
-        drifted = np.hypot(self.log_sigma, DRIFT)
-        fraction = (1 - CHANGE) * self.fraction + CHANGE * prior.fraction
+        predicted_sigma = np.hypot(self.log_sigma, DRIFT)
+        probability = (1 - CHANGE) * self.probability + CHANGE * prior.probability
         # Neighbouring extinctions come of what is held, not only of rare changes.
         spread = np.convolve(
-            np.pad(fraction, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
+            np.pad(probability, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
         )
-        mixed = CHANGE * prior.fraction / np.maximum(fraction, 1e-300)
+        mixed = CHANGE * prior.probability / np.maximum(probability, 1e-300)
         median = (1 - mixed) * self.log_median + mixed * prior.log_median
-        variance = (1 - mixed) * drifted**2 + mixed * prior.log_sigma**2
+        variance = (1 - mixed) * predicted_sigma**2 + mixed * prior.log_sigma**2
         variance += mixed * (1 - mixed) * (self.log_median - prior.log_median) ** 2
         return type(self)(spread / spread.sum(), median, np.sqrt(variance))
 
@@ -115,5 +119,5 @@ class FogBelief:
 class FogSolver(NamedTuple):
     """A recording's prior of the fog, and what makes of it and a frame ranges and a posterior."""
 
-    prior: FogBelief
-    solve: Callable[[Spots, FogBelief, Brightness | None], tuple[Ranges, FogBelief]]
+    prior: FogState
+    solve: Callable[[Spots, FogState, Brightness | None], tuple[Ranges, FogState]]
