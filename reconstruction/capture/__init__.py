@@ -1,7 +1,7 @@
-"""The capture file that rig and simulator share: one recording, its frames, its truth."""
+"""The capture file that rig and simulator share: a recording, its frames and its truth."""
 
 from .buckets import Buckets, Unit
-from .charge import Charge, check_taps
+from .charge import Charge, PatternTaps, check_taps
 from .file import (
     CaptureFile,
     datasets,
@@ -24,7 +24,6 @@ from .model import (
     check_frames,
     check_parts,
 )
-from .pattern_taps import PatternTaps
 from .readings import READINGS
 from .readings.cw import CwSpots
 from .readings.dtof import HistogramSpots

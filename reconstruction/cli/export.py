@@ -10,11 +10,11 @@ from ..base.errors import InputError
 from ..base.text import json_line, printable
 from ..capture import CaptureFile
 from ..exports import (
+    DEFAULT_EXPORT,
     EXPORTS,
-    USUAL,
-    Place,
-    Placed,
+    PoseSource,
     Shot,
+    TimestampedPose,
     check_export,
     export_format,
     frames_in,
@@ -25,7 +25,7 @@ from ..exports import (
 from .reconstruct import OVERWRITE, STATIONS, WEATHER, names
 
 EXAMPLE = "python -m reconstruction export flight.h5 -o flight.mcap"
-TELL_EVERY_S = 5.0
+PROGRESS_EVERY_S = 5.0
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -38,7 +38,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--format",
-        help=f"{', '.join(EXPORTS)}; without it {USUAL}, or what the ending of OUT tells",
+        help=f"{', '.join(EXPORTS)}; without it {DEFAULT_EXPORT}, or what the ending of OUT tells",
     )
     parser.add_argument(
         "--poses",
@@ -59,32 +59,32 @@ def run(options: argparse.Namespace) -> None:
     inputs = [*options.captures, *([] if options.poses is None else [options.poses])]
     check_export(form, options.output, inputs, overwrite=options.overwrite)
     frames = frames_in(options.captures)
-    position = _nowhere if options.poses is None else _in_turn(options.poses, frames)
+    pose_source = _no_pose if options.poses is None else _in_turn(options.poses, frames)
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    shots = shots_of(options.captures, position, methods, options.weather)
-    write_export(form, _reported(shots, frames), options.output)
+    shots = shots_of(options.captures, pose_source, methods, options.weather)
+    write_export(form, _with_progress(shots, frames), options.output)
     if options.json:
         print(json_line({"written": str(options.output), "frames": frames}))
     else:
         print(printable(f"wrote {frames} frame(s) to {options.output}"))
 
 
-def _nowhere(capture: CaptureFile | None, frame: int) -> None:
+def _no_pose(capture: CaptureFile | None, frame: int) -> None:
     """No pose is known."""
 
 
-def _in_turn(file: Path, frames: int) -> Place:
-    placed = read_poses(file)
-    if len(placed) != frames:
-        raise InputError(f"{file}: {len(placed)} poses of {frames} frames; one for each is needed")
-    rows: Iterator[Placed] = iter(placed)
+def _in_turn(file: Path, frames: int) -> PoseSource:
+    poses = read_poses(file)
+    if len(poses) != frames:
+        raise InputError(f"{file} has {len(poses)} poses for {frames} frames; one each is needed")
+    rows: Iterator[TimestampedPose] = iter(poses)
     return lambda capture, frame: next(rows)
 
 
-def _reported(shots: Iterable[Shot], frames: int) -> Iterator[Shot]:
-    reported_s = time.monotonic()
+def _with_progress(shots: Iterable[Shot], frames: int) -> Iterator[Shot]:
+    printed_s = time.monotonic()
     for number, shot in enumerate(shots):
-        if number and time.monotonic() - reported_s > TELL_EVERY_S:
-            reported_s = time.monotonic()
+        if number and time.monotonic() - printed_s > PROGRESS_EVERY_S:
+            printed_s = time.monotonic()
             print(f"{number} of {frames} frames", file=sys.stderr)
         yield shot

@@ -45,13 +45,13 @@ EXAMPLE = (
     "python -m reconstruction import car.mat -o car.h5 --shape 32x32 --variable data "
     "--order auto --untrusted 0"
 )
-SURE = 0.95
+MIN_SURE = 0.95
 """Probability from which on a layout is told without a warning."""
-MANY_TAPS = 16
+MIN_TAPS = 16
 """Four of each of four spots: images of as few pixels are rare."""
 PATTERNS = ("patterns_variable", "factors", "rows", "frequencies", "order", "polarity", "patterns")
 """Options that tell which patterns were shown."""
-MAX_REPORTED, MIN_REPORTED = 3, 1e-3
+MAX_CANDIDATES, MIN_PROBABILITY = 3, 1e-3
 """Layouts that are told, and the least probability."""
 
 
@@ -240,10 +240,10 @@ def _recording(options: argparse.Namespace) -> Recording:
 
 def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None:
     """InputError where readings of patterns may as well be taps of spots."""
-    reported = any(getattr(options, name) is not None for name in PATTERNS)
-    small = 0 < options.shape[0] * options.shape[1] <= MANY_TAPS
+    patterns_named = any(getattr(options, name) is not None for name in PATTERNS)
+    small = 0 < options.shape[0] * options.shape[1] <= MIN_TAPS
     by_spot = readings.ndim < 2 or readings.shape[-1] % 4 == 0
-    if small and not reported and by_spot and readings.size % MANY_TAPS == 0:
+    if small and not patterns_named and by_spot and readings.size % MIN_TAPS == 0:
         raise InputError(
             f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
             f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
@@ -337,12 +337,15 @@ def _recognised(
         counts = np.column_stack([counts, np.full(len(counts), options.dark)])
     trusted = counts.astype(np.float64)
     trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
-    result = recognise(trusted, shape, options.polarity)
-    layout, probability = result[0][:2]
-    for position, candidate in enumerate(result[:MAX_REPORTED]):
-        if position == 0 or candidate.probability >= MIN_REPORTED:
-            print(printable(_reported(candidate)), file=sys.stderr if options.json else sys.stdout)
-    if probability < SURE:
+    candidates = recognise(trusted, shape, options.polarity)
+    layout, probability = candidates[0][:2]
+    for rank, candidate in enumerate(candidates[:MAX_CANDIDATES]):
+        if rank == 0 or candidate.probability >= MIN_PROBABILITY:
+            print(
+                printable(_candidate_line(candidate)),
+                file=sys.stderr if options.json else sys.stdout,
+            )
+    if probability < MIN_SURE:
         print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
     if layout.polarity == UNLIT:
         dark = dark_estimate(layout.plan, trusted[0])
@@ -354,9 +357,9 @@ def _recognised(
     return Recording(counts, layout.plan)
 
 
-def _reported(candidate: Candidate) -> str:
-    fraction = f"{100 * candidate.probability:.1f}"
-    return f"{candidate.layout}: {'over 99.9' if fraction == '100.0' else fraction} % sure"
+def _candidate_line(candidate: Candidate) -> str:
+    percent = f"{100 * candidate.probability:.1f}"
+    return f"{candidate.layout}: {'over 99.9' if percent == '100.0' else percent} % sure"
 
 
 def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:

@@ -26,7 +26,7 @@ SINKS = (
     "SOURCE (results), window"
 )
 
-REPORTED_S = 1.0
+MIN_WAIT_S = 1.0
 """What is waited for is told when it has taken so long."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
@@ -79,11 +79,11 @@ def run(options: argparse.Namespace) -> None:
         recorders=[each.frame for each in detached],
         counts=counts,
     )
-    teller = _Teller(detached, quiet=options.quiet)
+    printer = _StatusPrinter(detached, quiet=options.quiet)
     loop = Loop(
         reception,
-        results=[teller.result, *(each.result for each in detached)],
-        states=[teller.state, *(each.state for each in detached)],
+        results=[printer.result, *(each.result for each in detached)],
+        states=[printer.state, *(each.state for each in detached)],
         image=names(options.image),
         ranging=names(options.ranging),
         depth=names(options.depth),
@@ -151,7 +151,7 @@ def _is_capture(path: Path) -> bool:
     return path.suffix.lower() in (".h5", ".hdf5") or path.is_dir()
 
 
-class _Teller:
+class _StatusPrinter:
     """Tells people how the stream is."""
 
     def __init__(self, detached: list[Detached], *, quiet: bool) -> None:
@@ -183,9 +183,9 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
-        if state.waiting_s >= REPORTED_S:
+        if state.waiting_s >= MIN_WAIT_S:
             yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
-        yield from (each for each in (_amiss(state), state.trouble) if each)
+        yield from (each for each in (_fault_counts(state), state.trouble) if each)
         for each in self._detached:
             if each.trouble is not None:
                 yield each.trouble
@@ -194,15 +194,14 @@ class _Teller:
 
 
 def _why(state: State) -> str:
-    reported = [each for each in (state.trouble, _amiss(state)) if each]
-    return f": {'; '.join(reported)}" if reported else ""
+    reasons = [each for each in (state.trouble, _fault_counts(state)) if each]
+    return f": {'; '.join(reasons)}" if reasons else ""
 
 
-def _amiss(state: State) -> str:
+def _fault_counts(state: State) -> str:
     """Counts that had better be 0."""
     counts = vars(state.counts).items()
-    reported = {name: value for name, value in counts if value and name not in EXPECTED}
-    return ", ".join(f"{name} {value}" for name, value in reported.items())
+    return ", ".join(f"{name} {value}" for name, value in counts if value and name not in EXPECTED)
 
 
 def _window(text: str) -> int:

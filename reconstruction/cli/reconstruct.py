@@ -78,21 +78,21 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
     if options.order is not None and options.patterns is None:
         raise InputError("--order goes with --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    before = warm_up_frames(options.frame, methods["image"], methods["ranging"])
+    warm_up = warm_up_frames(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
         check_frames(options.frame, options.frame + 1, file.frames)
-        recording = capture = file.capture(options.frame - before, options.frame + 1)
+        recording = capture = file.capture(options.frame - warm_up, options.frame + 1)
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
         result = reconstruct(
-            capture, before, **methods, weather=options.weather, min_free=options.min_free
+            capture, warm_up, **methods, weather=options.weather, min_free=options.min_free
         )
     # However many of its patterns are used, it is a result of this recording.
-    digest = recording.frame(before).digest(recording.setup)
+    digest = recording.frame(warm_up).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
-    warnings = capture_warnings(capture, before, result.ranges)
+    warnings = capture_warnings(capture, warm_up, result.ranges)
     warnings += result.warnings
     for warning in warnings:
         print(printable(shortened(f"warning: {warning}")), file=sys.stderr)
@@ -102,7 +102,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
         report = _report(result, capture) | {"depths_left_out": unsuited}
         print(json_line(report | {"warnings": warnings, "files": written}))
     else:
-        for line in _reported(result, capture, unsuited, files):
+        for line in _lines(result, capture, unsuited, files):
             print(printable(line))
 
 
@@ -154,7 +154,7 @@ def _coverage(result: Result) -> dict[str, float]:
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
-def _reported(
+def _lines(
     result: Result, capture: Capture, unsuited: dict[str, str], files: dict[str, Path]
 ) -> Iterator[str]:
     plan = capture.plan
@@ -166,7 +166,7 @@ def _reported(
     else:
         yield f"ranges alone, {capture.provenance.source}: no patterns, no image"
     for name, ranges in result.rangings.items():
-        yield from _reported_ranges(name, ranges)
+        yield from _range_lines(name, ranges)
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
@@ -188,17 +188,17 @@ def _ahead(obstacle_m: float | None, min_free: float) -> str:
     return f", free ahead up to {free_m:.2f} m with a probability of {min_free:g}"
 
 
-def _reported_ranges(name: str, ranges: Ranges) -> Iterable[str]:
+def _range_lines(name: str, ranges: Ranges) -> Iterable[str]:
     columns = ("range / m", "sigma / m", "signal / electrons", "background / electrons", "status")
     rows = [(name, *columns)]
     for spot, status in enumerate(ranges.status):
-        valid = status in RANGED
+        ranged = status in RANGED
         others = ranges.alternatives[spot]
         rows.append(
             (
                 f"spot {spot}",
-                f"{ranges.range_m[spot]:.3f}" if valid else no_range(status, others),
-                f"{ranges.sigma_m[spot]:.3f}" if valid else "",
+                f"{ranges.range_m[spot]:.3f}" if ranged else no_range(status, others),
+                f"{ranges.sigma_m[spot]:.3f}" if ranged else "",
                 f"{ranges.signal_electrons[spot]:.4g}",
                 f"{ranges.background_electrons[spot]:.4g}",
                 status,

@@ -104,14 +104,14 @@ def send(
     """Send all frames in turn, each so long after the one before it."""
     sender = Sender(capture.setup, capture.provenance, run=1 + secrets.randbelow(2**16 - 1))
     began_s = clock()
-    reported_s = -np.inf
+    setup_s = -np.inf
     for turn in range(times * capture.frames):
         due_s = began_s + turn * period_s
         if (early_s := due_s - clock()) > 0:
             wait(early_s)
         stamp = round(1e9 * (due_s - began_s))
-        if due_s - reported_s >= SETUP_EVERY_S or turn == 0:
-            reported_s = due_s
+        if due_s - setup_s >= SETUP_EVERY_S or turn == 0:
+            setup_s = due_s
             outlet.send(sender.setup(stamp))
         outlet.send(sender.frame(capture.frame(turn % capture.frames), stamp))
     outlet.send(sender.end())
@@ -123,13 +123,13 @@ def _period_s(capture: CaptureFile, rate: float | None) -> float:
 
 def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:
     """Open it as soon as somebody is there."""
-    text = False
+    waiting = False
     while True:
         try:
             outlet.open()
         except (ConnectionRefusedError, TimeoutError) as error:
-            if not text:
-                text = True
+            if not waiting:
+                waiting = True
                 why = f"waiting for {outlet.address}: {error.strerror or error}"
                 print(printable(why), file=sys.stderr)
             wait(AGAIN_S)

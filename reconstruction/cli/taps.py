@@ -157,7 +157,7 @@ def notes_of(options: argparse.Namespace) -> list[str]:
 
 
 def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
-    reported = {
+    arrays = {
         name: source(where)
         for name, where in (
             ("directions", options.directions),
@@ -165,14 +165,14 @@ def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
         )
         if where is not None
     }
-    return SpotGeometry(**reported)
+    return SpotGeometry(**arrays)
 
 
 def _about(options: argparse.Namespace) -> dict[str, float]:
     """What is told of the spots' detectors, by a file and by options, which go before."""
     about = {} if options.taps_about is None else read_about(options.taps_about, TAPS_ABOUT)
-    reported = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
-    return about | {name: value for name, value in reported.items() if value is not None}
+    given = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
+    return about | {name: value for name, value in given.items() if value is not None}
 
 
 def _check_options(options: argparse.Namespace) -> None:

@@ -13,7 +13,7 @@ from ..base.folders import locked_name
 from ..base.registry import Registry
 from .shot import Shot
 
-USUAL = "rgbd"
+DEFAULT_EXPORT = "rgbd"
 """Where the name of the output tells no other."""
 KIND = "export"
 """Of all files, as their marks tell it."""
@@ -21,7 +21,7 @@ MAX_FILES = 1_000_000
 """In a folder that is looked through."""
 
 
-def _nothing() -> None:
+def _no_requirements() -> None:
     """There is nothing to check."""
 
 
@@ -35,7 +35,7 @@ class Export:
     title: str
     write: Callable[[Iterable[Shot], Path], None]
     suffix: str = ""
-    check: Callable[[], None] = _nothing
+    check: Callable[[], None] = _no_requirements
 
 
 EXPORTS: Registry[Export] = Registry(
@@ -62,7 +62,7 @@ def export_format(name: str | None, output: Path) -> Export:
     if output.suffix and not output.is_dir():
         candidate = nearest(output.suffix, [*by_suffix, "none (a folder)"])
         raise InputError(f"{output}: unknown ending {output.suffix!r} of an export: {candidate}")
-    return EXPORTS[USUAL]
+    return EXPORTS[DEFAULT_EXPORT]
 
 
 def check_export(
@@ -84,8 +84,8 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
     Nor may it hold any of the ``inputs``.
     """
-    nameless = folder.name in ("", "..")
-    if nameless or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    unnamed = folder.name in ("", "..")
+    if unnamed or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder} is not a folder; the name of a new one is needed")
     require_folder(folder)
     for path in inputs:

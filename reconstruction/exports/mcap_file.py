@@ -12,7 +12,7 @@ from .export import KIND
 from .ros import Message, frame_messages, map_messages, static_messages
 from .shot import Shot
 
-LATCHED = """- history: keep_last
+LATCHED_QOS = """- history: keep_last
   depth: 1
   reliability: reliable
   durability: transient_local
@@ -112,7 +112,7 @@ class McapFile:
             self._schemas[message.type] = schema
         if message.topic not in self._channels:
             schema = self._schemas[message.type]
-            quality = {"offered_qos_profiles": LATCHED if message.latched else ""}
+            quality = {"offered_qos_profiles": LATCHED_QOS if message.latched else ""}
             channel = self._writer.register_channel(message.topic, "cdr", schema, quality)
             self._channels[message.topic] = channel
         return self._channels[message.topic]
@@ -127,12 +127,12 @@ def _made(types: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 def _value(types: Any, definition: Any, value: Any) -> Any:
     """A field; its definition is (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
-    node, reported = int(definition[0]), definition[1]
+    node, detail = int(definition[0]), definition[1]
     if node == 1:
         return value
     if node == 2:
-        return _made(types, reported, value)
-    inner = reported[0]
+        return _made(types, detail, value)
+    inner = detail[0]
     if int(inner[0]) == 2:
         return [_made(types, inner[1], each) for each in value]
     if isinstance(value, bytes):

@@ -30,11 +30,11 @@ def colour_png(image: NDArray[np.floating]) -> bytes:
     return png(np.repeat(grey[..., None], 3, axis=-1), mark(KIND))
 
 
-def require_depths(result: int, shots: int) -> None:
+def require_depths(depth_maps: int, shots: int) -> None:
     """Raise InputError unless there is a shot, and any of them has a depth map."""
     if not shots:
         raise InputError("there is nothing to export")
-    if not result:
+    if not depth_maps:
         raise InputError("there is no depth map: no spot has a range, or the optics are not known")
 
 

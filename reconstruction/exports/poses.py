@@ -12,7 +12,7 @@ from ..base.errors import InputError
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 UNIT_TOLERANCE = 0.01
 """Quaternions may be off unit length by rounding."""
-LARGEST = 1e10
+MAX_MAGNITUDE = 1e10
 """Of all numbers; times may count from 1970."""
 MAX_BYTES = 2**28
 
@@ -20,14 +20,14 @@ OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0,
 """The optical frame (right, down, forward) in a body's (forward, left, up; ROS REP 103)."""
 
 
-class Placed(NamedTuple):
+class TimestampedPose(NamedTuple):
     """When, if known, and where a frame was taken: ``pose`` (4, 4) is world from optical frame."""
 
     time_s: float | None
     pose: Floats
 
 
-def read_poses(path: Path) -> list[Placed]:
+def read_poses(path: Path) -> list[TimestampedPose]:
     """Poses of the optical frame, in the format of the TUM RGB-D benchmark.
 
     Lines ``timestamp tx ty tz qx qy qz qw``; those that begin with # are comments. Raises
@@ -37,7 +37,7 @@ def read_poses(path: Path) -> list[Placed]:
         raise InputError(f"{path}: no such file of poses")
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_BYTES} of poses")
-    placed: list[Placed] = []
+    poses: list[TimestampedPose] = []
     last_s = -math.inf
     text = path.read_text(encoding="utf-8", errors="replace")
     for number, line in enumerate(text.splitlines(), 1):
@@ -50,8 +50,8 @@ def read_poses(path: Path) -> list[Placed]:
                 f"{last_s:.15g}"
             )
         last_s = time_s
-        placed.append(Placed(time_s, pose))
-    return placed
+        poses.append(TimestampedPose(time_s, pose))
+    return poses
 
 
 def _row(where: str, words: list[str]) -> tuple[float, Floats]:
@@ -65,9 +65,9 @@ def _row(where: str, words: list[str]) -> tuple[float, Floats]:
             number = float(word)
         except ValueError:
             number = math.nan
-        if not abs(number) <= LARGEST:
+        if not abs(number) <= MAX_MAGNITUDE:
             raise InputError(
-                f"{where}: {name} should be a number within ±{LARGEST:g}; found {word[:80]!r}"
+                f"{where}: {name} should be a number within ±{MAX_MAGNITUDE:g}; found {word[:80]!r}"
             )
         numbers.append(number)
     quaternion = np.array(numbers[4:])

@@ -27,7 +27,7 @@ OK, WARN, ERROR, STALE = range(4)
 """level of diagnostic_msgs/DiagnosticStatus."""
 BEAM_SIGMAS = 4.0
 """The full width of a Gaussian beam to 1/e² of its peak, in standard deviations."""
-AMISS = (
+FAULT_COUNTS = (
     *("lost", "late", "corrupted", "refused", "strangers", "dropped", "failed"),
     *("method_failures", "sink_failures"),
 )
@@ -90,15 +90,15 @@ def state_message(
 ) -> Message:
     """How a stream is, by the names of `reconstruction.live.State`, now and ``before``."""
     risen = [
-        name for name in AMISS if numbers[name] > (0 if before is None else before[name])
+        name for name in FAULT_COUNTS if numbers[name] > (0 if before is None else before[name])
     ]  # fmt: skip
-    level, reported = OK, "frames come"
+    level, text = OK, "frames come"
     if risen or numbers["trouble"]:
-        level, reported = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
+        level, text = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
     if not np.isfinite(numbers["age_s"]):
-        level, reported = STALE, numbers["trouble"] or "no frame yet"
+        level, text = STALE, numbers["trouble"] or "no frame yet"
     values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
-    return _diagnostics(stamp_ns, _status("spisim: stream", level, reported, values))
+    return _diagnostics(stamp_ns, _status("spisim: stream", level, text, values))
 
 
 def spot_frame(number: int) -> str:
@@ -212,9 +212,9 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
     values: dict[str, str] = {}
     level, message = OK, "no time of flight"
     if shot.ranges is not None:
-        seen = int(shot.ranges.valid.sum())
-        message = f"{seen} of {len(shot.ranges.status)} spots have a range"
-        level = OK if seen == len(shot.ranges.status) else WARN if seen else ERROR
+        ranged = int(shot.ranges.valid.sum())
+        message = f"{ranged} of {len(shot.ranges.status)} spots have a range"
+        level = OK if ranged == len(shot.ranges.status) else WARN if ranged else ERROR
         values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}
         if shot.ranges.fog is not None:
             values["fog: extinction, 1/m"] = f"{shot.ranges.fog.extinction_per_m:.6g}"
@@ -224,11 +224,11 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
     return _status("spisim: ranging", level, message, values)
 
 
-def _status(name: str, level: int, reported: str, values: Mapping[str, str]) -> dict[str, Any]:
+def _status(name: str, level: int, text: str, values: Mapping[str, str]) -> dict[str, Any]:
     return {
         "level": level,
         "name": name,
-        "message": reported,
+        "message": text,
         "hardware_id": "spisim",
         "values": [{"key": key, "value": value} for key, value in values.items()],
     }

@@ -5,7 +5,6 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,11 +12,11 @@ from ..base.errors import InputError, naming
 from ..capture import CaptureFile, open_capture
 from ..chosen_methods import Names
 from ..reconstructor import Reconstructor
-from .poses import Placed
+from .poses import TimestampedPose
 from .results import is_result, shot_of_result
 from .shot import Shot
 
-Place = Callable[[CaptureFile | None, int], Placed | None]
+PoseSource = Callable[[CaptureFile | None, int], TimestampedPose | None]
 """When and where a frame of a capture, or a result, was taken; None: not known."""
 
 UNKNOWN_PERIOD_S = 1.0
@@ -38,7 +37,7 @@ def frames_in(captures: Sequence[Path]) -> int:
 
 def shots_of(
     captures: Sequence[Path],
-    position: Place = lambda capture, frame: None,
+    pose_source: PoseSource = lambda capture, frame: None,
     methods: Mapping[str, Names] | None = None,
     weather: str | float | None = None,
 ) -> Iterator[Shot]:
@@ -46,7 +45,7 @@ def shots_of(
 
     Results are taken as they are, a second apart.
 
-    Times are those of ``position``, or else of the middle of each frame, counted from when its
+    Times are those of ``pose_source``, or else of the middle of each frame, counted from when its
     capture was made (from 1970 where it does not tell); no capture begins before the last one ends.
     Raises InputError, naming the capture, for what cannot be reconstructed.
     """
@@ -55,26 +54,25 @@ def shots_of(
         if is_result(path):
             if weather is not None:
                 raise InputError(f"{path} holds a result; a stated weather goes with captures")
-            placed = position(None, 0)
+            known = pose_source(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
-            if placed is not None and placed.time_s is not None:
-                stamp_ns = round(1e9 * placed.time_s)
+            if known is not None and known.time_s is not None:
+                stamp_ns = round(1e9 * known.time_s)
             shot = shot_of_result(path, stamp_ns, methods or {})
-            yield replace(shot, pose=None if placed is None else placed.pose)
+            yield replace(shot, pose=None if known is None else known.pose)
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
-            chosen = dict[str, Any](methods or {}, weather=weather)
-            reconstruct = Reconstructor(capture.setup, **chosen)
+            reconstruct = Reconstructor(capture.setup, **(methods or {}), weather=weather)
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):
-                placed = position(capture, number)
+                known = pose_source(capture, number)
                 stamp_ns = begun_ns + number * period_ns + period_ns // 2
-                if placed is not None and placed.time_s is not None:
-                    stamp_ns = round(1e9 * placed.time_s)
+                if known is not None and known.time_s is not None:
+                    stamp_ns = round(1e9 * known.time_s)
                 result = reconstruct(capture.frame(number))
-                pose = None if placed is None else placed.pose
+                pose = None if known is None else known.pose
                 yield Shot.of(result, capture.setup, stamp_ns, pose)
                 next_ns = stamp_ns + period_ns // 2
 

@@ -101,7 +101,7 @@ class Window:
         for axis, title in zip(axes, ("image", "depth / m"), strict=True):
             axis.set_title(title)
             axis.set_axis_off()
-        self._reported = figure.text(0.02, 0.02, "waiting for a frame", family="monospace")
+        self._text = figure.text(0.02, 0.02, "waiting for a frame", family="monospace")
 
     def show(self, source: Incoming) -> None:
         """Draw the latest result and how old it is."""
@@ -109,10 +109,10 @@ class Window:
             if name in source.result:
                 self._draw(name, axis, source.result[name])
         old = source.age_s > OLD_S
-        for displayed in self._maps.values():
-            displayed.set_alpha(0.4 if old else 1.0)
-        self._reported.set_color("crimson" if old else "black")
-        self._reported.set_text("\n".join(reported(source)))
+        for artist in self._maps.values():
+            artist.set_alpha(0.4 if old else 1.0)
+        self._text.set_color("crimson" if old else "black")
+        self._text.set_text("\n".join(status_lines(source)))
 
     def _draw(self, name: str, axis: Any, values: Value) -> None:
         finite = values[np.isfinite(values)]
@@ -129,7 +129,7 @@ class Window:
         self._maps[name].set_clim(low, max(high, low + 1e-9))
 
 
-def reported(source: Incoming) -> list[str]:
+def status_lines(source: Incoming) -> list[str]:
     """Lines of text: ranges, age, counts."""
     lines = []
     if "range_m" in source.result:

@@ -58,8 +58,8 @@ def pack(message: Message) -> bytes:
 
 def header(message: Message, length: int) -> bytes:
     """The header of a message whose payload has so many bytes."""
-    reported = (message.run, message.number, length, message.time_ns, message.setup)
-    head = HEADER.pack(MAGIC, message.version, message.kind, *reported, 0)[: -CRC.size]
+    fields = (message.run, message.number, length, message.time_ns, message.setup)
+    head = HEADER.pack(MAGIC, message.version, message.kind, *fields, 0)[: -CRC.size]
     return head + CRC.pack(zlib.crc32(head))
 
 
@@ -122,22 +122,22 @@ class Parser:
 
     def _search(self, messages: list[Message]) -> bool:
         """Look for the next header; whether more may follow."""
-        result = self._bytes.find(MAGIC, self._searched)
-        if result < 0:
+        start = self._bytes.find(MAGIC, self._searched)
+        if start < 0:
             self._searched = max(self._searched, len(self._bytes) - _beginning(self._bytes))
             return False
-        self._searched = result
-        if len(self._bytes) - result < HEADER.size:
+        self._searched = start
+        if len(self._bytes) - start < HEADER.size:
             return False
         self._searched += len(MAGIC)
-        head = _header(self._bytes, result)
+        head = _header(self._bytes, start)
         if head is None:
             return True
         message, length = head
         if message.version != VERSION:
             messages.append(message)
         elif self._fits(message, length):
-            self._begun.append(_Begun(result, result + HEADER.size + length + CRC.size, message))
+            self._begun.append(_Begun(start, start + HEADER.size + length + CRC.size, message))
             if len(self._begun) > MAX_BEGUN:
                 del self._begun[0]
                 self.given_up += 1

@@ -70,9 +70,9 @@ class Loop:
         self._trouble: str | None = None
         self._logged = ""
         self._last_s = float("nan")
-        self._reported_s = clock()
-        self._reported_frames = 0
-        self._reported_dropped = 0
+        self._state_s = clock()
+        self._state_frames = 0
+        self._state_dropped = 0
 
     def run(self, maximum: int | None = None) -> None:
         """Go on until the stream is over, or there are so many results."""
@@ -83,7 +83,7 @@ class Loop:
             self.step(POLL_S)
         if self._reception.failure is not None:
             raise self._reception.failure
-        self._tell()
+        self._publish_state()
 
     def step(self, timeout_s: float) -> None:
         """Take one frame, if one comes in time, and tell the state where it is time to."""
@@ -92,8 +92,8 @@ class Loop:
             self._frame(arrival)
         elif self._reception.stream is not None:
             self._compile(self._reception.stream)
-        if self._clock() - self._reported_s >= STATE_EVERY_S:
-            self._tell()
+        if self._clock() - self._state_s >= STATE_EVERY_S:
+            self._publish_state()
 
     def _compile(self, stream: StreamSetup) -> None:
         """For another setup than the last; what the first one of a file lacks is an error."""
@@ -127,8 +127,8 @@ class Loop:
         latency_s = self._clock() - arrival.received_s
         self.latencies.add(latency_s)
         outcome = Outcome(arrival.stream, result, arrival.message.time_ns, latency_s)
-        for tell in self._results:
-            tell(outcome)
+        for publish in self._results:
+            publish(outcome)
 
     def _method_failed(self, method: str, error: Exception) -> None:
         self._reception.counts.method_failures += 1
@@ -146,13 +146,13 @@ class Loop:
         """How the stream is."""
         now_s, counts = self._clock(), self._reception.counts
         awaited, since_s = self._reception.awaited
-        period_s = max(now_s - self._reported_s, 1e-9)
+        period_s = max(now_s - self._state_s, 1e-9)
         return State(
             counts=counts,
             age_s=now_s - self._last_s,
             latency_s=self.latencies.percentile(50),
             latency_99_s=self.latencies.percentile(99),
-            frames_per_s=(counts.reconstructed - self._reported_frames) / period_s,
+            frames_per_s=(counts.reconstructed - self._state_frames) / period_s,
             trouble=self._trouble or self._reception.trouble or self._overload(),
             waiting_for=awaited,
             waiting_s=now_s - since_s,
@@ -160,7 +160,7 @@ class Loop:
 
     def _overload(self) -> str:
         """What to do where frames come faster than they are reconstructed; empty where not."""
-        dropped = self._reception.counts.dropped - self._reported_dropped
+        dropped = self._reception.counts.dropped - self._state_dropped
         if not dropped:
             return ""
         return (
@@ -168,9 +168,9 @@ class Loop:
             "depth anchored and weather clear take less time than others"
         )
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         state, counts = self.state(), self._reception.counts
-        self._reported_s = self._clock()
-        self._reported_frames, self._reported_dropped = counts.reconstructed, counts.dropped
-        for tell in self._states:
-            tell(state)
+        self._state_s = self._clock()
+        self._state_frames, self._state_dropped = counts.reconstructed, counts.dropped
+        for publish in self._states:
+            publish(state)

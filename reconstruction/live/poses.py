@@ -39,13 +39,13 @@ def pose_of(payload: bytes) -> Pose | None:
     x, y, z, *quaternion = POSE.unpack(payload)
     position = (x, y, z)
     if not all(abs(value) <= MAX_M for value in position):  # nan is not
-        raise InputError(f"position {_reported(position)} m; should lie within ±{MAX_M:g}")
+        raise InputError(f"position {_vector_text(position)} m; should lie within ±{MAX_M:g}")
     length = math.hypot(*quaternion)
     if not abs(length - 1) <= UNIT_TOLERANCE:
-        raise InputError(f"quaternion {_reported(quaternion)}; should be of length 1")
+        raise InputError(f"quaternion {_vector_text(quaternion)}; should be of length 1")
     qx, qy, qz, qw = (value / length for value in quaternion)
     return Pose(position, (qx, qy, qz, qw))
 
 
-def _reported(values: Sequence[float]) -> str:
+def _vector_text(values: Sequence[float]) -> str:
     return f"({', '.join(f'{value:g}' for value in values)})"

@@ -11,7 +11,7 @@ MAX_BYTES = 2**25
 """Of what waits, however few there may be of it."""
 
 
-class Waiting(Generic[Item]):
+class BoundedQueue(Generic[Item]):
     """At most so many ``items`` that wait; ``dropped`` gave way to newer ones."""
 
     def __init__(self, items: int) -> None:

@@ -11,10 +11,10 @@ from ..capture import Frames
 from .counts import Counts
 from .framing import VERSION, Kind, Message
 from .links import Ended, Source
-from .queues import Waiting
+from .queues import BoundedQueue
 from .senders import Allowance, Senders
 from .sequence import Sequence as InTurn
-from .setups import StreamSetup, misfit
+from .setups import StreamSetup, length_error
 
 logger = logging.getLogger(__name__)
 
@@ -57,7 +57,7 @@ class Reception:
     ) -> None:
         source.check()
         self.counts = counts or Counts()
-        self.queue: Waiting[Arrival] = Waiting(waiting)
+        self.queue: BoundedQueue[Arrival] = BoundedQueue(waiting)
         self.stream: StreamSetup | None = None
         self.trouble: str | None = f"waiting for {source.address}"
         self.failure: Exception | None = None
@@ -195,7 +195,7 @@ class Reception:
 
     def _fits(self, message: Message, length: int) -> bool:
         """Whether a message may be as its header says: what cannot be of use is not waited for."""
-        why = misfit(message, length, self.stream)
+        why = length_error(message, length, self.stream)
         if why is not None:
             self.counts.refused += 1
             self.trouble = f"{self._sender}: {why}"

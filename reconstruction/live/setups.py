@@ -11,11 +11,10 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
+from ..capture.file import READING_PARTS
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 
-READ = ("buckets", "spots", "pattern_taps")
-"""Parts that hold readings."""
 MAX_FRAME_BYTES = 2**20
 MAX_PIXELS = 2**14
 """Of an image: 128 × 128."""
@@ -23,7 +22,7 @@ MAX_WEIGHTS = 2**23
 """Pixels of all patterns together, or of those that are left out where these are fewer: methods
 compile matrices of so many numbers, and take a few times their 64 MiB."""
 FLAGS = "saturated"
-REPORTED = {"source": "hardware", "software": "", "provenance/instrument": ""}
+TEXT_DEFAULTS = {"source": "hardware", "software": "", "provenance/instrument": ""}
 """Texts that a setup may hold beside a capture's datasets, and what they are without."""
 
 Part = TypeVar("Part")
@@ -51,8 +50,8 @@ class StreamSetup:
         self.setup = read_setup(tables)
         _check_patterns(self.setup)
         texts = {
-            name: tables.text(name) if name in entries else usual
-            for name, usual in REPORTED.items()
+            name: tables.text(name) if name in entries else default
+            for name, default in TEXT_DEFAULTS.items()
         }
         if texts["source"] not in ("hardware", "simulation"):
             raise InputError(f"source is {texts['source']!r}; allowed: hardware, simulation")
@@ -74,10 +73,10 @@ class StreamSetup:
             raise InputError(f"a frame of {len(payload)} bytes; its setup tells {self.frame_bytes}")
         values: dict[str, Value] = {}
         at = 0
-        for name, none in self._readings.items():
-            shape = (1, *none.shape[1:])
-            values[name] = np.frombuffer(payload, none.dtype, math.prod(shape), at).reshape(shape)
-            at += _frame_bytes(none)
+        for name, empty in self._readings.items():
+            shape = (1, *empty.shape[1:])
+            values[name] = np.frombuffer(payload, empty.dtype, math.prod(shape), at).reshape(shape)
+            at += _frame_bytes(empty)
         setup = self.setup
         frames = Frames(
             number,
@@ -91,14 +90,14 @@ class StreamSetup:
         return frames
 
 
-def misfit(message: Message, length: int, stream: StreamSetup | None) -> str | None:
+def length_error(message: Message, length: int, stream: StreamSetup | None) -> str | None:
     """Why a message of a ``stream`` cannot be so long, by its header; None if it can."""
     setup, frame = message.kind == Kind.SETUP, message.kind == Kind.FRAME
     if stream is not None and message.setup == stream.id and (setup or frame):
-        reported = len(stream.payload) if setup else stream.frame_bytes
-        if length != reported:
+        expected = len(stream.payload) if setup else stream.frame_bytes
+        if length != expected:
             return (
-                f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {reported}"
+                f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {expected}"
             )
     maximum = MAX_PAYLOAD_BYTES if setup else MAX_FRAME_BYTES
     return f"a message of {length} bytes; at most {maximum}" if length > maximum else None
@@ -121,9 +120,9 @@ def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
 
 def frame_payload(frame: Frames) -> bytes:
     """The payload of a frame, of the setup whose payload `setup_payload` is."""
-    parts = [part for group in READ if (part := getattr(frame, group)) is not None]
+    parts = [part for group in READING_PARTS if (part := getattr(frame, group)) is not None]
     return b"".join(
-        _bytes(stored.retained(name, getattr(part, name)))
+        _bytes(stored.converted(name, getattr(part, name)))
         for part in parts
         for name, stored in stored_fields(type(part))
         if stored.by_frame
@@ -165,9 +164,9 @@ def _check_patterns(setup: Setup) -> None:
             )
 
 
-def _frame_bytes(none: Value) -> int:
-    """What one frame has of an array of none."""
-    return math.prod(none.shape[1:]) * none.dtype.itemsize
+def _frame_bytes(empty: Value) -> int:
+    """What one frame has of an array of empty."""
+    return math.prod(empty.shape[1:]) * empty.dtype.itemsize
 
 
 def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
@@ -180,18 +179,18 @@ def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
             value = values.get(where)
             if value is None:
                 value = np.zeros((1, *empty.shape[1:]), empty.dtype)
-            filled[name] = stored.retained(where, value)
+            filled[name] = stored.converted(where, value)
     return replace(part, **filled)  # type: ignore[type-var]
 
 
 def _with_flags(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """The same, and flags of saturation where none are told."""
-    reported = dict(entries)
+    """The same, and flags of saturation where empty are told."""
+    complete = dict(entries)
     for group, readings in (("buckets", "counts"), ("spots", ""), ("pattern_taps", "taps")):
         flags = f"{group}/{FLAGS}"
         names = [f"{group}/{readings}"] if readings else ["spots/taps", "spots/counts"]
         for name in names:
-            if name in reported and flags not in reported:
-                shape = reported[name].shape
-                reported[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
-    return reported
+            if name in complete and flags not in complete:
+                shape = complete[name].shape
+                complete[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
+    return complete

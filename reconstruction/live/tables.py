@@ -62,8 +62,8 @@ def _entry(name: str, value: Any) -> bytes:
         array = array.astype(np.uint8) if array.dtype.kind == "b" else array
         kind, shape = array.dtype.str[1:], array.shape
         content = array.astype(TYPES[kind]).tobytes()
-    reported = name.encode()
-    head = struct.pack(f"<B{len(reported)}s2sB", len(reported), reported, kind.encode(), len(shape))
+    encoded = name.encode()
+    head = struct.pack(f"<B{len(encoded)}s2sB", len(encoded), encoded, kind.encode(), len(shape))
     return head + struct.pack(f"<{len(shape)}I", *shape) + content
 
 
@@ -72,19 +72,19 @@ def unpacked(content: bytes) -> dict[str, Value]:
 
     Raises InputError for bytes that are no such table.
     """
-    result: dict[str, Value] = {}
+    entries: dict[str, Value] = {}
     at = 0
     while at < len(content):
         try:
             name, value, at = _read(content, at)
         except struct.error:
-            raise InputError(f"ends within an entry, after {len(result)} of them") from None
-        if name in result:
+            raise InputError(f"ends within an entry, after {len(entries)} of them") from None
+        if name in entries:
             raise InputError(f"{name} comes twice")
-        if len(result) >= MAX_ENTRIES:
+        if len(entries) >= MAX_ENTRIES:
             raise InputError(f"more than {MAX_ENTRIES} entries")
-        result[name] = value
-    return result
+        entries[name] = value
+    return entries
 
 
 def _read(content: bytes, at: int) -> tuple[str, Value, int]:

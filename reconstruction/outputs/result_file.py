@@ -49,14 +49,14 @@ def read_result(path: str | Path) -> Result:
         first = f"images/{names['images'][0]}"
         unit: Unit = "count" if file.units(first) == "count" else "electron"
         shape = file.shape(first, unit)
-        stretched = "range_over_depth" in file
+        has_rays = "range_over_depth" in file
         timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
             sigmas=_maps(file, "deviations", names["images"], unit, shape),
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
-            range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
+            range_over_depth=_map(file, "range_over_depth", "1", shape) if has_rays else None,
             timings_s={n: file.number(f"timings_s/{n}", "s") for n in timings},
             unit=unit,
             recording=file.text("recording"),
@@ -92,9 +92,9 @@ def _maps(
 
 
 def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    result = file.shape(name, units)
-    if len(result) != 2 or result != shape:
-        raise InputError(f"dataset {name} has shape {result}, the image {shape}")
+    found = file.shape(name, units)
+    if len(found) != 2 or found != shape:
+        raise InputError(f"dataset {name} has shape {found}, the image {shape}")
     return file.numbers(name, units)
 
 

@@ -60,7 +60,7 @@ def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
         return NO_REASONS
     electrons = spots.electrons(spots.taps[0])
     variance = spots.variance(electrons)
-    tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+    tap_phases = spots.phases_rad
     ends = ranges.range_m[:, None] * spots.directions - spots.detector_positions_m
     paths_m = ranges.range_m + np.linalg.norm(ends, axis=1)
     off_m, sigma_m = [], []

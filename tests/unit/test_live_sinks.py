@@ -18,7 +18,7 @@ from reconstruction import (
     reconstruct,
 )
 from reconstruction.live import Kind, Loop, Parser, Reception, drawing, unpacked
-from reconstruction.live.drawing import Incoming, Window, reported
+from reconstruction.live.drawing import Incoming, Window, status_lines
 from reconstruction.live.links import NewFile
 from reconstruction.live.results import STATUSES, text_of
 from reconstruction.live.sinks import records, sink_to
@@ -327,10 +327,10 @@ def test_what_the_window_draws(recording, tmp_path):
     figure = Figure(figsize=(10, 5))
     window = Window(figure)
     window.show(incoming)
-    assert reported(incoming) == []
+    assert status_lines(incoming) == []
     incoming.take(outlet.content)
     window.show(incoming)
-    ranges, age, state = reported(incoming)
+    ranges, age, state = status_lines(incoming)
     assert ranges.startswith("ranges  4.200 +- 0.007 m")
     assert "saturated" in ranges
     assert age.startswith("frame 5, ")

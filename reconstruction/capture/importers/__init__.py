@@ -1,4 +1,4 @@
-"""Recordings of existing rigs and plain arrays -> capture."""
+"""Import of recordings of existing rigs, and of plain arrays, as captures."""
 
 from .about import ABOUT, read_about
 from .arrays import (

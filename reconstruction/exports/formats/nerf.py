@@ -30,7 +30,7 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
     """
     for name in ("images", "depth"):
         (folder / name).mkdir(parents=True)
-    reported: dict[str, Any] = {}
+    intrinsics: dict[str, Any] = {}
     frames: list[dict[str, Any]] = []
     for number, shot in enumerate(shots):
         if shot.pose is None:
@@ -38,9 +38,9 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
                 f"frame {number} has no pose, without which transforms.json says nothing: tell "
                 "them by --poses FILE, or export a simulated capture by spisim export"
             )
-        if not reported:
-            reported = camera(shot)
-        elif reported != camera(shot):
+        if not intrinsics:
+            intrinsics = camera(shot)
+        elif intrinsics != camera(shot):
             raise InputError(f"frame {number} is of another camera than the first one")
         name = f"{number:06d}.png"
         frame: dict[str, Any] = {"file_path": f"images/{name}"}
@@ -52,7 +52,7 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
         frames.append(frame)
     if not frames:
         raise InputError("there is nothing to export")
-    report = {**reported, "frames": frames, "made": mark(KIND)}
+    report = {**intrinsics, "frames": frames, "made": mark(KIND)}
     (folder / "transforms.json").write_text(json_line(report) + "\n", encoding="ascii")
 
 

@@ -18,11 +18,11 @@ from ..shot import Shot
 
 def write_pcd(shots: Iterable[Shot], folder: Path) -> None:
     """Write ``000000.pcd`` and so on into a folder; InputError without any depth map."""
-    number, depths = 0, 0
+    number, depth_maps = 0, 0
     for number, shot in enumerate(shots, 1):
         (folder / f"{number - 1:06d}.pcd").write_bytes(pcd(shot))
-        depths += shot.depth_m is not None
-    require_depths(depths, number)
+        depth_maps += shot.depth_m is not None
+    require_depths(depth_maps, number)
 
 
 def pcd(shot: Shot) -> bytes:

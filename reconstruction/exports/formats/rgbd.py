@@ -26,21 +26,21 @@ def write_rgbd(shots: Iterable[Shot], folder: Path) -> None:
     lists["depth.txt"] = ["# timestamp filename"]
     lists["associations.txt"] = ["# timestamp rgb timestamp depth"]
     lists["groundtruth.txt"] = [f"# {' '.join(COLUMNS)} of the optical frame"]
-    number, depths = 0, 0
+    number, depth_maps = 0, 0
     for number, shot in enumerate(shots, 1):
         name, stamp = f"{number - 1:06d}.png", f"{shot.stamp_s:.6f}"
         if number == 1:
             (folder / "camera_intrinsic.json").write_bytes(intrinsics_json(shot))
         (folder / "rgb" / name).write_bytes(colour_png(shot.image))
         (folder / "depth" / name).write_bytes(depth_png(shot.depth_m, shot.shape))
-        depths += shot.depth_m is not None
+        depth_maps += shot.depth_m is not None
         lists["rgb.txt"].append(f"{stamp} rgb/{name}")
         lists["depth.txt"].append(f"{stamp} depth/{name}")
         lists["associations.txt"].append(f"{stamp} rgb/{name} {stamp} depth/{name}")
         if shot.pose is not None:
             numbers = (*shot.pose[:3, 3], *quaternion_of(shot.pose[:3, :3]))
             lists["groundtruth.txt"].append(f"{stamp} {' '.join(f'{x:.9g}' for x in numbers)}")
-    require_depths(depths, number)
+    require_depths(depth_maps, number)
     for name, lines in lists.items():
         if len(lines) > 1:
             text = "\n".join([f"# {mark(KIND)}", *lines, ""])
@@ -51,8 +51,8 @@ def intrinsics_json(shot: Shot) -> bytes:
     """The camera as Open3D's PinholeCameraIntrinsic; its matrix is written column by column."""
     height, width = shot.shape
     columns = shot.intrinsics.matrix.T.ravel().tolist()
-    reported = {"width": width, "height": height, "intrinsic_matrix": columns, "made": mark(KIND)}
-    return json_line(reported).encode() + b"\n"
+    fields = {"width": width, "height": height, "intrinsic_matrix": columns, "made": mark(KIND)}
+    return json_line(fields).encode() + b"\n"
 
 
 EXPORT = Export("RGB-D sequence, TUM and Redwood: PNG, 16-bit depth in mm, intrinsics", write_rgbd)

@@ -30,12 +30,12 @@ class Tcp(Source, Outlet):
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
-        self._place = (host, port)
+        self._endpoint = (host, port)
         self._socket: socket.socket | None = None
 
     def open(self) -> None:
         _close(self._socket)
-        self._take(socket.create_connection(self._place, PATIENCE_S))
+        self._take(socket.create_connection(self._endpoint, PATIENCE_S))
 
     def receive(self, timeout_s: float) -> bytes:
         connected = _required(self._socket)
@@ -65,7 +65,7 @@ class Tcp(Source, Outlet):
         for name, value in options.items():
             if hasattr(socket, name):
                 connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-        self.sender = _reported(connected.getpeername())
+        self.sender = _address_text(connected.getpeername())
         self._socket = connected
 
 
@@ -83,7 +83,7 @@ class TcpListen(Tcp):
 
     def check(self) -> None:
         if self._listener is None:
-            self._listener = _bound(self.address, *self._place, socket.SOCK_STREAM)
+            self._listener = _bound(self.address, *self._endpoint, socket.SOCK_STREAM)
             self._listener.listen()
 
     def open(self) -> None:
@@ -114,7 +114,7 @@ class UdpListen(Source):
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
-        self._place = (host, port)
+        self._endpoint = (host, port)
         self._socket: socket.socket | None = None
 
     @property
@@ -124,7 +124,7 @@ class UdpListen(Source):
 
     def check(self) -> None:
         if self._socket is None:
-            self._socket = _bound(self.address, *self._place, socket.SOCK_DGRAM)
+            self._socket = _bound(self.address, *self._endpoint, socket.SOCK_DGRAM)
 
     def open(self) -> None:
         self.check()
@@ -134,7 +134,7 @@ class UdpListen(Source):
         if not _ready(bound, timeout_s):
             return b""
         content, sender = bound.recvfrom(PIECE_BYTES)
-        self.sender = _reported(sender)
+        self.sender = _address_text(sender)
         return content
 
     def close(self) -> None:
@@ -147,14 +147,16 @@ class Udp(Outlet):
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
-        self._place = (host, port)
+        self._endpoint = (host, port)
         self._socket: socket.socket | None = None
 
     def open(self) -> None:
         self.close()
-        family, kind, _, _, position = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0]
+        family, kind, _, _, endpoint = socket.getaddrinfo(*self._endpoint, type=socket.SOCK_DGRAM)[
+            0
+        ]
         self._socket = socket.socket(family, kind)
-        self._socket.connect(position)
+        self._socket.connect(endpoint)
 
     def send(self, content: bytes) -> None:
         connected = _required(self._socket)
@@ -178,9 +180,9 @@ def _ready(opened: socket.socket, timeout_s: float) -> bool:
         raise ConnectionResetError("the connection is closed") from None
 
 
-def _reported(position: tuple[Any, ...]) -> str:
+def _address_text(endpoint: tuple[Any, ...]) -> str:
     """An address of a socket in words."""
-    host, port = position[:2]
+    host, port = endpoint[:2]
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
@@ -201,14 +203,14 @@ def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socke
     """A socket that is bound; InputError where it cannot be."""
     bound: socket.socket | None = None
     try:
-        family, _, _, _, position = socket.getaddrinfo(
+        family, _, _, _, endpoint = socket.getaddrinfo(
             host or None, port, socket.AF_UNSPEC if host else socket.AF_INET, kind,
             flags=socket.AI_PASSIVE,
         )[0]  # fmt: skip
         bound = socket.socket(family, kind)
         if kind is socket.SOCK_STREAM:
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        bound.bind(position)
+        bound.bind(endpoint)
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()

@@ -43,8 +43,8 @@ class McapRecord(Sink):
     def result(self, outcome: Outcome) -> None:
         now_ns = self._now_ns()
         setup = outcome.stream.setup
-        reported = 0 < outcome.time_ns < MAX_STAMP_NS
-        shot = Shot.of(outcome.result, setup, outcome.time_ns if reported else now_ns)
+        stamped = 0 < outcome.time_ns < MAX_STAMP_NS
+        shot = Shot.of(outcome.result, setup, outcome.time_ns if stamped else now_ns)
         begins = outcome.stream is not self._stream
         self._stream = outcome.stream
         self._opened().write_frame(shot, now_ns, begins=begins)

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from ...base.errors import InputError, in_words, naming
 from ..counts import Counts
-from ..queues import Waiting
+from ..queues import BoundedQueue
 from ..reception import Arrival
 from ..results import Outcome, State
 
@@ -65,7 +65,7 @@ class Detached:
         self.name = name
         self._sink = sink
         self._counts = counts or Counts()
-        self._work: Waiting[Callable[[], None]] = Waiting(sink.waiting)
+        self._work: BoundedQueue[Callable[[], None]] = BoundedQueue(sink.waiting)
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     @property

@@ -27,10 +27,10 @@ class WindowSink(Sink):
             self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         assert self._process.stdout is not None
-        reported = self._process.stdout.readline().decode(errors="replace").strip()
-        if reported != READY:
+        reply = self._process.stdout.readline().decode(errors="replace").strip()
+        if reply != READY:
             self._process.communicate()
-            raise InputError(f"window: {reported or 'it cannot be opened'}")
+            raise InputError(f"window: {reply or 'it cannot be opened'}")
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))

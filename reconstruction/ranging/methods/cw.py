@@ -32,7 +32,7 @@ class Cw:
         spots.check_noise(4)
         frequencies = np.unique(spots.tap_frequencies_hz)
         first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
-        tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+        tap_phases = spots.phases_rad
         of_each = [spots.tap_frequencies_hz == frequency for frequency in frequencies]
         weights = [quadrature_weights(tap_phases[of]) for of in of_each]
 
