@@ -1,4 +1,4 @@
-"""Results for programs that know nothing of this one: depth images, clouds, poses, ROS 2."""
+"""Exports for other programs: depth images, point clouds, poses, ROS 2."""
 
 from .export import DEFAULT_EXPORT, EXPORTS, Export, check_export, export_format, write_export
 from .poses import TimestampedPose, read_poses

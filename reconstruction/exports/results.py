@@ -1,4 +1,4 @@
-"""Results that were written, as shots."""
+"""Result files as shots."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -16,7 +16,7 @@ from .shot import Shot
 
 
 def is_result(path: Path) -> bool:
-    """Whether a file says that it is a result."""
+    """Whether a file declares itself a result."""
     if not path.is_file():
         return False
     with suppress(InputError), hdf5.surveyed(path) as (file, datasets):
@@ -25,10 +25,10 @@ def is_result(path: Path) -> bool:
 
 
 def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> Shot:
-    """What a result shows, by the first method named of each station, else by its default one.
+    """Shot of a result file, with the first method named per station, else its default one.
 
-    It tells neither where its spots point nor when it was taken: its ranges are left out. Raises
-    InputError, naming the file, for what is damaged or lacks a method.
+    Ranges are left out, as the file has neither directions of its spots nor a time. Raises
+    InputError, naming the file, if it is damaged or lacks a method.
     """
     result = read_result(path)
     image = _picked(result.images, methods.get("image"), "image", path)
@@ -46,7 +46,7 @@ def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> 
 
 
 def _optics(result: Result) -> Optics | None:
-    """Tangents of the half angles, of the lengths of the pixels' rays, √(1 + x² + y²)."""
+    """Half-angle tangents from the lengths of the pixels' rays, √(1 + x² + y²)."""
     if result.range_over_depth is None:
         return None
     height, width = result.range_over_depth.shape

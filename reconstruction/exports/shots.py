@@ -17,14 +17,14 @@ from .results import is_result, shot_of_result
 from .shot import Shot
 
 PoseSource = Callable[[CaptureFile | None, int], TimestampedPose | None]
-"""When and where a frame of a capture, or a result, was taken; None: not known."""
+"""Time and pose of a frame of a capture, or of a result; None if unknown."""
 
 UNKNOWN_PERIOD_S = 1.0
-"""Between frames of which nobody knows when they were recorded."""
+"""Period of frames without known times."""
 
 
 def frames_in(captures: Sequence[Path]) -> int:
-    """How many frames captures and results have altogether; InputError for what is neither."""
+    """Number of frames in captures and results; raises InputError for other files."""
     frames = 0
     for path in captures:
         if is_result(path):
@@ -41,19 +41,31 @@ def shots_of(
     methods: Mapping[str, Names] | None = None,
     weather: str | float | None = None,
 ) -> Iterator[Shot]:
-    """Reconstruct all frames of captures, by methods and with the weather of a `Reconstructor`.
+    """Reconstruct all frames of captures.
 
-    Results are taken as they are, a second apart.
+    Parameters
+    ----------
+    captures : sequence of Path
+        Captures, or results, which are taken as they are, a second apart.
+    pose_source : callable
+        Time and pose by capture, None for a result, and frame number. Without a time, a frame has
+        that of its middle, counted from the creation of its capture (or from 1970); captures do not
+        overlap.
+    methods : mapping, optional
+        Methods of each station, as for a `Reconstructor`.
+    weather : str or float, optional
+        Stated weather, as for a `Reconstructor`.
 
-    Times are those of ``pose_source``, or else of the middle of each frame, counted from when its
-    capture was made (from 1970 where it does not tell); no capture begins before the last one ends.
-    Raises InputError, naming the capture, for what cannot be reconstructed.
+    Raises
+    ------
+    InputError
+        Names the capture that cannot be reconstructed.
     """
     next_ns = 0
     for path in captures:
         if is_result(path):
             if weather is not None:
-                raise InputError(f"{path} holds a result; a stated weather goes with captures")
+                raise InputError(f"{path} is a result; a stated weather needs captures")
             known = pose_source(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             if known is not None and known.time_s is not None:

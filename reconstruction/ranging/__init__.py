@@ -1,4 +1,4 @@
-"""From time-of-flight readings to ranges of the four spots: methods, and what they share."""
+"""Ranges of the four spots from time-of-flight readings: methods and what they share."""
 
 from .brightness import Brightness, brightness_at
 from .consistency import range_consistency

@@ -1,4 +1,4 @@
-"""Ranges that light which came another way may have biased, by what the readings tell of it."""
+"""Consistency check of ranges that may be biased by fog or further echoes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -12,16 +12,28 @@ from .methods.cw import demodulate, quadrature_weights
 from .ranges import MIN_SIGNAL, Ranges
 
 MIN_DIFFERENCE_M = 0.05
-"""Ranges that differ by less may do so by calibration."""
+"""Smaller range differences may come from calibration."""
 NO_REASONS = ("",) * 4
 
 
 def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
-    """A few words about each method whose ranges fog or further echoes may have biased.
+    """Warn about methods whose ranges may be biased by fog or further echoes.
 
-    Of methods that take their echo for the only one. It is not, where one that knows better tells
-    another range, and where the ranges of several frequencies differ; each by more than MIN_SIGNAL
-    standard deviations and LEAST_M. A single frequency alone tells nothing.
+    Checks methods that assume a single echo. Their ranges are doubtful if a method that models
+    other light disagrees, or if the ranges of single frequencies disagree, by more than MIN_SIGNAL
+    standard deviations and MIN_DIFFERENCE_M. A single frequency alone shows nothing.
+
+    Parameters
+    ----------
+    rangings : mapping of str to Ranges
+        Ranges by method.
+    spots : Spots
+        Readings of the frame.
+
+    Returns
+    -------
+    dict of str to str
+        Warning by method.
     """
     result = {}
     for name, ranges in rangings.items():
@@ -33,7 +45,7 @@ def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str,
         affected = [f"{spot} ({why})" for spot, why in enumerate(reasons) if why]
         if affected:
             result[name] = (
-                "perhaps biased by fog or further echoes, beyond its sigma, at "
+                "possibly biased by fog or further echoes, beyond its sigma, at "
                 f"spot{'s' * (len(affected) > 1)} {', '.join(affected)}"
             )
     return result
@@ -44,7 +56,7 @@ def _models_other_light(ranges: Ranges) -> bool:
 
 
 def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
-    """What a method that knows better tells of a spot; nothing where that is the same."""
+    """Range of a spot by a method that models other light, empty if it agrees."""
     for name, other in others.items():
         if ranges.valid[spot] and other.valid[spot]:
             sigma_m = np.hypot(ranges.sigma_m[spot], other.sigma_m[spot])
@@ -54,7 +66,7 @@ def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
 
 
 def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
-    """What each frequency tells of each spot by itself; nothing where they tell the same."""
+    """Ranges of each spot by single frequencies, empty if they agree."""
     frequencies = np.unique(spots.tap_frequencies_hz)
     if frequencies.size < 2:
         return NO_REASONS
@@ -81,7 +93,7 @@ def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
 
 
 def _apart(range_m: float, off_m: Floats, sigma_m: Floats) -> str:
-    """The nearest and the farthest range of the frequencies (J,), if they are not the same."""
+    """Minimum and maximum range of the frequencies (J,), if they differ."""
     near, far = int(off_m.argmin()), int(off_m.argmax())
     if not off_m[far] - off_m[near] > _min_difference_m(np.hypot(sigma_m[near], sigma_m[far])):
         return ""

@@ -1,8 +1,8 @@
-"""Images with poses, as NeRF and what followed it take them: ``transforms.json``.
+"""Images with poses for NeRF and its successors: ``transforms.json``.
 
-Cameras have x right, y up, z backwards (OpenGL), and pixels are counted from the image's corner, so
-that the centre of the first one is at (0.5, 0.5). Depth images are as in `rgbd`; both nerfstudio's
-and instant-ngp's names of their fields are there. Cf. B. Mildenhall et al., "NeRF", ECCV 2020.
+Cameras have x right, y up, z backwards (OpenGL); pixels count from the image's corner, so that the
+centre of the first is (0.5, 0.5). Depth images are as in `rgbd`, and fields have the names of both
+nerfstudio and instant-ngp. Cf. B. Mildenhall et al., "NeRF", ECCV 2020.
 """
 
 import math
@@ -24,7 +24,7 @@ OPTICAL_FROM_CAMERA = np.diag([1.0, -1, -1, 1])
 
 
 def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
-    """Write images, depth images where there are any, and ``transforms.json`` into a folder.
+    """Write images, available depth images, and ``transforms.json`` into a folder.
 
     Raises InputError for a shot without a pose.
     """
@@ -57,7 +57,7 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
 
 
 def camera(shot: Shot) -> dict[str, Any]:
-    """What all frames have in common."""
+    """Camera model that all frames share."""
     (height, width), pinhole = shot.shape, shot.intrinsics
     return {
         "camera_model": "OPENCV",

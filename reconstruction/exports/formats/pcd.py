@@ -1,7 +1,7 @@
-"""Point clouds of the Point Cloud Library, binary PCD 0.7: one file for each frame.
+"""Point clouds of the Point Cloud Library, binary PCD 0.7, one file per frame.
 
-Clouds are organised, (H, W) points in the optical frame, nan where there is no depth, with the
-image as intensity. The pose, where it is known, is the VIEWPOINT.
+Clouds are organised, (H, W) points in the optical frame, nan without depth, with the image as
+intensity. VIEWPOINT is the pose, if known.
 """
 
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ from ..shot import Shot
 
 
 def write_pcd(shots: Iterable[Shot], folder: Path) -> None:
-    """Write ``000000.pcd`` and so on into a folder; InputError without any depth map."""
+    """Write ``000000.pcd`` and so on into a folder; raises InputError without any depth map."""
     number, depth_maps = 0, 0
     for number, shot in enumerate(shots, 1):
         (folder / f"{number - 1:06d}.pcd").write_bytes(pcd(shot))
@@ -26,7 +26,7 @@ def write_pcd(shots: Iterable[Shot], folder: Path) -> None:
 
 
 def pcd(shot: Shot) -> bytes:
-    """One file."""
+    """Bytes of a file."""
     height, width = shot.shape
     pose = np.eye(4) if shot.pose is None else shot.pose
     x, y, z, w = quaternion_of(pose[:3, :3])

@@ -1,10 +1,10 @@
-"""A sequence of an RGB-D camera, in the layout of TUM's and Redwood's benchmarks.
+"""RGB-D sequence in the layout of the TUM and Redwood benchmarks.
 
-Folders ``rgb`` and ``depth`` with PNG files of one name for each frame; ``rgb.txt``, ``depth.txt``,
+Folders ``rgb`` and ``depth`` with PNG files of the same name per frame; ``rgb.txt``, ``depth.txt``,
 ``associations.txt`` and ``groundtruth.txt`` with times as in the TUM RGB-D benchmark;
-``camera_intrinsic.json`` as Open3D reads it. Depth is along the optical axis in millimetres, 16
-bits, 0 where there is none (Redwood's; TUM's has five of these for each). Cf. J. Sturm et al., "A
-benchmark for the evaluation of RGB-D SLAM systems", IROS 2012; S. Choi et al., CVPR 2015.
+``camera_intrinsic.json`` for Open3D. Depth is along the optical axis in millimetres, 16 bits, 0 if
+unknown (as Redwood; TUM's unit is 0.2 mm). Cf. J. Sturm et al., "A benchmark for the evaluation of
+RGB-D SLAM systems", IROS 2012; S. Choi et al., CVPR 2015.
 """
 
 from collections.abc import Iterable
@@ -19,7 +19,7 @@ from ..shot import Shot
 
 
 def write_rgbd(shots: Iterable[Shot], folder: Path) -> None:
-    """Write a sequence into an empty folder; InputError without any depth map."""
+    """Write a sequence into an empty folder; raises InputError without any depth map."""
     for name in ("rgb", "depth"):
         (folder / name).mkdir(parents=True)
     lists: dict[str, list[str]] = {"rgb.txt": ["# timestamp filename"]}
@@ -48,7 +48,7 @@ def write_rgbd(shots: Iterable[Shot], folder: Path) -> None:
 
 
 def intrinsics_json(shot: Shot) -> bytes:
-    """The camera as Open3D's PinholeCameraIntrinsic; its matrix is written column by column."""
+    """Open3D's PinholeCameraIntrinsic, whose matrix is stored by column."""
     height, width = shot.shape
     columns = shot.intrinsics.matrix.T.ravel().tolist()
     fields = {"width": width, "height": height, "intrinsic_matrix": columns, "made": mark(KIND)}

@@ -1,4 +1,4 @@
-"""From what is known of the four ranges to an answer for each spot."""
+"""From the posterior of the four ranges to a range and status for each spot."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ from .numerics import normal_cdf
 from .posterior import Posterior, SpotPosterior
 
 MIN_PROBABILITY = 0.9
-"""Probability from which on a range counts as known,"""
+"""Minimum probability of a known range,"""
 TOLERANCE_M = 0.3
-"""give or take so much."""
+"""within this tolerance."""
 GUESSED_FRACTION = 0.5
-"""Where backscattering is as uncertain as this share of what is known before, it is a guess,"""
+"""Backscattering is a guess if its sigma exceeds this fraction of the prior's,"""
 MAX_GUESSED_GROWTH = 1.15
-"""and ranges that are less certain for it by this factor rest on the guess."""
+"""and ranges whose sigma grows by more than this factor depend on the guess."""
 
 UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
@@ -28,7 +28,7 @@ def ranges_of(
     background: Floats,
     fog: FogOptics | None,
 ) -> Ranges:
-    """The likeliest range of each spot whose status has one."""
+    """The likeliest range of each spot whose status allows one."""
     best = [
         spot.alternatives[0] if status in RANGED else UNKNOWN
         for spot, status in zip(spots, statuses, strict=True)
@@ -45,7 +45,7 @@ def ranges_of(
 
 
 def statuses(estimate: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
-    """Of each spot; ``dark`` (4,) where readings are but noise."""
+    """Status of each spot; ``dark`` (4,) marks spots whose readings are just noise."""
     guessed = estimate.fog.log_backscatter_sigma > GUESSED_FRACTION * LOG_SIGMA
     return tuple(
         "saturated" if full else "weak" if noise else _status(spot, guessed)

@@ -1,7 +1,7 @@
 """Further echoes in a histogram: a twig before the wall, a pane before the room, an edge.
 
-What arrives beyond the fitted target and fog is looked through for further pulses; echoes that
-cannot be told apart make the one pulse wider, and its range less certain.
+Arrivals beyond the fitted target and fog are searched for further pulses. Echoes that cannot be
+resolved widen the single pulse and increase the sigma of its range.
 """
 
 from dataclasses import replace
@@ -17,19 +17,19 @@ from .modes import MIN_RANGE_M
 from .posterior import SpotPosterior
 
 MIN_DEVIANCE = 30.0
-"""Least deviance of an echo: so strong a one is in no histogram of a thousand by chance."""
+"""Minimum deviance of an echo: fewer than one histogram in a thousand exceeds it by chance."""
 MIN_ARRIVALS = 5.0
-"""Arrivals of an echo,"""
+"""Minimum arrivals of an echo,"""
 MIN_RELATIVE_SIGNAL = 0.02
-"""and its light over that of the likeliest one, at least."""
+"""and minimum light relative to the likeliest one."""
 UNEVEN = 0.5
-"""Patches of fog may be so much denser, relative."""
+"""Relative excess density of patches of fog."""
 STEADY = 0.9
-"""Share of the bins that hold no more than background, echoes that are not known yet or not."""
+"""Fraction of the bins that hold only background, whatever the echoes."""
 MAX_ECHOES = 4
-"""Echoes of one spot."""
+"""Maximum number of echoes of a spot."""
 MIN_EXCESS_WIDTH = 4.0
-"""Standard deviations by which a pulse must be wider than one echo's to count as several."""
+"""Standard deviations by which a pulse must be too wide to count as several echoes."""
 
 
 def with_echoes(
@@ -39,9 +39,9 @@ def with_echoes(
     cycles: int,
     spot: int,
 ) -> SpotPosterior:
-    """What is known of a spot with a histogram (B,), all its echoes considered.
+    """Posterior of a spot with a histogram (B,), all its echoes considered.
 
-    Echoes become alternatives by their share of the light, the likeliest range first.
+    Echoes become alternatives weighted by their fraction of the light, the likeliest range first.
     """
     if not posterior.alternatives:
         return posterior
@@ -75,7 +75,7 @@ def with_echoes(
 
 
 class _Around:
-    """Pulses in the bins of one spot."""
+    """Pulses in the bins of a spot."""
 
     def __init__(self, templates: HistogramTemplates, spot: int, watched: Floats) -> None:
         self._range_m = templates.range_m
@@ -94,7 +94,7 @@ class _Around:
     def strongest(
         self, rate: Floats, model: Floats, minimum: Floats
     ) -> tuple[float, float, float] | None:
-        """Range, its deviation and arrivals of the strongest echo beyond a model, if any.
+        """Range, sigma and arrivals of the strongest echo beyond a model, if any.
 
         It has more than ``minimum`` (B,) arrivals per cycle in the bins of its window.
         """
@@ -111,7 +111,7 @@ class _Around:
         arrivals = float(result[index] - expected[index])
         if deviance[index] < MIN_DEVIANCE:
             return None
-        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # share of a pulse in the window
+        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # fraction of a pulse in the window
         at = slice(max(index - self.window // 2, 0), index + self.window // 2 + 1)
         excess = np.maximum((rate - model)[at], 0)
         centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())
@@ -123,7 +123,7 @@ class _Around:
     def excess_width_m(
         self, pulse: Floats, echo: tuple[float, float, float], model: Floats
     ) -> float:
-        """By how much the arrivals of a pulse (B,) spread more than an echo's, 0 if by chance."""
+        """Excess width of a pulse (B,) over that of an echo, 0 if it may be chance."""
         centre = np.interp(echo[0], self._range_m, self._delay)
         offset = np.arange(pulse.size) + 0.5 - centre
         at = np.abs(offset) < 3 * self._width

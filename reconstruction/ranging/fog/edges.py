@@ -1,8 +1,8 @@
 """Spots on two surfaces at once: on an edge, a twig, a pane.
 
-Where target and fog do not explain the readings of a spot, two targets are tried in every pair of
-places, and the best pairs refined by Gauss-Newton. Surfaces nearer to each other than about a
-quarter of the shortest wavelength of the readings look like one between them, whatever is tried.
+If target and fog do not explain the readings of a spot, two targets are tried in every pair of
+ranges, and the best pairs refined by Gauss-Newton. Surfaces closer than about a quarter of the
+shortest wavelength of the readings always look like one between them.
 """
 
 from dataclasses import replace
@@ -18,11 +18,11 @@ from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
-"""Misfits that chance makes less often than this need another explanation."""
+"""Misfits less probable than this need another explanation."""
 MIN_GAIN = 12.0
-"""Two targets have to explain so much more, in chi squared, than one."""
+"""Minimum reduction of chi squared by a second target."""
 MIN_SEPARATION_M = 0.05
-"""Two targets nearer to each other are one."""
+"""Two targets closer to each other count as one."""
 PAIRS = 24
 STEPS = 8
 
@@ -35,10 +35,10 @@ def with_edges(
     readings: Floats,
     covariance: Floats,
 ) -> Posterior:
-    """What is known of spots with readings (4, n) of covariance (4, n, n), two targets considered.
+    """Posterior of spots with readings (4, n) of covariance (4, n, n), two targets considered.
 
-    Spots on edges tell nothing of the fog, which follows from the others alone. Where not even two
-    targets explain the readings, deviations grow with what is left unexplained.
+    Spots on edges say nothing about the fog, which follows from the others. If even two targets do
+    not explain the readings, sigmas grow with the remaining misfit.
     """
     n = readings.shape[1]
     odd = odd_spots(given, n)
@@ -64,7 +64,7 @@ def with_edges(
 
 
 def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
-    """The posterior of other spots than these, what is known where there are no others."""
+    """Posterior without these spots; the given one if none are left."""
     others = ~np.isin(modes.spot, spots)
     return posterior(modes.only(others), prior) if spots and others.any() else given
 
@@ -76,10 +76,11 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
 
 
 def disagreement(given: Posterior, readings: int) -> float:
-    """Probability that chance makes spots, but for the worst, agree on a fog as badly as these.
+    """Probability that chance makes the spots, except the worst, disagree on the fog as much as
+    these.
 
-    One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
-    the worst of four, chance is even less likely than this.
+    One spot may be on an edge; more indicate fog that violates the model. Excluding the worst of
+    four makes chance even less likely.
     """
     misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)[:-1]
     freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
@@ -87,7 +88,7 @@ def disagreement(given: Posterior, readings: int) -> float:
 
 
 def odd_spots(given: Posterior, readings: int) -> list[int]:
-    """Spots that one target explains so badly that chance hardly does it."""
+    """Spots whose misfit with a single target is improbable."""
     return [number for number, spot in enumerate(given.spots) if _is_odd(spot, readings)]
 
 
@@ -107,7 +108,7 @@ def _two_targets(
     covariance: Floats,
     spot: int,
 ) -> tuple[Alternative, ...]:
-    """Ranges of two targets, none unless they are much better than a ``single`` one."""
+    """Ranges of two targets, none unless they fit much better than a ``single`` one."""
     node = int(prior.probability.argmax())
     backscatter = float(np.exp(prior.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
@@ -124,7 +125,9 @@ def _two_targets(
     at, rho, misfit, information = pair.refined(at)
     apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > MIN_SEPARATION_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
-    localised = (variance < MIN_SEPARATION_M**2).all(axis=1)  # not where the detector sees nothing
+    localised = (variance < MIN_SEPARATION_M**2).all(
+        axis=1
+    )
     retained = (rho > 0).all(axis=1) & (misfit < single - MIN_GAIN) & apart & localised
     if not retained.any():
         return ()
@@ -140,7 +143,7 @@ def _two_targets(
 
 
 def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
-    """Columns of the pairs of targets (n, R) that leave least of readings (n,)."""
+    """Columns of the pairs of targets (n, R) with the least misfit of readings (n,)."""
     gram, ya = a.T @ a, y @ a
     own = np.diagonal(gram)
     determinant = np.outer(own, own) - gram**2
@@ -161,14 +164,14 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
 
 
 class _Pairs:
-    """Whitened targets (n, R) and readings (n,), in which pairs of places are refined."""
+    """Whitened targets (n, R) and readings (n,), for the refinement of pairs of ranges."""
 
     def __init__(self, target: Floats, readings: Floats) -> None:
         self._target = target
         self._readings = readings
 
     def refined(self, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Indices (P, 2), reflectances (P, 2), misfits (P,), information (P, 4, 4) about both."""
+        """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4)."""
         max_index = self._target.shape[1] - 2.0
         rho = np.zeros_like(at)
         for step in range(STEPS + 1):

@@ -1,4 +1,4 @@
-"""What is held of the fog: the prior, and what one frame of a flight hands to the next."""
+"""Bayesian filter over the state of the fog: prior, update by a frame, prediction of the next."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,23 +14,24 @@ from ..weather import KOSCHMIEDER, Weather
 from .modes import LOG_SIGMA, expected_backscatter
 
 CLEAR = 0.5
-"""Prior probability of clear air where nothing is stated; all fogs are equally likely."""
+"""Prior probability of clear air if nothing is stated; all fogs are equally likely."""
 VISIBILITY_LOG_SIGMA = 0.3
-"""Of the extinction that follows from a visibility: kinds of fog differ at 1550 nm, and so do the
-definitions of visibility and those who judge it."""
+"""Log sigma of the extinction that follows from a visibility, as kinds of fog differ at 1550 nm,
+and so do definitions and estimates of visibility."""
 IMPOSSIBLE = 1e-9
-"""Probability of what is stated not to be."""
+"""Probability left to weather that contradicts the stated one."""
 DRIFT = 0.05
-"""By how much the logarithm of backscattering may change from frame to frame, rms,"""
+"""Rms change of the logarithm of backscattering from frame to frame,"""
 CHANGE = 0.02
-"""and the share of frames before which the fog is another altogether."""
+"""and the probability that the next frame has another fog altogether."""
 
 
 @dataclass(frozen=True, eq=False)
 class FogState:
-    """Probabilities ``probability`` (K,) of extinctions, and for each log-normal backscattering.
+    """Distribution of the fog: ``probability`` (K,) of extinctions, each with log-normal
+    backscattering.
 
-    ``log_median`` and ``log_sigma`` (K,) of backscattering in 1 / (m sr).
+    ``log_median`` and ``log_sigma`` (K,) are of backscattering in 1 / (m sr).
     """
 
     probability: Floats
@@ -39,16 +40,16 @@ class FogState:
 
     @classmethod
     def prior(cls, extinction_per_m: Floats, weather: Weather, unstated: float = CLEAR) -> Self:
-        """What holds before any reading; the first extinction is that of clear air.
+        """Prior before any reading; the first extinction is that of clear air.
 
-        Its probability is ``unstated`` where the weather does not state it.
+        Clear air has the probability ``unstated`` unless the weather states it.
         """
         stated = weather.clear_probability
         clear = unstated if np.isnan(stated) else np.clip(stated, IMPOSSIBLE, 1 - IMPOSSIBLE)
         probability = np.full(extinction_per_m.size, (1 - clear) / (extinction_per_m.size - 1))
         probability[0] = clear
         if not np.isnan(weather.visibility_m):
-            # Over the likeliest: visibilities beyond the extinctions are at their ends.
+            # Relative to the maximum: visibilities beyond the extinctions map to their ends.
             away = np.log(extinction_per_m * weather.visibility_m / KOSCHMIEDER)
             log = -((away / VISIBILITY_LOG_SIGMA) ** 2) / 2
             probability = np.exp(log - log.max()) + IMPOSSIBLE
@@ -65,7 +66,7 @@ class FogState:
         )
 
     def log_ratio(self, unstated: float) -> Floats:
-        """Logarithm (K,) of the probabilities over those where nothing is stated."""
+        """Logarithm (K,) of the probabilities over those with nothing stated."""
         unstated_probability = np.full(
             self.probability.size, (1 - unstated) / (self.probability.size - 1)
         )
@@ -73,7 +74,7 @@ class FogState:
         return np.log(np.maximum(self.probability, 1e-300) / unstated_probability)
 
     def optics(self, extinction_per_m: Floats) -> FogOptics:
-        """The fog itself, of the extinctions (K,) that have these probabilities."""
+        """Mean fog, for the extinctions (K,) of these probabilities."""
         return FogOptics(
             extinction_per_m=float(self.probability @ extinction_per_m),
             backscatter_per_m_sr=float(np.exp(self.probability @ self.log_median)),
@@ -81,14 +82,14 @@ class FogState:
         )
 
     def log_density(self, backscatter: Floats) -> Floats:
-        """Logarithm of the probability (K, B) of each cell of a grid (B,) of backscattering."""
+        """Logarithm of the probability (K, B) of each cell of a backscattering grid (B,)."""
         log = np.log(backscatter)
         away = (log - self.log_median[:, None]) / self.log_sigma[:, None]
         cells = np.log(np.gradient(log)) - np.log(self.log_sigma)[:, None]
         return np.asarray(np.log(self.probability)[:, None] + cells - away**2 / 2)
 
     def update(self, weight: Floats, backscatter: Floats) -> Self:
-        """What is held after readings that gave backscattering (B,) or (K, B) weights (K, B)."""
+        """Posterior with weights (K, B) of backscattering (B,) or (K, B)."""
         probability = weight.sum(axis=1)
         log = np.log(backscatter)
         within = weight / np.maximum(probability, 1e-300)[:, None]
@@ -102,10 +103,10 @@ class FogState:
         )
 
     def predict(self, prior: Self) -> Self:
-        """What is held a frame later, of fog that drifts and, rarely, is another one."""
+        """Prior of the next frame, for fog that drifts and rarely changes altogether."""
         predicted_sigma = np.hypot(self.log_sigma, DRIFT)
         probability = (1 - CHANGE) * self.probability + CHANGE * prior.probability
-        # Neighbouring extinctions come of what is held, not only of rare changes.
+        # Neighbouring extinctions are reached by drift, not only by rare changes.
         spread = np.convolve(
             np.pad(probability, 1, mode="edge"), [CHANGE, 1 - 2 * CHANGE, CHANGE], "valid"
         )
@@ -117,7 +118,7 @@ class FogState:
 
 
 class FogSolver(NamedTuple):
-    """A recording's prior of the fog, and what makes of it and a frame ranges and a posterior."""
+    """Prior of a recording, and the solver from readings and prior to ranges and posterior."""
 
     prior: FogState
     solve: Callable[[Spots, FogState, Brightness | None], tuple[Ranges, FogState]]

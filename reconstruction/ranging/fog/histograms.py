@@ -1,8 +1,8 @@
-"""Target and fog in histograms of first arrivals: the same modes, by the likelihood of counts.
+"""Target and fog in first-arrival histograms: likelihood modes of binomial counts.
 
 The mean number of arrivals in a bin per cycle is rho a + beta g + b: the target's pulse, the fog in
-front of it, and a steady background. Counts are binomial among the cycles that saw the bin (see
-`reconstruction.ranging.histogram`); Fisher scoring finds range, rho, beta and b together.
+front of it, and a steady background. Counts are binomial among the cycles that reach the bin (see
+`reconstruction.ranging.histogram`); Fisher scoring fits range, rho, beta and b together.
 """
 
 from dataclasses import dataclass
@@ -27,24 +27,24 @@ from .overlap import overlap
 from .templates import EXTINCTIONS_PER_M
 
 STEP_M = 0.005
-"""Between ranges over which the fog is summed up."""
+"""Range step of the fog integral."""
 BLOCK = 256
-"""Ranges whose echoes are sorted into bins at a time."""
+"""Ranges per block when echoes are sorted into bins."""
 TAILS = 8.5
-"""Standard deviations beyond which a pulse has nothing, in double precision."""
+"""Standard deviations beyond which a pulse vanishes in double precision."""
 WINDOW_SIGMAS = 1.5
-"""Arrivals are counted so many standard deviations of the pulse to either side of a place."""
+"""Half width of the window in which arrivals are counted, in standard deviations of the pulse."""
 MAX_PEAKS = 8
-"""Most places of a target that are tried for one spot and extinction."""
+"""Maximum number of candidate targets per spot and extinction."""
 STEPS = 6
 FREE = 1.0
-"""Precision of backscattering beforehand, next to nothing: counts tell it, or do not need it."""
+"""Prior precision of backscattering, nearly 0: counts determine it, or do not depend on it."""
 RATES = 1e-12, 500.0
-"""Least and most arrivals per bin and cycle, of which exp is finite."""
+"""Bounds of arrivals per bin and cycle, within which exp is finite."""
 SMOOTH_BINS = 21
-"""Over which counts are averaged for a first guess of their variance."""
+"""Bins averaged for an initial variance of the counts."""
 MAX_EXCESS_SIGMAS = 4.0
-"""Bins above the fog by so many deviations are no fog."""
+"""Bins that exceed the fog by more standard deviations are not fog."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +66,7 @@ class HistogramTemplates:
 def make_histogram_templates(
     spots: HistogramSpots, arrivals: float, max_range_m: float
 ) -> HistogramTemplates:
-    """Tables up to a range; ``arrivals`` per cycle if a detector got all of the laser's light."""
+    """Tables up to a range; ``arrivals`` per cycle if a detector collected all laser light."""
     range_m = np.arange(STEP_M, max_range_m, STEP_M)
     weight, path_m = overlap(spots, range_m)
     bins = spots.counts.shape[-1]
@@ -88,9 +88,9 @@ def make_histogram_templates(
 
 
 def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
-    """Light (K, R) of pulses centred `at` (R,) bins, rising, in bins (K, B).
+    """Sum light (K, R) of pulses centred at rising bins ``at`` (R,) into bins (K, B).
 
-    By blocks of ranges, each in the bins that its pulses reach: tables of far ranges stay small.
+    Works by blocks of ranges, each only in the bins of its pulses, so that tables stay small.
     """
     total = np.zeros((len(light), bins))
     for start in range(0, len(at), BLOCK):
@@ -117,7 +117,7 @@ def find_histogram_modes(
 def _without_target(
     templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Backscattering and background (4, K) of all but what sticks out; bins' variance (4, B)."""
+    """Backscattering and background (4, K) without outlying bins; bins' variance (4, B)."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
@@ -145,7 +145,7 @@ def _search(
     fitted: tuple[Floats, Floats, Floats],
     usable: Mask,
 ) -> tuple[Indices, Indices, Indices]:
-    """Spot, extinction and bin of peaks above fog and background, by the deviance of Poisson."""
+    """Spot, extinction and bin of peaks above fog and background, by Poisson deviance."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     beta, background, _ = fitted
@@ -153,7 +153,7 @@ def _search(
     window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
     result = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
     expected = window * uniform_filter1d(watched[:, None] * model, window, axis=-1, mode="constant")
-    expected = np.maximum(expected, RATES[0])  # running sums round
+    expected = np.maximum(expected, RATES[0])  # running sums have rounding errors
     result = np.maximum(result, expected)
     gain = 2 * (result * np.log(result / expected) - (result - expected))
     nearest = np.interp(MIN_RANGE_M, templates.range_m, templates.delay[0])
@@ -186,7 +186,7 @@ def _refine(
     centres = np.arange(counts.shape[-1]) + 0.5
     edges = np.arange(counts.shape[-1] + 1)
     width, step = templates.width, templates.range_m[1] - templates.range_m[0]
-    # A bin of delay in range, alike everywhere but next to the instrument.
+    # Range per bin of delay, constant except next to the instrument.
     metres = np.gradient(templates.range_m, templates.delay[0])[-1]
     at = np.array(
         [np.interp(p + 0.5, templates.delay[s], templates.range_m)
@@ -259,7 +259,7 @@ def _empty(
     fitted: tuple[Floats, Floats, Floats],
     usable: Mask,
 ) -> Modes:
-    """Fog and background alone."""
+    """Modes of fog and background alone."""
     beta, background, _ = fitted
     spot, node = (each.ravel() for each in np.indices(beta.shape))
     kept = usable[spot]
@@ -300,7 +300,7 @@ def _empty(
 
 
 def _mixed(table: Floats, low: Indices, fraction: Floats) -> Floats:
-    """Values (C,) of rows (C, R) between two of their places."""
+    """Interpolate rows (C, R) at fractional indices, (C,)."""
     here, there = _at(table, low), _at(table, low + 1)
     return here + fraction * (there - here)
 

@@ -1,8 +1,8 @@
-"""Ranges at which target and fog together explain the readings of a spot.
+"""Modes of the likelihood of a spot: ranges at which target and fog explain its readings.
 
-For each spot and each extinction of the tables, reflectance and backscattering are linear; with
-them in closed form the misfit is known at all ranges. Its minima are refined by Gauss-Newton over
-range, reflectance and backscattering. Around each, the misfit is a parabola.
+For each spot and extinction of the tables, reflectance and backscattering are linear; with them in
+closed form the misfit is known at all ranges. Its minima are refined by Gauss-Newton over range,
+reflectance and backscattering. Around each, the misfit is a parabola.
 """
 
 from dataclasses import dataclass
@@ -17,32 +17,32 @@ from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 Indices = NDArray[np.intp]
 
 BACKSCATTER_PER_SR = 0.035
-"""Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
+"""Median of albedo times phase function at 180 degrees over fogs (Mie, 1550 nm),"""
 LOG_SIGMA = 0.6
-"""Of the logarithm of that, over kinds of fog."""
+"""and sigma of its logarithm."""
 MIN_RANGE_M = 0.3
 MAX_EXCESS_MISFIT = 40.0
-"""Minima worse than the best of spot and extinction by this much, in chi squared, do not count."""
+"""Minima worse than the best of spot and extinction by more, in chi squared, are dropped."""
 MIN_STRENGTH = 0.3
-"""Modes of targets weaker than this, in standard deviations, are no better than none."""
+"""Modes of weaker targets, in standard deviations, count as none."""
 STEPS = 3
 UNEVEN_STEPS = 2
-"""Steps in which the noise of uneven fog follows backscattering and range."""
+"""Steps that update the noise of uneven fog."""
 MAX_STEP_M = 0.05
 BRIGHT = 1.0
-"""Reflectance beyond which it becomes unlikely."""
+"""Reflectance beyond which the prior falls."""
 EMPTY = 0.5
-"""Probability beforehand that a spot has no target within range."""
+"""Prior probability that a spot has no target within range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Minima of the misfit, each (C,): spot and extinction by number, and the parabola around it.
+    """Minima of the misfit, each (C,): indices of spot and extinction, and the parabola around it.
 
-    With all else at its best, the log likelihood at backscattering beta is
-    ``log_weight + slope x - curvature x^2 / 2``, x = beta - ``backscatter``; the range then is
-    ``range_m + drift x`` with variance ``variance_m2``, nan where there is no target. ``strength``
-    is the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared.
+    With all else optimal, the log likelihood at backscattering beta is ``log_weight + slope x -
+    curvature x^2 / 2``, x = beta - ``backscatter``; the range then is ``range_m + drift x`` with
+    variance ``variance_m2``, nan without a target. ``strength`` is the target's signal in standard
+    deviations, ``signal`` in electrons, ``misfit`` chi squared.
     """
 
     spot: Indices
@@ -59,17 +59,17 @@ class Modes:
     misfit: Floats
 
     def only(self, chosen: Mask | Indices) -> "Modes":
-        """Some of them."""
+        """A subset of the modes."""
         return Modes(*(values[chosen] for values in vars(self).values()))
 
     def joined_with(self, others: "Modes") -> "Modes":
-        """These and others."""
+        """These modes and others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Modes(*(np.concatenate(pair) for pair in pairs))
 
 
 def expected_backscatter(extinction_per_m: Floats) -> Floats:
-    """Median of the backscattering, 1 / (m sr), of fog of an extinction."""
+    """Median backscattering, 1 / (m sr), of fog of an extinction."""
     return BACKSCATTER_PER_SR * extinction_per_m
 
 
@@ -78,7 +78,7 @@ def find_modes(
 ) -> Modes:
     """Modes of readings (4, n) with covariance (4, n, n), of the ``usable`` spots (4,).
 
-    ``scaled``: the templates are in units of the readings, so that reflectances can be judged.
+    ``scaled``: the templates are in units of the readings, so that reflectances have a prior.
     """
     spot, node, position = _search(templates, readings, covariance, usable)
     result = _refine(templates, readings, covariance, spot, node, position, scaled)
@@ -88,7 +88,7 @@ def find_modes(
 def _without_target(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
 ) -> Modes:
-    """Fog alone, at any range: what remains likely where the target is too weak to tell."""
+    """Modes of fog alone: likely where the target is too weak."""
     spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
     retained = usable[spot]
     spot, node = spot[retained], node[retained]
@@ -121,7 +121,7 @@ def _without_target(
 def _search(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
 ) -> tuple[Indices, Indices, Indices]:
-    """Spot, extinction and place in the tables of all minima."""
+    """Spot, extinction and range index of all minima."""
     guess = expected_backscatter(templates.extinction_per_m)
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
     noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
@@ -177,7 +177,7 @@ def _refine(
             rho = np.maximum(
                 _product(target, precision, left) / _product(target, precision, target), 1e-6
             )
-        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # more fog in front, too
+        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # also more fog in front
         jacobian = np.stack([along, target, fog], axis=-1)
         residual = readings[spot] - rho[:, None] * target - beta[:, None] * fog
         weighted = (precision @ jacobian).swapaxes(1, 2)
@@ -220,13 +220,13 @@ def _refine(
 
 
 def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
-    """Products (C,) of vectors (C, n) with matrices (C, n, n) between them."""
+    """Products (C,) of vectors (C, n) and matrices (C, n, n)."""
     return np.asarray((left * (matrix @ right[..., None])[..., 0]).sum(axis=1))
 
 
 def _between(
     table: Floats, spot: Indices, node: Indices, below: Indices, fraction: Floats
 ) -> tuple[Floats, Floats]:
-    """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
+    """Rows (C, n) of a table interpolated between ranges, and their slope per metre."""
     here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
     return here + fraction * (there - here), (there - here) / STEP_M

@@ -8,18 +8,18 @@ import numpy as np
 from ...base.arrays import Floats
 
 RIDGE = 1e-12
-"""Relative to the diagonal: what no reading tells stays finite."""
+"""Added to the diagonal, relative, so that undetermined parameters stay finite."""
 
 
 def solved(matrix: Floats, vector: Floats) -> Floats:
-    """Solutions (C, p) of systems (C, p, p)."""
+    """Solutions (C, p) of scaled systems (C, p, p)."""
     scale = _scale(matrix)
     scaled = matrix / (scale[:, :, None] * scale[:, None]) + RIDGE * np.eye(matrix.shape[-1])
     return np.linalg.solve(scaled, (vector / scale)[..., None])[..., 0] / scale
 
 
 def inverse(matrix: Floats) -> Floats:
-    """Inverses of matrices (C, p, p)."""
+    """Inverses of matrices (C, p, p), scaled so that units do not matter."""
     scale = _scale(matrix)
     both = scale[:, :, None] * scale[:, None]
     return np.linalg.inv(matrix / both + RIDGE * np.eye(matrix.shape[-1])) / both
@@ -30,13 +30,14 @@ def _scale(matrix: Floats) -> Floats:
 
 
 def normal_cdf(sigmas: float) -> float:
-    """Share of a normal distribution below its mean plus so many standard deviations."""
+    """Normal cumulative distribution; scipy.special takes longer to load than a frame."""
     return math.erfc(-sigmas / math.sqrt(2)) / 2
 
 
 @cache
 def chi_squared_limit(freedom: int, fraction: float) -> float:
-    """What chi squared of so many degrees of freedom exceeds with a probability 0 < share < 1."""
+    """Value that chi squared of so many degrees of freedom exceeds with probability
+    ``fraction``."""
     below, above = 0.0, float(freedom)
     while chi_squared_above(above, freedom) > fraction:
         above *= 2
@@ -50,7 +51,7 @@ def chi_squared_limit(freedom: int, fraction: float) -> float:
 
 
 def chi_squared_above(value: float, freedom: int) -> float:
-    """Probability of more: a finite series (Abramowitz & Stegun 1964, 26.4.4 and 26.4.5)."""
+    """Survival function, a finite series (Abramowitz & Stegun 1964, 26.4.4 and 26.4.5)."""
     odd = freedom % 2
     term = math.sqrt(2 * value / math.pi) * math.exp(-value / 2) if odd else math.exp(-value / 2)
     total = math.erfc(math.sqrt(value / 2)) if odd else 0.0

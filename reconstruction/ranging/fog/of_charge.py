@@ -1,4 +1,4 @@
-"""Fits of fog and targets to charges that were collected in taps or delayed windows."""
+"""Fits of fog and targets to charges of taps or windows."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -28,13 +28,11 @@ from .templates import (
 from .underdetermined import PER_TARGET, underdetermined_solver
 
 DOUBTFUL = 0.1
-"""Where spots agree on a fog so badly that chance makes it less often than this,"""
+"""Probability of the spots' disagreement on the fog, below which"""
 ROUGH = 4.0
-"""its density deviates so many times more than usual: by as much as there is, as at the end of a
-bank."""
+"""uneven fog with this many times the usual deviation is tried, as at the end of a bank."""
 STANDS_OUT = 20.0
-"""Where chance hardly makes it, targets weaker than this, in standard deviations, may be a part of
-the fog."""
+"""Minimum strength of targets in such fog, in standard deviations; weaker ones may be fog."""
 MANY = 3
 """So many spots are not on edges at once."""
 
@@ -42,7 +40,7 @@ MANY = 3
 def charge_solver(
     spots: CwSpots | PulsedSpots, optics: Optics | None, max_range_m: float
 ) -> FogSolver:
-    """Solver of one recording's charges; raises InputError as `echo_combinations`."""
+    """Solver of a recording's charges; raises InputError as `echo_combinations`."""
     spots.check_noise(4)
     combine, response = echo_combinations(spots, max_range_m)
     if len(combine) == PER_TARGET:
@@ -88,7 +86,7 @@ def charge_solver(
 
 
 def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
-    """What rough fog leaves of the spots; a few ``odd`` ones are on edges rather."""
+    """Posterior of rough fog, with up to two ``odd`` spots taken for edges."""
     spots = (
         even.spots[number]
         if number in odd and len(odd) < MANY
@@ -99,7 +97,7 @@ def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
 
 
 def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
-    """What even fog tells, but of spots that rough fog has elsewhere what that tells."""
+    """Posterior of even fog, replaced for spots that rough fog puts elsewhere."""
 
     def same(one: SpotPosterior, other: SpotPosterior) -> bool:
         ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
@@ -113,30 +111,30 @@ def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
 
 
 def _squares(echoes: Floats, covariance: Floats) -> Floats:
-    """Chi squared (4,) of echoes (4, n) that are but noise."""
+    """Chi squared (4,) of echoes (4, n) under noise alone."""
     return np.asarray((echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1))
 
 
 def echo_combinations(
     spots: CwSpots | PulsedSpots, max_range_m: float
 ) -> tuple[Floats, Callable[[Floats], Floats]]:
-    """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
+    """Combinations (n, readings) that cancel steady light but not an echo.
 
-    With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
-    InputError where the laser's light is not known, and where no echo tells anything.
+    Also returns the response of these, (n, ...), to all of a laser's light by path length (...).
+    Raises InputError if the laser's light is unknown, or no echo changes the readings.
     """
     response_table = spots.response(np.linspace(0, 2 * max_range_m, 4001))
     if np.isnan(response_table).any():
         raise InputError(
-            "the energy of the laser in each reading, or its contrast, is not known (nan), and "
-            "ranging in fog needs it: echoes of different readings are compared"
+            "the energy of the laser in each reading, or its contrast, is unknown (nan), but "
+            "ranging in fog needs it to compare the echoes of different readings"
         )
     free = _unmoved(spots.steady)
     left, strength, _ = np.linalg.svd(free @ response_table, full_matrices=False)
     if not strength[0] > 0:
         raise InputError(
-            f"no echo from within {max_range_m:.3g} m comes into any reading: the times of the "
-            "windows and spots/delay_offset_s cannot be right"
+            f"no echo from within {max_range_m:.3g} m reaches any reading: the times of the "
+            "windows or spots/delay_offset_s must be wrong"
         )
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
     finite = np.isfinite(spots.electrons_per_joule)
@@ -149,7 +147,7 @@ def echo_combinations(
 
 
 def _unmoved(steady: Floats) -> Floats:
-    """Orthonormal combinations (n, readings) of readings in which steady light cancels."""
+    """Orthonormal combinations (n, readings) in which steady light cancels."""
     _, strength, combinations = np.linalg.svd(steady.T)
     tiny = np.finfo(np.float64).eps * max(steady.shape) * strength.max()
     return np.asarray(combinations[np.count_nonzero(strength > tiny) :])

@@ -1,4 +1,4 @@
-"""Fits of fog and targets to histograms of single photons."""
+"""Fits of fog and targets to single-photon histograms."""
 
 from dataclasses import replace
 
@@ -22,19 +22,19 @@ from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE
 
 
 def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
-    """Solver of one recording's histograms.
+    """Solver of a recording's histograms.
 
-    Raises InputError where they are none of single photons, or the laser's energy or the
-    detector's response is not known.
+    Raises InputError if they are not of single photons, or the laser's energy or the detector's
+    response is unknown.
     """
     if not spots.piles_up:
         raise InputError(
-            "ranging in fog needs histograms of single photons; stamps of whole pulses, as those "
-            "of a threshold, do not show how much light the fog sends back"
+            "ranging in fog needs histograms of single photons; time stamps of whole pulses that "
+            "cross a threshold do not show how much light the fog sends back"
         )
     for name in ("response_sigma_s", "laser_energy_j"):
         if np.isnan(getattr(spots, name)):
-            raise InputError(f"spots/{name} is not known (nan), and ranging in fog needs it")
+            raise InputError(f"spots/{name} is unknown (nan), but ranging in fog needs it")
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     electrons = spots.electrons_per_joule if scaled else NOMINAL_ELECTRONS_PER_JOULE
     arrivals = electrons * spots.laser_energy_j
@@ -66,7 +66,7 @@ def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
 
 
 def _is_even(counts: Floats) -> Mask:
-    """Whether histograms (4, B) show no more than arrivals at any time, (4,)."""
+    """Whether histograms (4, B) show only arrivals at random times, (4,)."""
     blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
     mean = np.maximum(blocks.mean(axis=0), 1e-12)
     squares = ((blocks - mean) ** 2 / mean).sum(axis=0)

@@ -1,6 +1,6 @@
-"""All modes of four spots, and the fog that they share: what is known of each range.
+"""Posterior of the four ranges and of the fog they share.
 
-Extinction and backscattering are common to the spots and integrated over: the extinction over the
+Extinction and backscattering are common to the spots and integrated out: the extinction over the
 nodes of the tables, the backscattering over a grid on which the modes' parabolas are summed.
 """
 
@@ -14,24 +14,23 @@ from .fog_state import FogState
 from .modes import Modes
 
 GRID = np.geomspace(1e-6, 0.1, 96)
-"""Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
+"""Initial grid of backscattering, 1 / (m sr), refined where it is likely."""
 FINE = 33
 NEGLIGIBLE = 1e-4
-"""Share of the whole below which a mode does not count."""
+"""Fraction of the total below which a mode is dropped."""
 SPREAD = 3.0
-"""Modes whose ranges, give or take so many standard deviations, touch are one."""
+"""Modes whose ranges touch within so many standard deviations are merged."""
 
 
 @dataclass(frozen=True)
 class SpotPosterior:
-    """What is known of one range: its alternatives, likeliest first.
+    """Posterior of one range: its alternatives, likeliest first.
 
-    ``target`` is the probability that there is a target at all. Of the likeliest mode: ``strength``
-    of the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared,
-    ``noise_m`` the range's deviation were the fog known, ``node`` and ``backscatter`` the fog.
-    Targets weaker than ``needed`` are not told from fog.
-    ``on_edge`` where two targets at once explain the readings and one does not; ``echoes`` as many
-    alternatives are there at once, told apart.
+    ``target`` is the probability of any target. Of the likeliest mode: ``strength`` of the target's
+    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, ``noise_m`` the
+    range's sigma if the fog were known, ``node`` and ``backscatter`` the fog. Targets weaker than
+    ``needed`` are indistinguishable from fog. With ``on_edge`` two targets at once explain the
+    readings and one does not; ``echoes`` counts simultaneous resolved alternatives.
     """
 
     alternatives: tuple[Alternative, ...] = ()
@@ -49,14 +48,14 @@ class SpotPosterior:
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is known of four ranges, and of the fog."""
+    """Posterior of the four ranges and of the fog."""
 
     spots: tuple[SpotPosterior, ...]
     fog: FogState
 
 
 def posterior(modes: Modes, prior: FogState) -> Posterior:
-    """Posterior of the modes of all spots, and of the fog of which so much is held beforehand."""
+    """Posterior of the modes of all spots, for a prior of the fog."""
     if not modes.spot.size:
         return Posterior((SpotPosterior(),) * 4, prior)
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
@@ -117,7 +116,7 @@ def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floa
 
 
 def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
-    """Modes that touch joined into one each, likeliest first."""
+    """Merge modes that touch, likeliest first."""
     seen = np.flatnonzero(weight > NEGLIGIBLE**2 * weight.sum())
     order = seen[np.argsort(mean[seen])]
     mean, variance, weight = mean[order], variance[order], weight[order]

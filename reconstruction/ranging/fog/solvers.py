@@ -1,4 +1,4 @@
-"""From the readings of a frame and what is held of the fog to ranges, and what is held then."""
+"""Fog ranging: from the readings of a frame and a prior of the fog to ranges and a posterior."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from .overlap import require_optics
 
 
 def unambiguous_range_m(spots: Spots) -> float:
-    """Range beyond which an echo falls outside the readings or looks nearer than it is."""
+    """Range beyond which an echo falls outside the readings or appears nearer than it is."""
     if isinstance(spots, CwSpots):
         return unambiguous_path_m(np.unique(spots.tap_frequencies_hz)) / 2
     if isinstance(spots, HistogramSpots):
@@ -28,25 +28,23 @@ def unambiguous_range_m(spots: Spots) -> float:
 
 
 def max_fog_range_m(spots: Spots) -> float:
-    """Range up to which fog ranging looks for targets."""
+    """Maximum range at which fog ranging looks for targets."""
     return min(unambiguous_range_m(spots), MAX_FOG_RANGE_M)
 
 
 def fog_solver(spots: Spots, optics: Optics | None = None) -> FogSolver:
-    """Solver of one recording's readings, of targets up to a range.
+    """Solver for a recording's readings; ``optics`` only help if these hardly separate fog and
+    target.
 
-    Of its ``optics`` only readings that tell fog and target badly apart make use.
-
-    Raises InputError where the recording does not tell what the detectors see of the beams, or how
-    much light the lasers send, or where its readings tell of no range at all.
+    Raises InputError if the recording lacks the optics of `overlap` or the light of the lasers, or
+    its readings show no range.
     """
     require_optics(spots)
     max_range_m = max_fog_range_m(spots)
     if max_range_m <= MIN_RANGE_M:
         raise InputError(
-            f"the spots' readings tell of ranges up to {max_range_m:.3g} m, and ranging in fog "
-            f"begins at {MIN_RANGE_M} m: their frequencies, or times and delay_offset_s, cannot be "
-            "right"
+            f"the spots' readings end at {max_range_m:.3g} m, but ranging in fog begins at "
+            f"{MIN_RANGE_M} m: their frequencies, or times and delay_offset_s, must be wrong"
         )
     if isinstance(spots, HistogramSpots):
         from .of_histograms import histogram_solver  # slow to import

@@ -1,7 +1,7 @@
-"""Ranges through fog: target and the fog's echo fitted together, all four spots at once.
+"""Ranges through fog: joint fit of target and fog echo for all four spots.
 
-The fog is taken to be alike in all directions and of unknown extinction and backscattering; what it
-deviates from that counts as noise. See `reconstruction.ranging.fog`.
+The fog is assumed homogeneous, with unknown extinction and backscattering; unevenness counts as
+noise. See `reconstruction.ranging.fog`.
 """
 
 from ...capture import Optics, Spots
@@ -15,16 +15,16 @@ from ..ranges import Ranges
 
 
 class Fog:
-    """A joint likelihood of the four spots and the fog that they share, frame by frame.
+    """Joint likelihood of the four spots and the fog they share, frame by frame.
 
-    Needs to know what the detectors see of the beams, and the laser's light in each reading.
+    Needs the overlap of beams and detector fields, and the laser light in each reading.
     """
 
     title = "fog and target together"
     reads = (CwSpots, PulsedSpots, HistogramSpots)
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver of one recording's readings; InputError as `fog_solver`."""
+        """Solver for a recording's readings; raises InputError as `fog_solver`."""
         prior, solver = fog_solver(spots, optics)
 
         def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
@@ -34,7 +34,7 @@ class Fog:
         return solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
-        """Range from which on a spot looks nearer than it is, or is not looked for."""
+        """Range beyond which a spot appears nearer than it is, or outside the readings."""
         return unambiguous_range_m(spots)
 
 
