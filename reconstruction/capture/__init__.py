@@ -2,14 +2,7 @@
 
 from .buckets import Buckets, Unit
 from .charge import Charge, PatternTaps, check_taps
-from .file import (
-    CaptureFile,
-    datasets,
-    open_capture,
-    read_capture,
-    read_setup,
-    write_capture,
-)
+from .file import CaptureFile, datasets, open_capture, read_capture, read_setup, write_capture
 from .model import (
     PARTS,
     SURROGATE,

@@ -1,4 +1,4 @@
-"""Captures -> files of other programs."""
+"""Export captures to files of other programs."""
 
 import argparse
 import sys
@@ -29,7 +29,7 @@ PROGRESS_EVERY_S = 5.0
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
     parser.add_argument(
         "captures", metavar="CAPTURE", type=Path, nargs="+", help="capture, or result.h5"
     )
@@ -38,14 +38,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--format",
-        help=f"{', '.join(EXPORTS)}; without it {DEFAULT_EXPORT}, or what the ending of OUT tells",
+        help=f"{', '.join(EXPORTS)}; default: by the extension of OUT, else {DEFAULT_EXPORT}",
     )
     parser.add_argument(
         "--poses",
         metavar="FILE",
         type=Path,
-        help="times and poses of all frames: timestamp tx ty tz qx qy qz qw (TUM), of the optical "
-        "frame",
+        help="time and pose of the optical frame per frame: timestamp tx ty tz qx qy qz qw (TUM)",
     )
     for station, methods in STATIONS.items():
         parser.add_argument(f"--{station}", metavar="METHOD", help=f"method: {', '.join(methods)}")
@@ -54,7 +53,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    """Export captures, with the poses of a file or without any."""
+    """Export captures, with the poses of a file or without."""
     form = export_format(options.format, options.output)
     inputs = [*options.captures, *([] if options.poses is None else [options.poses])]
     check_export(form, options.output, inputs, overwrite=options.overwrite)

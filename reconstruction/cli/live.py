@@ -1,4 +1,4 @@
-"""Frames as they come -> results as they go."""
+"""Reconstruct a live stream."""
 
 import argparse
 import sys
@@ -27,14 +27,14 @@ SINKS = (
 )
 
 MIN_WAIT_S = 1.0
-"""What is waited for is told when it has taken so long."""
+"""Minimum waiting time that is printed."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
-"""Names that have a part of those of methods that pursue."""
+"""Parts of the names that select pursuit methods."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
     parser.add_argument(
         "source",
         metavar="SOURCE",
@@ -62,12 +62,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
     parser.add_argument("--min-free", **MIN_FREE_OPTION)
-    parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
+    parser.add_argument("--quiet", action="store_true", help="do not print the state each second")
     parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Reconstruct a stream until it ends, or this is interrupted."""
+    """Reconstruct a stream until it ends, or is interrupted."""
     source = _source(options.source, followed=options.follow)
     sinks = _sinks(options)
     counts = Counts()
@@ -110,12 +110,12 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
-    """Where results go, by their names, each of which can be written."""
+    """Sinks by name, all checked."""
     if options.json and "-" in options.to:
         raise InputError("--json and --to - both write to standard output: choose one")
     twice = [name for name in options.to if options.to.count(name) > 1]
     if twice:
-        raise InputError(f"--to {twice[0]} is told twice")
+        raise InputError(f"--to {twice[0]} is given twice")
     read = [] if is_link(options.source) else [Path(options.source)]
     sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
     for _, sink in sinks:
@@ -125,7 +125,7 @@ def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
 
 @contextmanager
 def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
-    """With the threads that receive and write; an interrupt ends it as the stream's end does."""
+    """Run the threads that receive and write; an interrupt ends the stream."""
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     for each in detached:
         each.start()
@@ -152,7 +152,7 @@ def _is_capture(path: Path) -> bool:
 
 
 class _StatusPrinter:
-    """Tells people how the stream is."""
+    """Prints the state of the stream."""
 
     def __init__(self, detached: list[Detached], *, quiet: bool) -> None:
         self._detached = detached
@@ -165,7 +165,7 @@ class _StatusPrinter:
     def state(self, state: State) -> None:
         if self._quiet:
             return
-        with suppress(OSError):  # nobody reads it
+        with suppress(OSError):  # nobody reads stderr
             print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
@@ -199,7 +199,7 @@ def _why(state: State) -> str:
 
 
 def _fault_counts(state: State) -> str:
-    """Counts that had better be 0."""
+    """Counts that should be 0."""
     counts = vars(state.counts).items()
     return ", ".join(f"{name} {value}" for name, value in counts if value and name not in EXPECTED)
 

@@ -1,4 +1,4 @@
-"""Capture -> image, ranges, depth map, point cloud."""
+"""Reconstruct a capture: image, ranges, depth map, point cloud."""
 
 import argparse
 import sys
@@ -26,8 +26,8 @@ from ..reconstructor import reconstruct
 from ..result import Result
 
 ANY_WIDTH = 10_000
-"""Characters in a line of what is no terminal."""
-WEATHER = "what ranges take for granted: clear, fog, unknown, or a visibility in metres"
+"""Line width if the output is no terminal."""
+WEATHER = "weather assumed for ranges: clear, fog, unknown, or a visibility in metres"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
@@ -39,13 +39,13 @@ MIN_FREE_OPTION: dict[str, Any] = {
     "metavar": "P",
     "type": float,
     "default": MIN_FREE,
-    "help": f"an obstacle is where the corridor is free with a probability below P ({MIN_FREE:g})",
+    "help": f"an obstacle begins where the corridor is free with a probability below P ({MIN_FREE:g})",
 }
 DETAILS = {"image": f"; of pursuits, pursuit:NAME has the dictionary {' or '.join(DICTIONARIES)}"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
     parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
     parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
     parser.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
@@ -73,10 +73,10 @@ def run(options: argparse.Namespace) -> None:
 
 
 def reconstruct_into_folder(options: argparse.Namespace) -> None:
-    """Write what a capture shows into a folder that is held, and tell of it."""
+    """Write the files of a capture into a locked folder, and report."""
     check_min_free(options.min_free)
     if options.order is not None and options.patterns is None:
-        raise InputError("--order goes with --patterns")
+        raise InputError("--order needs --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
     warm_up = warm_up_frames(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
@@ -88,7 +88,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
         result = reconstruct(
             capture, warm_up, **methods, weather=options.weather, min_free=options.min_free
         )
-    # However many of its patterns are used, it is a result of this recording.
+    # The digest is that of the whole recording, however many of its patterns are used.
     digest = recording.frame(warm_up).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
@@ -107,7 +107,7 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
 
 
 def names(text: str | None) -> Sequence[str] | None:
-    """Methods as `Reconstructor` takes them, from what stands behind an option."""
+    """Method names as `Reconstructor` takes them, from an option's text."""
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
@@ -150,7 +150,7 @@ def _spots(ranges: Ranges) -> list[dict[str, Any]]:
 
 
 def _coverage(result: Result) -> dict[str, float]:
-    """Share of the pixels that have a depth, by method."""
+    """Fraction of the pixels with a depth, by method."""
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
@@ -170,9 +170,9 @@ def _lines(
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
-        yield "no depth map: no spot has a range, or the optics are not known"
+        yield "no depth map: no spot has a range, or the optics are unknown"
     for name, why in unsuited.items():
-        yield f"depth, {method_title('depths', name)}: not of this recording ({why})"
+        yield f"depth, {method_title('depths', name)}: not for this recording ({why})"
     for name, fraction in _coverage(result).items():
         ahead = _ahead(result.obstacles_m.get(name), result.min_free)
         yield f"depth, {method_title('depths', name)}: {100 * fraction:.1f} % of all pixels{ahead}"
@@ -208,7 +208,7 @@ def _range_lines(name: str, ranges: Ranges) -> Iterable[str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Columns as wide as their widest cell, the first one to the left; too wide ones row by row."""
+    """Align columns, the first to the left; print too wide tables row by row."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     if sum(widths) + 2 * (len(widths) - 1) > get_terminal_size(fallback=(ANY_WIDTH, 24)).columns:
         (title, *columns), *rows = rows

@@ -1,4 +1,4 @@
-"""A capture -> its frames as a stream, as a rig would send them."""
+"""Send a capture as a stream, as a rig would."""
 
 import argparse
 import secrets
@@ -26,7 +26,7 @@ AGAIN_S = 0.5
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
     parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
     parser.add_argument(
         "--to",
@@ -36,7 +36,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "pipe), FILE.stream",
     )
     parser.add_argument(
-        "--rate", metavar="HZ", type=_rate, help="frames a second (the capture's own); inf: all"
+        "--rate",
+        metavar="HZ",
+        type=_rate,
+        help="frames per second (default: the capture's own); inf: all at once",
     )
     parser.add_argument(
         "--times", metavar="N", type=whole_number, default=1, help="over and over (1)"
@@ -68,7 +71,7 @@ def run(options: argparse.Namespace) -> None:
 
 @contextmanager
 def _whole(outlet: Outlet) -> Iterator[None]:
-    """Leave no file that ends in the middle."""
+    """Remove a file that was not finished."""
     try:
         yield
     except BaseException:
@@ -79,13 +82,12 @@ def _whole(outlet: Outlet) -> Iterator[None]:
 
 
 def _replay(options: argparse.Namespace, outlet: Outlet) -> int:
-    """Send all frames; returns how many."""
+    """Send all frames and return their number."""
     with open_capture(options.capture) as capture:
         period_s = _period_s(capture, options.rate)
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
             raise InputError(
-                f"{options.capture} does not tell its pattern_period_s: tell the frames a second "
-                "with --rate"
+                f"{options.capture} has no pattern_period_s: state the frames per second with --rate"
             )
         _opened(outlet)
         send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
@@ -101,7 +103,7 @@ def send(
     clock: Callable[[], float] = time.monotonic,
     wait: Callable[[float], object] = time.sleep,
 ) -> None:
-    """Send all frames in turn, each so long after the one before it."""
+    """Send all frames in turn, ``period_s`` apart."""
     sender = Sender(capture.setup, capture.provenance, run=1 + secrets.randbelow(2**16 - 1))
     began_s = clock()
     setup_s = -np.inf
@@ -122,7 +124,7 @@ def _period_s(capture: CaptureFile, rate: float | None) -> float:
 
 
 def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:
-    """Open it as soon as somebody is there."""
+    """Open an outlet, waiting for a receiver."""
     waiting = False
     while True:
         try:
@@ -143,5 +145,5 @@ def _rate(text: str) -> float:
     except ValueError:
         rate = np.nan
     if not rate > 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames a second above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number of frames per second")
     return rate

@@ -1,4 +1,4 @@
-"""Options of `import` that tell the readings of the spots."""
+"""Options of `import` for the readings of the spots."""
 
 import argparse
 from collections.abc import Callable
@@ -21,10 +21,10 @@ from ..capture.importers import (
 from .numbers import angles, number, whole_number
 
 Source = Callable[[str], NDArray[Any]]
-"""Numbers of a file, or of a variable or column of the readings' file."""
+"""Reads numbers of a file, or of a variable or column of the readings' file."""
 
 KINDS = ("frequency", "windows", "bin_width")
-"""Options that say how the spots were measured."""
+"""Options that state how the spots were measured."""
 CHARGE = ("frequency", "windows")
 NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     *((name, ("taps",)) for name in (*KINDS, "directions", "detectors")),
@@ -46,7 +46,7 @@ NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the spots."""
+    """Add the options of the spots."""
     group = parser.add_argument_group(
         "time of flight of the spots (iToF, pulses, dToF), of four without --directions"
     )
@@ -84,7 +84,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def spots_of(options: argparse.Namespace, source: Source) -> Spots | None:
-    """Readings of the spots as the options tell them; None without ``--taps``."""
+    """Readings of the spots by the options; None without ``--taps``."""
     _check_options(options)
     if options.taps is None:
         return None
@@ -119,8 +119,8 @@ def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeomet
     offsets_deg = options.phase_offsets_deg or [0.0]
     if len(offsets_deg) not in (1, len(options.frequency)):
         raise InputError(
-            f"--phase-offsets-deg has {len(offsets_deg)} numbers, must have one of each of the "
-            f"{len(options.frequency)} frequencies"
+            f"--phase-offsets-deg has {len(offsets_deg)} numbers, must have one per frequency, "
+            f"{len(options.frequency)}"
         )
     return spots_from_taps(
         taps,
@@ -133,7 +133,7 @@ def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeomet
 
 
 def optics_of(options: argparse.Namespace) -> Optics | None:
-    """The projector's angles of view, where they are told."""
+    """The projector's angles of view, if stated."""
     if options.fov_deg is None:
         return None
     wide, high = np.tan(np.radians(options.fov_deg) / 2)
@@ -141,17 +141,17 @@ def optics_of(options: argparse.Namespace) -> Optics | None:
 
 
 def notes_of(options: argparse.Namespace) -> list[str]:
-    """What was taken for granted, as nothing said it."""
+    """Warnings about assumptions."""
     notes = []
     if options.taps is not None and options.directions is None:
         notes.append(
-            "the spots' directions are not told: taken to be straight ahead (--directions SOURCE)"
+            "the spots' directions are not stated: assumed straight ahead (--directions SOURCE)"
         )
     counted = options.taps is None or options.bin_width is not None
     if not counted and "electrons_per_count" not in _about(options):
         notes.append(
-            "electrons_per_count of the taps is not told: taken as 1, on which the ranges' sigma "
-            "rests (--taps-electrons-per-count X)"
+            "electrons_per_count of the taps is not stated: assumed 1, which scales the ranges' "
+            "sigma (--taps-electrons-per-count X)"
         )
     return notes
 
@@ -169,14 +169,14 @@ def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
 
 
 def _about(options: argparse.Namespace) -> dict[str, float]:
-    """What is told of the spots' detectors, by a file and by options, which go before."""
+    """Detector properties from a file and from options, which take precedence."""
     about = {} if options.taps_about is None else read_about(options.taps_about, TAPS_ABOUT)
     given = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
     return about | {name: value for name, value in given.items() if value is not None}
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    """Raise InputError for an option that says nothing without others."""
+    """Raise InputError for an option without those it needs."""
     for name, others in NEEDS:
         if getattr(options, name) is not None and all(
             getattr(options, other) is None for other in others

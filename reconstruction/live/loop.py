@@ -1,4 +1,4 @@
-"""From frames as they come to results, with a reconstructor that is compiled once for a setup."""
+"""From received frames to results, with a reconstructor compiled once per setup."""
 
 import logging
 import time
@@ -19,22 +19,36 @@ logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
 FAST_DEPTH = "anchored"
-"""The depth method that leaves time for the rest of a frame at video rate."""
+"""Depth method fast enough for video rate."""
 
 
 def fast_depth(setup: Setup) -> Names:
-    """Return `FAST_DEPTH`, or None, the default one, where the setup does not suit it."""
+    """`FAST_DEPTH`, or None for the default method if the setup does not suit it."""
     return None if lacks(DEPTH_METHODS[FAST_DEPTH], setup) else FAST_DEPTH
 
 
 class Loop:
-    """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
+    """Reconstructs received frames and passes on ``results`` and ``states``.
 
-    Methods are named as for a `Reconstructor`, but depth is by `fast_depth` unless it is named;
-    ``min_free`` is that of one, too. Whatever a method raises costs its own part of a frame, and
-    what a setup or a frame raises costs these alone: it is counted and reported. Raises InputError
-    for unknown methods, for those that the first setup of a file or pipe does not suit, and where
-    the reception has failed.
+    An error of a method costs its part of a frame, an error of a setup or a frame costs these; all
+    are counted and reported.
+
+    Parameters
+    ----------
+    reception : Reception
+        Source of frames.
+    image, ranging, depth, weather, min_free
+        As for a `Reconstructor`; depth defaults to `fast_depth`.
+    results, states : sequence of callable
+        Receivers of outcomes and states.
+    clock : callable
+        Monotonic seconds.
+
+    Raises
+    ------
+    InputError
+        For unknown methods, for methods that do not suit the first setup of a file or pipe, and if
+        the reception has failed.
     """
 
     def __init__(
@@ -75,7 +89,7 @@ class Loop:
         self._state_dropped = 0
 
     def run(self, maximum: int | None = None) -> None:
-        """Go on until the stream is over, or there are so many results."""
+        """Run until the stream ends, or there are ``maximum`` results."""
         counts = self._reception.counts
         while not self._reception.queue.over and (
             maximum is None or counts.reconstructed < maximum
@@ -86,7 +100,7 @@ class Loop:
         self._publish_state()
 
     def step(self, timeout_s: float) -> None:
-        """Take one frame, if one comes in time, and tell the state where it is time to."""
+        """Take a frame, if one comes in time, and publish the state when due."""
         arrival = self._reception.queue.get(timeout_s)
         if arrival is not None:
             self._frame(arrival)
@@ -96,7 +110,7 @@ class Loop:
             self._publish_state()
 
     def _compile(self, stream: StreamSetup) -> None:
-        """For another setup than the last; what the first one of a file lacks is an error."""
+        """Compile for a new setup; an unsuitable first setup of a file is an error."""
         if stream is self._stream:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
@@ -135,7 +149,7 @@ class Loop:
         self._trouble = f"{method}: {self._in_words(error)}"
 
     def _in_words(self, error: Exception) -> str:
-        """An error that nobody else will hear of; in the log once, however often it comes again."""
+        """Describe an unexpected error, and log it once however often it recurs."""
         words = in_words(error)
         if not isinstance(error, InputError) and words != self._logged:
             self._logged = words
@@ -143,7 +157,7 @@ class Loop:
         return words
 
     def state(self) -> State:
-        """How the stream is."""
+        """Current state of the stream."""
         now_s, counts = self._clock(), self._reception.counts
         awaited, since_s = self._reception.awaited
         period_s = max(now_s - self._state_s, 1e-9)
@@ -159,7 +173,7 @@ class Loop:
         )
 
     def _overload(self) -> str:
-        """What to do where frames come faster than they are reconstructed; empty where not."""
+        """Advice if frames come faster than they are reconstructed, else empty."""
         dropped = self._reception.counts.dropped - self._state_dropped
         if not dropped:
             return ""

@@ -1,4 +1,4 @@
-"""What a stream tells before its frames, and frames as its messages hold them (docs/live.md)."""
+"""Setups of a stream, and payloads of its frames (docs/live.md)."""
 
 import math
 import zlib
@@ -17,23 +17,23 @@ from .tables import Arrays, Value, packed, unpacked
 
 MAX_FRAME_BYTES = 2**20
 MAX_PIXELS = 2**14
-"""Of an image: 128 × 128."""
+"""Maximum number of pixels of an image: 128 × 128."""
 MAX_WEIGHTS = 2**23
-"""Pixels of all patterns together, or of those that are left out where these are fewer: methods
-compile matrices of so many numbers, and take a few times their 64 MiB."""
+"""Maximum pixels of all patterns together, or of those left out if these are fewer: methods compile
+matrices of this size and need a few times their 64 MiB."""
 FLAGS = "saturated"
 TEXT_DEFAULTS = {"source": "hardware", "software": "", "provenance/instrument": ""}
-"""Texts that a setup may hold beside a capture's datasets, and what they are without."""
+"""Texts that a setup may hold besides a capture's datasets, and their defaults."""
 
 Part = TypeVar("Part")
 
 
 class StreamSetup:
-    """What the frames of a stream have in common, and how their payloads are made.
+    """What the frames of a stream share, and how their payloads are read.
 
-    ``entries``: what the message holds, datasets of a capture of no frames. Those whose first axis
-    is that of the frames, and so 0, make up the payload of a frame one after the other. ``id`` is
-    the CRC-32 of the message's payload. Raises InputError for what is no setup.
+    The message holds the datasets of a capture of no frames. Those whose first axis is that of the
+    frames, and so has length 0, make up a frame's payload in their order. ``id`` is the CRC-32 of
+    the message's payload. Raises InputError for an invalid setup.
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -64,13 +64,13 @@ class StreamSetup:
 
     @property
     def frame_period_s(self) -> float:
-        """From one frame to the next; nan where it is not told."""
+        """Seconds from one frame to the next; nan if unknown."""
         return frame_period_s(self.setup)
 
     def frames(self, payload: bytes, number: int) -> Frames:
-        """The frame of this number; InputError unless its readings can be of this setup."""
+        """The frame of a number; raises InputError unless its readings fit this setup."""
         if len(payload) != self.frame_bytes:
-            raise InputError(f"a frame of {len(payload)} bytes; its setup tells {self.frame_bytes}")
+            raise InputError(f"a frame of {len(payload)} bytes; its setup has {self.frame_bytes}")
         values: dict[str, Value] = {}
         at = 0
         for name, empty in self._readings.items():
@@ -91,7 +91,7 @@ class StreamSetup:
 
 
 def length_error(message: Message, length: int, stream: StreamSetup | None) -> str | None:
-    """Why a message of a ``stream`` cannot be so long, by its header; None if it can."""
+    """Why a message of a ``stream`` cannot have this length, None if it can."""
     setup, frame = message.kind == Kind.SETUP, message.kind == Kind.FRAME
     if stream is not None and message.setup == stream.id and (setup or frame):
         expected = len(stream.payload) if setup else stream.frame_bytes
@@ -104,12 +104,12 @@ def length_error(message: Message, length: int, stream: StreamSetup | None) -> s
 
 
 def frame_period_s(setup: Setup) -> float:
-    """From one frame of a recording to the next; nan where it is not told."""
+    """Seconds from one frame of a recording to the next; nan if unknown."""
     return setup.buckets.pattern_period_s * setup.plan.exposures
 
 
 def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
-    """The payload of a setup's message."""
+    """Payload of a setup message."""
     entries: dict[str, Any] = {}
     if provenance is not None:
         entries["source"], entries["software"] = provenance.source, provenance.software
@@ -119,7 +119,7 @@ def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
 
 
 def frame_payload(frame: Frames) -> bytes:
-    """The payload of a frame, of the setup whose payload `setup_payload` is."""
+    """Payload of a frame of the setup of `setup_payload`."""
     parts = [part for group in READING_PARTS if (part := getattr(frame, group)) is not None]
     return b"".join(
         _bytes(stored.converted(name, getattr(part, name)))
@@ -142,7 +142,7 @@ def _check_readings(entries: Mapping[str, Value], frame_bytes: int) -> None:
 
 
 def _check_pixels(entries: Mapping[str, Value]) -> None:
-    """Before anything is made of them; what is no shape at all is told later."""
+    """Check the size before anything is built; other errors of the shape come later."""
     sides = entries.get("patterns/shape")
     if sides is not None and sides.dtype.kind in "iuf" and sides.size == 2:
         height, width = (float(side) for side in sides.ravel())
@@ -154,23 +154,23 @@ def _check_pixels(entries: Mapping[str, Value]) -> None:
 
 
 def _check_patterns(setup: Setup) -> None:
-    """Of each plan as many as methods have room for."""
+    """Check the number of patterns of each plan."""
     for plan in setup.plans:
         weights = min(plan.sampled, abs(plan.pixels - plan.sampled)) * plan.pixels
         if weights > MAX_WEIGHTS:
             raise InputError(
-                f"patterns/index has {plan.sampled} patterns of {plan.pixels} pixels; of so many "
-                f"pixels a stream has at most {MAX_WEIGHTS // plan.pixels}, or all but so many"
+                f"patterns/index has {plan.sampled} patterns of {plan.pixels} pixels; a stream may "
+                f"have {MAX_WEIGHTS // plan.pixels} of that size, or all but as many"
             )
 
 
 def _frame_bytes(empty: Value) -> int:
-    """What one frame has of an array of empty."""
+    """Bytes per frame of an array without frames."""
     return math.prod(empty.shape[1:]) * empty.dtype.itemsize
 
 
 def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
-    """A part without readings, with those of one frame; what is not told is not saturated."""
+    """Fill a part with the readings of a frame; missing flags mean not saturated."""
     filled: dict[str, Any] = {}
     for name, stored in stored_fields(type(part)):
         if stored.by_frame:
@@ -184,7 +184,7 @@ def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
 
 
 def _with_flags(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """The same, and flags of saturation where empty are told."""
+    """Add flags of saturation where they are missing."""
     complete = dict(entries)
     for group, readings in (("buckets", "counts"), ("spots", ""), ("pattern_taps", "taps")):
         flags = f"{group}/{FLAGS}"

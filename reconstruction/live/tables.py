@@ -1,4 +1,4 @@
-"""Named arrays and texts as bytes: what setups, results and the state of a stream are told in."""
+"""Named arrays and texts as bytes, for setups, results and states of a stream."""
 
 import math
 import re
@@ -19,21 +19,21 @@ TYPES = {
     name: np.dtype(f"<{name}")
     for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 } | {TEXT: np.dtype("S1")}
-"""By the two letters that stand for each."""
+"""Types by their two-letter codes."""
 MAX_ENTRIES = 1024
 MAX_AXES = 4
 _NAME = re.compile(rb"[A-Za-z0-9_/.\-]{1,255}")
 
 
 class Arrays(hdf5.Tables):
-    """Arrays by name, read as the datasets of a file are; of units there are none but the usual."""
+    """Arrays by name, read like the datasets of a file, without units."""
 
     def __init__(self, arrays: Mapping[str, Value]) -> None:
         super().__init__(arrays)
         self._arrays = arrays
 
     def dataset(self, name: str, units: str) -> "hdf5.Readable":
-        """One of them; InputError if it is missing."""
+        """An array; raises InputError if it is missing."""
         if name not in self._arrays:
             raise InputError(f"{name} is missing")
         return _Array(self._arrays[name])
@@ -68,9 +68,9 @@ def _entry(name: str, value: Any) -> bytes:
 
 
 def unpacked(content: bytes) -> dict[str, Value]:
-    """Arrays by name, those of numbers on the bytes themselves, texts as single byte strings.
+    """Arrays by name, those of numbers as views of the bytes, texts as single byte strings.
 
-    Raises InputError for bytes that are no such table.
+    Raises InputError for anything but such a table.
     """
     entries: dict[str, Value] = {}
     at = 0
@@ -92,7 +92,7 @@ def _read(content: bytes, at: int) -> tuple[str, Value, int]:
     name, kind, axes = struct.unpack_from(f"<{length}s2sB", content, at + 1)
     at += 1 + length + 3
     if not _NAME.fullmatch(name):
-        raise InputError(f"{name!r} is no name of an entry: letters, digits and _ / . - are")
+        raise InputError(f"{name!r} is not a valid name; allowed: letters, digits and _ / . -")
     dtype = TYPES.get(kind.decode("latin-1"))
     if dtype is None:
         raise InputError(f"{name.decode()} has the type {kind!r}; allowed: {', '.join(TYPES)}")

@@ -85,9 +85,7 @@ def parts(coefficients: NDArray[Any]) -> Floats:
     return both.reshape(*coefficients.shape[:-1], -1)
 
 
-def half_plane(
-    spectrum: NDArray[Any],
-) -> tuple[NDArray[Any], NDArray[np.int64]]:
+def half_plane(spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
     """Coefficients of a whole spectrum without conjugates.
 
     Parameters

@@ -38,8 +38,7 @@ class CwSpots(Taps, Spots):
     tap_phases_rad: Annotated[Floats, Stored("rad", ("taps",))]
     phase_offsets_rad: Annotated[Floats, Stored("rad", ("taps",))]
     periods: Annotated[
-        int | NDArray[np.int64],
-        Stored("1", ("taps",), "int64", sign="positive", one_for_all=True),
+        int | NDArray[np.int64], Stored("1", ("taps",), "int64", sign="positive", one_for_all=True)
     ]
     laser_energies_j: Annotated[
         float | Floats, Stored("J", ("taps",), sign="positive", nan=True, one_for_all=True)

@@ -12,7 +12,7 @@ from .link import PIECE_BYTES, Ended, Outlet, Source
 
 
 class Stdin(Source):
-    """A pipe to this program."""
+    """Standard input."""
 
     patient = True
 
@@ -27,7 +27,7 @@ class Stdin(Source):
 
 
 class Stdout(Outlet):
-    """A pipe from this program."""
+    """Standard output."""
 
     def send(self, content: bytes) -> None:
         sys.stdout.buffer.write(content)
@@ -35,7 +35,7 @@ class Stdout(Outlet):
 
 
 class StreamFile(Source):
-    """A file of messages: read to its end, or on as it grows where it is ``followed``."""
+    """A file of messages, read to its end, or on as it grows if ``followed``."""
 
     patient = True
 
@@ -47,7 +47,7 @@ class StreamFile(Source):
 
     def check(self) -> None:
         if not self._path.exists():
-            raise InputError(f"{self._path}: no such file, neither of a stream nor a capture")
+            raise InputError(f"{self._path}: no such stream or capture file")
         if not self._path.is_file():
             raise InputError(
                 f"{self._path} is not a regular file; a pipe is read from standard input, as -"
@@ -63,7 +63,7 @@ class StreamFile(Source):
         if not content and not self._followed:
             raise Ended
         if not content:
-            time.sleep(timeout_s)  # files do not tell when they grow
+            time.sleep(timeout_s)  # files do not signal growth
         return content
 
     def close(self) -> None:
@@ -73,7 +73,7 @@ class StreamFile(Source):
 
 
 class NewFile(Outlet):
-    """A file of messages, which begins anew."""
+    """A new file of messages."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(str(path))
@@ -96,6 +96,6 @@ class NewFile(Outlet):
             self._file = None
 
     def discard(self) -> None:
-        """Remove what was written, if anything was begun."""
+        """Remove what was written, if anything was."""
         if self._file is not None:
             self._path.unlink(missing_ok=True)

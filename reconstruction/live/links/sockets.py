@@ -1,4 +1,4 @@
-"""TCP, to an address or from whoever calls, and UDP."""
+"""TCP, connecting or listening, and UDP."""
 
 import select
 import socket
@@ -10,23 +10,22 @@ from ...base.errors import InputError
 from .link import PIECE_BYTES, Outlet, Source
 
 PATIENCE_S = 1.0
-"""For a connection to come about."""
+"""Timeout of a connection attempt."""
 STALLED_S = 10.0
-"""After which the other side of a connection is taken to be gone: it takes nothing, or its machine
-does not answer."""
+"""Time without progress after which the other side of a connection is taken to be gone."""
 KEEPALIVE = {"TCP_KEEPIDLE": 2, "TCP_KEEPALIVE": 2, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 3} | {
     "TCP_USER_TIMEOUT": round(1e3 * STALLED_S)
 }
-"""Options, as far as a system has them, by which a machine that vanished is noticed; s and ms."""
+"""Socket options, where available, that detect a vanished machine; s and ms."""
 MAX_UNSENT_BYTES = 2**17
-"""What waits to be sent: more would be old when it comes, and hide for long that nobody reads."""
+"""Maximum unsent bytes: more would arrive late, and hide that nobody reads."""
 DATAGRAM_BYTES = 1200
-"""What passes every path in one piece: the 1280 bytes of IPv6 (RFC 8200, section 5), less headers.
-"""
+"""Size that passes every path in one piece: IPv6's 1280 bytes (RFC 8200, section 5) less
+headers."""
 
 
 class Tcp(Source, Outlet):
-    """Connects to a place."""
+    """TCP client."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
@@ -52,7 +51,7 @@ class Tcp(Source, Outlet):
             try:
                 rest = rest[connected.send(rest) :]
             except TimeoutError:
-                raise TimeoutError(f"the other side takes nothing for {STALLED_S:g} s") from None
+                raise TimeoutError(f"the other side has read nothing for {STALLED_S:g} s") from None
 
     def close(self) -> None:
         _close(self._socket)
@@ -70,7 +69,7 @@ class Tcp(Source, Outlet):
 
 
 class TcpListen(Tcp):
-    """Waits to be called, by one at a time."""
+    """TCP server for one client at a time."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address, host, port)
@@ -78,7 +77,7 @@ class TcpListen(Tcp):
 
     @property
     def port(self) -> int:
-        """The port that is listened at, which the system chooses for port 0."""
+        """Listening port, which the system chooses for port 0."""
         return int(_required(self._listener).getsockname()[1])
 
     def check(self) -> None:
@@ -94,11 +93,11 @@ class TcpListen(Tcp):
         try:
             self._take(listener.accept()[0])
         except TimeoutError:
-            raise TimeoutError("nobody has called yet") from None
+            raise TimeoutError("nobody has connected yet") from None
 
     @property
     def wanted(self) -> bool:
-        """Whether somebody has called and is not served yet."""
+        """Whether another client has called."""
         return self._listener is not None and bool(select.select([self._listener], [], [], 0)[0])
 
     def close(self) -> None:
@@ -108,7 +107,7 @@ class TcpListen(Tcp):
 
 
 class UdpListen(Source):
-    """Datagrams that come to a port."""
+    """Datagrams received at a port."""
 
     forgeable = True
 
@@ -119,7 +118,7 @@ class UdpListen(Source):
 
     @property
     def port(self) -> int:
-        """The port that is listened at, which the system chooses for port 0."""
+        """Listening port, which the system chooses for port 0."""
         return int(_required(self._socket).getsockname()[1])
 
     def check(self) -> None:
@@ -143,7 +142,7 @@ class UdpListen(Source):
 
 
 class Udp(Outlet):
-    """Datagrams to a place, whether anybody listens there or not."""
+    """Datagrams to an endpoint, whether anybody listens there or not."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
@@ -170,9 +169,9 @@ class Udp(Outlet):
 
 
 def _ready(opened: socket.socket, timeout_s: float) -> bool:
-    """Whether anything can be read within so long.
+    """Whether anything can be read within the timeout.
 
-    Another thread may send meanwhile: a timeout of the socket would be that of both.
+    Another thread may send meanwhile, and would share a timeout of the socket.
     """
     try:
         return bool(select.select([opened], [], [], timeout_s)[0])
@@ -181,7 +180,7 @@ def _ready(opened: socket.socket, timeout_s: float) -> bool:
 
 
 def _address_text(endpoint: tuple[Any, ...]) -> str:
-    """An address of a socket in words."""
+    """Format the address of a socket."""
     host, port = endpoint[:2]
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
@@ -195,12 +194,12 @@ def _required(opened: socket.socket | None) -> socket.socket:
 def _close(opened: socket.socket | None) -> None:
     if opened is not None:
         with suppress(OSError):
-            opened.shutdown(socket.SHUT_RDWR)  # wakes whoever waits
+            opened.shutdown(socket.SHUT_RDWR)  # wakes waiting threads
         opened.close()
 
 
 def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socket.socket:
-    """A socket that is bound; InputError where it cannot be."""
+    """A bound socket; raises InputError if it cannot be bound."""
     bound: socket.socket | None = None
     try:
         family, _, _, _, endpoint = socket.getaddrinfo(
@@ -214,6 +213,8 @@ def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socke
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()
-        hint = "; end what uses it, or name another" if error.errno == EADDRINUSE else ""
+        hint = (
+            "; end the program that uses it, or choose another" if error.errno == EADDRINUSE else ""
+        )
         raise InputError(f"{address}: cannot listen at port {port}: {why}{hint}") from None
     return bound

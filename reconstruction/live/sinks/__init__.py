@@ -1,4 +1,4 @@
-"""Where frames, results and the state of a stream go."""
+"""Sinks of frames, results and states of a stream."""
 
 from .named import sink_to
 from .sink import Detached, Sink

@@ -1,4 +1,4 @@
-"""A window with the latest result, in a process of its own: drawing makes no frame late."""
+"""Window with the latest result, in a separate process so that drawing delays no frame."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ READY = "ready"
 
 
 class WindowSink(Sink):
-    """Hands results to the process that draws; raises InputError where there can be no window."""
+    """Sends results to the drawing process; raises InputError if there can be no window."""
 
     waiting = 2
     skips = True
@@ -47,7 +47,7 @@ class WindowSink(Sink):
         process = self._process
         assert process is not None
         if process.poll() is not None:
-            return  # its user has closed it
+            return  # closed by the user
         assert process.stdin is not None
         process.stdin.write(pack(message))
         process.stdin.flush()

@@ -33,11 +33,7 @@ MIN_EXCESS_WIDTH = 4.0
 
 
 def with_echoes(
-    posterior: SpotPosterior,
-    templates: HistogramTemplates,
-    counts: Floats,
-    cycles: int,
-    spot: int,
+    posterior: SpotPosterior, templates: HistogramTemplates, counts: Floats, cycles: int, spot: int
 ) -> SpotPosterior:
     """Posterior of a spot with a histogram (B,), all its echoes considered.
 

@@ -125,9 +125,7 @@ def _two_targets(
     at, rho, misfit, information = pair.refined(at)
     apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > MIN_SEPARATION_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
-    localised = (variance < MIN_SEPARATION_M**2).all(
-        axis=1
-    )
+    localised = (variance < MIN_SEPARATION_M**2).all(axis=1)
     retained = (rho > 0).all(axis=1) & (misfit < single - MIN_GAIN) & apart & localised
     if not retained.any():
         return ()

@@ -13,15 +13,7 @@ from scipy.special import ndtr
 from ...base.arrays import Floats, Mask
 from ...capture.readings.dtof import HistogramSpots
 from ..histogram import coates
-from .modes import (
-    BRIGHT,
-    EMPTY,
-    MAX_EXCESS_MISFIT,
-    MIN_RANGE_M,
-    MIN_STRENGTH,
-    Indices,
-    Modes,
-)
+from .modes import BRIGHT, EMPTY, MAX_EXCESS_MISFIT, MIN_RANGE_M, MIN_STRENGTH, Indices, Modes
 from .numerics import inverse, solved
 from .overlap import overlap
 from .templates import EXTINCTIONS_PER_M

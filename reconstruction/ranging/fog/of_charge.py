@@ -19,12 +19,7 @@ from .fog_state import FogSolver, FogState
 from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
-from .templates import (
-    EXTINCTIONS_PER_M,
-    NOMINAL_ELECTRONS_PER_JOULE,
-    Templates,
-    make_templates,
-)
+from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
 from .underdetermined import PER_TARGET, underdetermined_solver
 
 DOUBTFUL = 0.1

@@ -90,10 +90,7 @@ def posterior(modes: Modes, prior: FogState) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(
-        spots=tuple(of(spot) for spot in range(4)),
-        fog=prior.update(weight, beta),
-    )
+    return Posterior(spots=tuple(of(spot) for spot in range(4)), fog=prior.update(weight, beta))
 
 
 def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:

@@ -151,9 +151,7 @@ class RootTables:
         here = table * self.range_m.size + at
         before, behind = self._tables[:, here], self._tables[:, here + 1]
         fraction = np.clip(
-            _crossed(*(_across(x, y, beta, end) for end in (before, behind))),
-            -OUTSIDE,
-            1 + OUTSIDE,
+            _crossed(*(_across(x, y, beta, end) for end in (before, behind))), -OUTSIDE, 1 + OUTSIDE
         )
         slope_x, slope_y = (behind[:2] - before[:2]) / STEP_M
         target_x, target_y, fog_x, fog_y, pixel_target, pixel_fog = before + fraction * (
