@@ -39,6 +39,8 @@ class Charge:
     def variance(self, electrons: Floats) -> Floats:
         """Variance of the readings of a frame in electrons squared.
 
+        Raises InputError if the noise is unknown and cannot be estimated from the readings.
+
         Parameters
         ----------
         electrons : array, (n, K)
@@ -47,11 +49,6 @@ class Charge:
         Returns
         -------
         array, (n, K)
-
-        Raises
-        ------
-        InputError
-            If the noise is unknown and cannot be estimated from the readings.
         """
         # At least one electron: a dead tap is not noiseless. A difference has at least this light.
         shot = self.excess_noise_factor * np.maximum(np.abs(electrons), 1)
@@ -67,8 +64,7 @@ class Charge:
         return np.zeros((0, 1))
 
     def check_noise(self, spots: int) -> None:
-        """Raise InputError if the noise is unknown and a frame of so many ``spots`` cannot show
-        it."""
+        """Raise InputError if the noise is unknown and a frame of ``spots`` cannot show it."""
         freedom = spots * len(self.spare)
         if np.isnan(self.noise_electrons).any() and freedom < MIN_SPARE_READINGS:
             raise InputError(
@@ -142,17 +138,15 @@ class PatternTaps(Taps):
 def check_taps(group: str, frequencies_hz: Floats, phases_rad: Floats) -> None:
     """Check that the taps can be solved for phases.
 
+    Raises InputError if a frequency is below `MIN_MODULATION_HZ` or has fewer than three different
+    phases.
+
     Parameters
     ----------
     group : str
         Dataset group for messages.
     frequencies_hz, phases_rad : array, (K,)
         Modulation frequency and phase of each tap.
-
-    Raises
-    ------
-    InputError
-        If a frequency is below `MIN_MODULATION_HZ` or has fewer than three different phases.
     """
     for frequency_hz in np.unique(frequencies_hz):
         phases = phases_rad[frequencies_hz == frequency_hz]

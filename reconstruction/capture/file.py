@@ -180,15 +180,12 @@ class CaptureFile:
 def read_setup(file: hdf5.Tables) -> Setup:
     """Read what the frames of a recording share.
 
+    Raises InputError as `read_capture`.
+
     Parameters
     ----------
     file : hdf5.Tables
         The datasets of a capture with any number of frames, also none.
-
-    Raises
-    ------
-    InputError
-        As `read_capture`.
     """
     plan, *following_plans = _read_plans(file)
     sizes = axis_sizes(plan)

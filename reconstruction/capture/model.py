@@ -27,6 +27,7 @@ from .spots import SPOTS_AXIS, Spots
 Image = NDArray[np.float32]
 
 SOURCES = ("simulation", "hardware")
+TRUE_MAP = ("truths", "height", "width")
 SURROGATE = "surrogate light"
 """Suffix of the software name of a simulation whose light was not traced."""
 
@@ -84,19 +85,11 @@ class Truth:
 
     frame: Annotated[NDArray[np.int64], Stored("1", ("truths",), "int64", sign="not negative")]
     still: Annotated[bool, Stored("1", dtype="bool")]
-    image: Annotated[Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)]
-    image_error: Annotated[
-        Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)
-    ]
-    range_m: Annotated[
-        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
-    depth_m: Annotated[
-        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
-    reflectance: Annotated[
-        Image, Stored("1", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
+    image: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
+    image_error: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
+    range_m: Annotated[Image, Stored("m", TRUE_MAP, "float32", "not negative", nan=True)]
+    depth_m: Annotated[Image, Stored("m", TRUE_MAP, "float32", "not negative", nan=True)]
+    reflectance: Annotated[Image, Stored("1", TRUE_MAP, "float32", "not negative", nan=True)]
     spot_range_m: Annotated[
         Floats, Stored("m", ("truths", SPOTS_AXIS), sign="not negative", nan=True)
     ]
@@ -307,14 +300,11 @@ class Capture:
     def plot(self, frame: int = 0) -> Any:
         """Draw a frame's readings and, if known, its true image and depth.
 
+        Raises InputError if there is no such frame, or Matplotlib is missing.
+
         Returns
         -------
         array of matplotlib axes, (panels,)
-
-        Raises
-        ------
-        InputError
-            If there is no such frame, or Matplotlib is missing.
         """
         counts = self.frame(frame).buckets.counts[0]
         known = self.truth is not None and self.truth.knows(frame)

@@ -19,17 +19,14 @@ Part = TypeVar("Part", Buckets, PatternTaps)
 def first_patterns(capture: Capture, patterns: int, order: str | None = None) -> Capture:
     """Keep the exposures of the first patterns of each frame, in a named order.
 
+    Raises InputError if the capture has fewer patterns, or the order is unknown.
+
     Parameters
     ----------
     patterns : int
         Number of pattern indices to keep per frame.
     order : str, optional
         Order of the patterns; the default is that of their basis.
-
-    Raises
-    ------
-    InputError
-        If the capture has fewer patterns, or the order is unknown.
     """
     plans = capture.setup.plans
     max_patterns = min(plan.sampled for plan in plans)

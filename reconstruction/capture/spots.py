@@ -4,7 +4,7 @@ The lasers leave from the projector's pinhole; L is the optical path from there 
 detector.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
@@ -14,12 +14,8 @@ from ..base.arrays import Floats
 from ..base.errors import InputError
 from .schema import Stored
 
-
-def _unknown() -> Floats:
-    """A scalar nan, which stands for all spots."""
-    return np.array(np.nan)
-
-
+UNKNOWN: Any = np.nan
+"""Default of fields per spot; expanded to their shapes."""
 SPOTS_AXIS, MAX_SPOTS = "spots", 64
 """Axis of the spots, and their maximum number."""
 USUAL_SPOTS = 4
@@ -59,18 +55,14 @@ class SpotOptics:
 
     directions: Annotated[Floats, Stored("1", (SPOTS_AXIS, 3))]
     detector_positions_m: Annotated[Floats, Stored("m", (SPOTS_AXIS, 3))]
-    detector_axes: Annotated[Floats, Stored("1", (SPOTS_AXIS, 3), nan=True)] = field(
-        default_factory=_unknown
-    )
+    detector_axes: Annotated[Floats, Stored("1", (SPOTS_AXIS, 3), nan=True)] = UNKNOWN
     half_fields_rad: Annotated[Floats, Stored("rad", (SPOTS_AXIS,), sign="positive", nan=True)] = (
-        field(default_factory=_unknown)
+        UNKNOWN
     )
-    falloffs: Annotated[Floats, Stored("1", (SPOTS_AXIS,), sign="not negative", nan=True)] = field(
-        default_factory=_unknown
-    )
+    falloffs: Annotated[Floats, Stored("1", (SPOTS_AXIS,), sign="not negative", nan=True)] = UNKNOWN
     aperture_radii_m: Annotated[
         Floats, Stored("m", (SPOTS_AXIS,), sign="not negative", nan=True)
-    ] = field(default_factory=_unknown)
+    ] = UNKNOWN
     beam_divergence_rad: Annotated[float, Stored("rad", sign="not negative", nan=True)] = np.nan
     beam_waist_m: Annotated[float, Stored("m", sign="not negative", nan=True)] = np.nan
     clear_probability: Annotated[float, Stored("1", sign="not negative", nan=True)] = np.nan

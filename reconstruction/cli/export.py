@@ -30,26 +30,23 @@ PROGRESS_EVERY_S = 5.0
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument(
-        "captures", metavar="CAPTURE", type=Path, nargs="+", help="capture, or result.h5"
-    )
-    parser.add_argument(
-        "-o", "--output", metavar="OUT", type=Path, required=True, help="folder, or FILE.mcap"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("captures", metavar="CAPTURE", type=Path, nargs="+", help="capture, or result.h5")
+    add("-o", "--output", metavar="OUT", type=Path, required=True, help="folder, or FILE.mcap")
+    add(
         "--format",
         help=f"{', '.join(EXPORTS)}; default: by the extension of OUT, else {DEFAULT_EXPORT}",
     )
-    parser.add_argument(
+    add(
         "--poses",
         metavar="FILE",
         type=Path,
         help="time and pose of the optical frame per frame: timestamp tx ty tz qx qy qz qw (TUM)",
     )
     for station, methods in STATIONS.items():
-        parser.add_argument(f"--{station}", metavar="METHOD", help=f"method: {', '.join(methods)}")
-    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+        add(f"--{station}", metavar="METHOD", help=f"method: {', '.join(methods)}")
+    add("--weather", metavar="WEATHER", help=WEATHER)
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -65,74 +65,46 @@ class Recording(NamedTuple):
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
+    add = parser.add_argument
     kinds = ", ".join(READERS)
-    parser.add_argument(
+    add(
         "file",
         metavar="FILE",
         type=Path,
         nargs="?",
         help=f"readings of patterns: {kinds}, or NAME_spectraldata.npz of SPAS",
     )
-    parser.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
-    parser.add_argument(
-        "--shape", type=shape, help="rows x columns, as in 32x32; not needed for SPAS"
-    )
-    parser.add_argument(
-        "--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0"
-    )
+    add("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
+    add("--shape", type=shape, help="rows x columns, as in 32x32; not needed for SPAS")
+    add("--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0")
     _add_patterns(parser)
-    parser.add_argument(
-        "--transposed", action="store_true", help="pixels are numbered column by column"
-    )
-    parser.add_argument(
-        "--dark", metavar="COUNTS", type=number, help="the dark reading, where none was recorded"
-    )
-    parser.add_argument(
-        "--untrusted",
-        metavar="I",
-        type=int,
-        nargs="+",
-        default=[],
-        help="indices of readings to ignore",
-    )
-    parser.add_argument(
-        "--band-nm", metavar="LOW-HIGH", type=band, help="wavelengths of SPAS to sum (all)"
-    )
-    parser.add_argument(
-        "--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5"
-    )
+    add("--transposed", action="store_true", help="pixels are numbered column by column")
+    add("--dark", metavar="COUNTS", type=number, help="the dark reading, where none was recorded")
+    add("--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings to ignore")
+    add("--band-nm", metavar="LOW-HIGH", type=band, help="wavelengths of SPAS to sum (all)")
+    add("--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5")
     for name in ABOUT:
-        parser.add_argument(f"--{name.replace('_', '-')}", metavar="X", type=number)
+        add(f"--{name.replace('_', '-')}", metavar="X", type=number)
     taps.add_options(parser)
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def _add_patterns(parser: argparse.ArgumentParser) -> None:
-    """Add options that state the exposed patterns; sources are variables, columns, or other
-    files."""
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--patterns-variable", metavar="SOURCE", help="patterns (M, N), any at all")
-    which.add_argument(
+    """Add options that state the patterns; sources are variables, columns, or other files."""
+    add = parser.add_argument
+    one_of = parser.add_mutually_exclusive_group().add_argument
+    one_of("--patterns-variable", metavar="SOURCE", help="patterns (M, N), any at all")
+    one_of(
         "--factors", metavar="SOURCE,SOURCE", help="patterns down (A, H) and along (B, W) the image"
     )
-    which.add_argument(
-        "--rows", metavar="SOURCE", help="numbers of Hadamard rows, counted in the order"
-    )
-    which.add_argument(
-        "--frequencies", metavar="SOURCE", help="of Fourier patterns, (K, 2): down and along"
-    )
-    parser.add_argument(
-        "--first-row", type=int, choices=(0, 1), default=0, help="number of the first row (0)"
-    )
-    parser.add_argument(
-        "--signs", metavar="SOURCE", help="polarity of each reading, with --rows: 1, -1 or 0"
-    )
-    parser.add_argument(
-        "--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn"
-    )
-    parser.add_argument("--order", help=f"auto, {', '.join(ORDERS)} (natural)")
-    parser.add_argument("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
-    parser.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
+    one_of("--rows", metavar="SOURCE", help="numbers of Hadamard rows, counted in the order")
+    one_of("--frequencies", metavar="SOURCE", help="of Fourier patterns, (K, 2): down and along")
+    add("--first-row", type=int, choices=(0, 1), default=0, help="number of the first row (0)")
+    add("--signs", metavar="SOURCE", help="polarity of each reading, with --rows: 1, -1 or 0")
+    add("--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn")
+    add("--order", help=f"auto, {', '.join(ORDERS)} (natural)")
+    add("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
+    add("--patterns", metavar="K", type=int, help="number of patterns (all)")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -35,35 +35,28 @@ PURSUING = ("pursuit", "usual", "all")
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "source",
         metavar="SOURCE",
         help="tcp://HOST:PORT, tcp-listen://:PORT, udp://:PORT, serial:///dev/ttyUSB0?baud=921600, "
         "- (a pipe), or a file: a stream or a capture",
     )
-    parser.add_argument(
-        "--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them"
-    )
-    parser.add_argument("--follow", action="store_true", help="wait for a file to grow")
-    parser.add_argument(
-        "--frames", metavar="N", type=whole_number, help="end after so many results"
-    )
-    parser.add_argument(
-        "--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)"
-    )
-    parser.add_argument(
-        "--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)"
-    )
+    add("--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them")
+    add("--follow", action="store_true", help="wait for a file to grow")
+    add("--frames", metavar="N", type=whole_number, help="end after so many results")
+    add("--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)")
+    add("--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)")
     for station, methods in STATIONS.items():
-        parser.add_argument(
+        add(
             f"--{station}",
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: {', '.join(methods)}",
         )
-    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
-    parser.add_argument("--min-free", **MIN_FREE_OPTION)
-    parser.add_argument("--quiet", action="store_true", help="do not print the state each second")
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--weather", metavar="WEATHER", help=WEATHER)
+    add("--min-free", **MIN_FREE_OPTION)
+    add("--quiet", action="store_true", help="do not print the state each second")
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:

@@ -39,30 +39,29 @@ MIN_FREE_OPTION: dict[str, Any] = {
     "metavar": "P",
     "type": float,
     "default": MIN_FREE,
-    "help": f"an obstacle begins where the corridor is free with a probability below P ({MIN_FREE:g})",
+    "help": f"the corridor ends where it is free with a probability below P ({MIN_FREE:g})",
 }
 DETAILS = {"image": f"; of pursuits, pursuit:NAME has the dictionary {' or '.join(DICTIONARIES)}"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
-    parser.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
-    parser.add_argument("--patterns", metavar="K", type=int, help="use the first K patterns only")
-    parser.add_argument(
-        "--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}"
-    )
+    add = parser.add_argument
+    add("capture", metavar="CAPTURE", type=Path, help="capture file")
+    add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
+    add("--frame", type=int, default=0, help="frame of the capture (0)")
+    add("--patterns", metavar="K", type=int, help="use the first K patterns only")
+    add("--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}")
     for station, methods in STATIONS.items():
-        parser.add_argument(
+        add(
             f"--{station}",
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: usual, all, {', '.join(methods)}"
             + DETAILS.get(station, ""),
         )
-    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
-    parser.add_argument("--min-free", **MIN_FREE_OPTION)
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--weather", metavar="WEATHER", help=WEATHER)
+    add("--min-free", **MIN_FREE_OPTION)
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:

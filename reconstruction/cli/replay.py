@@ -27,24 +27,18 @@ AGAIN_S = 0.5
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Add the options of this command."""
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
-    parser.add_argument(
+    add = parser.add_argument
+    add("capture", metavar="CAPTURE", type=Path, help="capture file")
+    add(
         "--to",
         metavar="OUTLET",
         required=True,
         help="tcp://HOST:PORT, tcp-listen://:PORT, udp://HOST:PORT, serial:///dev/ttyUSB0, - (a "
         "pipe), FILE.stream",
     )
-    parser.add_argument(
-        "--rate",
-        metavar="HZ",
-        type=_rate,
-        help="frames per second (default: the capture's own); inf: all at once",
-    )
-    parser.add_argument(
-        "--times", metavar="N", type=whole_number, default=1, help="over and over (1)"
-    )
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--rate", metavar="HZ", type=_rate, help="frames per second (the capture's own); inf: all")
+    add("--times", metavar="N", type=whole_number, default=1, help="over and over (1)")
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -87,7 +81,7 @@ def _replay(options: argparse.Namespace, outlet: Outlet) -> int:
         period_s = _period_s(capture, options.rate)
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
             raise InputError(
-                f"{options.capture} has no pattern_period_s: state the frames per second with --rate"
+                f"{options.capture} has no pattern_period_s: state the frame rate with --rate"
             )
         _opened(outlet)
         send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)

@@ -50,37 +50,30 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
         "time of flight of the spots (iToF, pulses, dToF), of four without --directions"
     )
-    group.add_argument("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
-    which = group.add_mutually_exclusive_group()
+    add = group.add_argument
+    add("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
+    one_of = group.add_mutually_exclusive_group().add_argument
     many: dict[str, Any] = {"type": number, "nargs": "+"}
-    which.add_argument("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
-    which.add_argument("--windows", metavar="S", **many, help="starts of windows, background first")
-    which.add_argument("--bin-width", metavar="S", type=number, help="of histograms")
-    group.add_argument("--phases-deg", metavar="DEG", **many, help="of taps (0 90 180 270)")
-    group.add_argument(
-        "--phase-offsets-deg", metavar="DEG", **many, help="at zero path, of each frequency (0)"
-    )
-    group.add_argument("--pulse-width", metavar="S", type=number, help="as long as the windows are")
-    group.add_argument("--pulses", metavar="N", type=whole_number, help="of a window or histogram")
-    group.add_argument("--first-bin", metavar="S", type=number, help="when histograms begin (0)")
-    group.add_argument("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
-    group.add_argument("--delay-offset", metavar="S", type=number, help="at zero path (0)")
-    group.add_argument(
+    one_of("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
+    one_of("--windows", metavar="S", **many, help="starts of windows, background first")
+    one_of("--bin-width", metavar="S", type=number, help="of histograms")
+    add("--phases-deg", metavar="DEG", **many, help="of taps (0 90 180 270)")
+    add("--phase-offsets-deg", metavar="DEG", **many, help="at zero path, of each frequency (0)")
+    add("--pulse-width", metavar="S", type=number, help="as long as the windows are")
+    add("--pulses", metavar="N", type=whole_number, help="of a window or histogram")
+    add("--first-bin", metavar="S", type=number, help="when histograms begin (0)")
+    add("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
+    add("--delay-offset", metavar="S", type=number, help="at zero path (0)")
+    add(
         "--directions",
         metavar="SOURCE",
         help="from the pinhole to the spots, as many as there are, a line each: x y z",
     )
-    group.add_argument(
-        "--detectors", metavar="SOURCE", help="their positions in metres, a line each"
-    )
-    group.add_argument(
-        "--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps"
-    )
-    group.add_argument(
-        "--taps-about", metavar="YAML", type=Path, help="file of lines like noise_electrons: 40"
-    )
+    add("--detectors", metavar="SOURCE", help="their positions in metres, a line each")
+    add("--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps")
+    add("--taps-about", metavar="YAML", type=Path, help="file of lines like noise_electrons: 40")
     for name in TAPS_ABOUT:
-        group.add_argument(f"--taps-{name.replace('_', '-')}", metavar="X", type=number)
+        add(f"--taps-{name.replace('_', '-')}", metavar="X", type=number)
 
 
 def spots_of(options: argparse.Namespace, source: Source) -> Spots | None:

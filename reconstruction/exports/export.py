@@ -51,23 +51,20 @@ EXPORTS: Registry[Export] = Registry(
 def export_format(name: str | None, output: Path) -> Export:
     """Select an export format.
 
+    Raises InputError if the format is unknown, or contradicts the extension.
+
     Parameters
     ----------
     name : str or None
         Name of the format; None to derive it from the output's extension.
     output : Path
         Folder or file to write.
-
-    Raises
-    ------
-    InputError
-        If the format is unknown, or contradicts the extension.
     """
     by_suffix = {form.suffix: form for _, form in EXPORTS.loadable() if form.suffix}
     if name is not None:
         form = EXPORTS[name]
         if by_suffix.get(output.suffix.lower(), form) is not form:
-            raise InputError(f"{output} has the ending of another format than --format {name}")
+            raise InputError(f"{output} has the extension of another format than --format {name}")
         return form
     if output.suffix.lower() in by_suffix:
         return by_suffix[output.suffix.lower()]
@@ -93,8 +90,7 @@ def check_export(
 
 
 def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
-    """Raise InputError unless a folder is new, empty, or just an earlier export without
-    ``inputs``."""
+    """Raise InputError unless a folder is new, empty, or an earlier export without ``inputs``."""
     unnamed = folder.name in ("", "..")
     if unnamed or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder} is not a folder; the name of a new one is needed")

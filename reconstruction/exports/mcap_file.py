@@ -43,7 +43,7 @@ class Libraries(NamedTuple):
 def libraries() -> Libraries:
     """Import the libraries; raises InputError if they are not installed."""
     try:
-        import zstandard  # noqa: F401 -- with which the writer compresses
+        import zstandard  # noqa: F401 -- used by the writer
         from mcap.writer import CompressionType, Writer
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
@@ -120,8 +120,7 @@ def _made(types: Any, kind: str, fields: Mapping[str, Any]) -> Any:
 
 
 def _value(types: Any, definition: Any, value: Any) -> Any:
-    """Build a field; its definition is (1, (base, _)), (2, name), or (3 or 4, (definition,
-    length))."""
+    """Build a field, defined by (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
     node, detail = int(definition[0]), definition[1]
     if node == 1:
         return value

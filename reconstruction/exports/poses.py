@@ -21,8 +21,7 @@ OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0,
 
 
 class TimestampedPose(NamedTuple):
-    """Time of a frame, if known, and its pose (4, 4), which takes the optical frame to the
-    world."""
+    """Time of a frame, if known, and its pose (4, 4), from the optical frame to the world."""
 
     time_s: float | None
     pose: Floats

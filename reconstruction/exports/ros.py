@@ -51,7 +51,7 @@ def static_messages(shot: Shot) -> Iterator[Message]:
     ]
     if shot.spots is not None:
         frames += [
-            _transform(shot.stamp_ns, OPTICAL, spot_frame(k), along(direction))
+            _transform(shot.stamp_ns, OPTICAL, f"spot_{k}", along(direction))
             for k, direction in enumerate(shot.spots.directions)
         ]
     yield Message("/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}, latched=True)
@@ -99,11 +99,6 @@ def state_message(
         level, text = STALE, numbers["trouble"] or "no frame yet"
     values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
     return _diagnostics(stamp_ns, _status("spisim: stream", level, text, values))
-
-
-def spot_frame(number: int) -> str:
-    """Name of a spot's frame of reference."""
-    return f"spot_{number}"
 
 
 def along(direction: Floats) -> Floats:
@@ -197,7 +192,7 @@ def _range(shot: Shot, spot: int) -> dict[str, Any]:
         range_m = -np.inf
     divergence = np.nan if shot.spots is None else shot.spots.beam_divergence_rad
     return {
-        "header": _header(shot.stamp_ns, spot_frame(spot)),
+        "header": _header(shot.stamp_ns, f"spot_{spot}"),
         "radiation_type": INFRARED,
         "field_of_view": float(BEAM_SIGMAS * divergence) if np.isfinite(divergence) else 0.0,
         "min_range": 0.0,

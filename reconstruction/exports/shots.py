@@ -43,6 +43,8 @@ def shots_of(
 ) -> Iterator[Shot]:
     """Reconstruct all frames of captures.
 
+    Raises InputError, which names the capture that cannot be reconstructed.
+
     Parameters
     ----------
     captures : sequence of Path
@@ -55,11 +57,6 @@ def shots_of(
         Methods of each station, as for a `Reconstructor`.
     weather : str or float, optional
         Stated weather, as for a `Reconstructor`.
-
-    Raises
-    ------
-    InputError
-        Names the capture that cannot be reconstructed.
     """
     next_ns = 0
     for path in captures:

@@ -53,8 +53,8 @@ def pack(message: Message) -> bytes:
     payload = message.payload or b""
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise InputError(
-            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES} are allowed: use fewer "
-            "pixels, or fewer readings per frame"
+            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: use fewer pixels, "
+            "or fewer readings per frame"
         )
     return b"".join((header(message, len(payload)), payload, CRC.pack(zlib.crc32(payload))))
 

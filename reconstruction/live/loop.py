@@ -31,7 +31,8 @@ class Loop:
     """Reconstructs received frames and passes on ``results`` and ``states``.
 
     An error of a method costs its part of a frame, an error of a setup or a frame costs these; all
-    are counted and reported.
+    are counted and reported. Raises InputError for unknown methods, for methods that do not suit
+    the first setup of a file or pipe, and if the reception has failed.
 
     Parameters
     ----------
@@ -43,12 +44,6 @@ class Loop:
         Receivers of outcomes and states.
     clock : callable
         Monotonic seconds.
-
-    Raises
-    ------
-    InputError
-        For unknown methods, for methods that do not suit the first setup of a file or pipe, and if
-        the reception has failed.
     """
 
     def __init__(

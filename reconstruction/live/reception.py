@@ -40,7 +40,8 @@ class Reception:
 
     ``counts`` are of the frames, ``trouble`` is the current problem, `awaited` what it waits for.
     The queue drops its oldest frames if the source does not wait. `run` ends, with ``failure``, if
-    a file or pipe has another format; a link is only ended by its sender.
+    a file or pipe has another format; a link is only ended by its sender. Raises InputError if the
+    source can never be opened.
 
     Parameters
     ----------
@@ -56,11 +57,6 @@ class Reception:
         Monotonic seconds, and sleep.
     counts : Counts, optional
         Counts to continue.
-
-    Raises
-    ------
-    InputError
-        If the source can never be opened.
     """
 
     def __init__(

@@ -58,6 +58,9 @@ class Targets:
 def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
     """Bound of the range errors of a recording.
 
+    Raises InputError if the recording lacks what `fog.overlap` needs, or the laser light in each
+    reading.
+
     Parameters
     ----------
     spots : Spots
@@ -66,11 +69,6 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
         Maximum range of targets.
     prior : tuple of float
         Standard deviations as in `PRIOR`; infinite for no prior.
-
-    Raises
-    ------
-    InputError
-        If the recording lacks what `fog.overlap` needs, or the laser light in each reading.
     """
     require_optics(spots)
     lights = _lights(spots, max_range_m)
@@ -134,7 +132,7 @@ def _lights(spots: Spots, max_range_m: float) -> list[_Light]:
 
 
 def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]:
-    """Slopes (n, 2) of readings along range and ln reflectance, and along ln of the fog's
+    """Slopes (n, 2) of readings along range and ln reflectance, and along ln of fog
     coefficients."""
     z, radiance = float(targets.range_m[spot]), float(targets.reflectance[spot]) / np.pi
     extinction, beta = targets.extinction_per_m, targets.backscatter

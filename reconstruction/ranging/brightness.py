@@ -13,8 +13,7 @@ NEIGHBOURS = 1
 
 
 class Brightness(NamedTuple):
-    """Electrons of a pixel, fully on, at the four spots, (4,), and their sigmas; nan outside the
-    image."""
+    """Electrons of a pixel, fully on, at the spots, (4,), and sigmas; nan outside the image."""
 
     electrons: Floats
     sigma: Floats

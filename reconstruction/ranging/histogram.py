@@ -38,8 +38,7 @@ class Pulses:
 
 
 def coates(counts: Floats, cycles: int) -> tuple[Floats, Floats]:
-    """Mean arrivals per bin and cycle of histograms (..., B), and cycles not yet ended at each
-    bin."""
+    """Mean arrivals per bin and cycle of histograms (..., B), and cycles that reach each bin."""
     watched = cycles - np.cumsum(counts, axis=-1) + counts
     left = np.maximum(watched - counts, 0.5)  # every cycle may have ended
     return np.log(np.maximum(watched, left) / left), watched

@@ -25,17 +25,14 @@ class RangingMethod(Protocol):
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver for the readings of a recording.
 
+        Raises InputError if the recording lacks what the method needs.
+
         Parameters
         ----------
         spots : Spots
             Optics and settings of the recording, without readings.
         optics : Optics, optional
             Projector and bucket detector.
-
-        Raises
-        ------
-        InputError
-            If the recording lacks what the method needs.
         """
 
     def unambiguous_range_m(self, spots: Spots) -> float:

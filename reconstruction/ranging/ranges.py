@@ -49,8 +49,7 @@ class Alternative(NamedTuple):
 
 
 class FogOptics(NamedTuple):
-    """Estimated fog: mean extinction, and backscattering with sigma ``log_sigma`` of its
-    logarithm."""
+    """Estimated fog: mean extinction, and backscattering with the sigma of its logarithm."""
 
     extinction_per_m: float
     backscatter_per_m_sr: float

@@ -27,8 +27,7 @@ class Weather(NamedTuple):
 
     @classmethod
     def parsed(cls, stated: "str | float") -> "Weather":
-        """Parse "clear", "fog", "unknown" or a visibility in metres; raises InputError
-        otherwise."""
+        """Parse "clear", "fog", "unknown" or a visibility in metres; may raise InputError."""
         if isinstance(stated, str) and stated.strip() in WORDS:
             return cls(WORDS[stated.strip()])
         with suppress(ValueError, TypeError):

@@ -34,15 +34,12 @@ def checked_about(
 def read_about(path: Path, names: Mapping[str, float] = ABOUT) -> dict[str, float]:
     """Read a YAML file of lines ``name: number``.
 
+    Raises InputError if the file is missing, malformed or holds another name.
+
     Parameters
     ----------
     names : mapping
         Allowed names and their defaults.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, malformed or holds another name.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")

@@ -28,6 +28,8 @@ def plan_from_matrix(
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
     """Plan from a matrix of exposed patterns.
 
+    Raises InputError if the shape does not fit, or naming the first value out of bounds.
+
     Parameters
     ----------
     patterns : array, (M, N)
@@ -41,11 +43,6 @@ def plan_from_matrix(
         Of Hadamard patterns if every row is one, else of a dense basis.
     sign : array of int8, (M,)
         Factor of each reading: -1 for signed Hadamard rows -h, else 1.
-
-    Raises
-    ------
-    InputError
-        If the shape does not fit, or naming the first value out of bounds.
     """
     matrix = np.asarray(patterns, dtype=np.float64)
     height, width = shape = checked_shape(shape)
@@ -98,6 +95,8 @@ def plan_from_rows(
 ) -> PatternPlan:
     """Plan of Hadamard patterns by row number.
 
+    Raises InputError if a number is fractional or out of range, or the polarity is invalid.
+
     Parameters
     ----------
     rows : array, (K,)
@@ -108,11 +107,6 @@ def plan_from_rows(
         Named order.
     polarity : str or array, (K,)
         Name of a polarity sequence, or +1, -1 or 0 for each row, as in `PatternPlan`.
-
-    Raises
-    ------
-    InputError
-        If a number is fractional or out of range, or the polarity is invalid.
     """
     numbers = np.asarray(rows).ravel()
     if numbers.dtype.kind not in "iuf" or (numbers != np.floor(numbers)).any():
@@ -125,6 +119,8 @@ def plan_from_factors(
     vertical: ArrayLike, horizontal: ArrayLike
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
     """Plan of all products of vertical and horizontal patterns.
+
+    Raises InputError as `plan_from_matrix`, and if the patterns exceed `MAX_VALUES` pixels.
 
     Parameters
     ----------
@@ -139,11 +135,6 @@ def plan_from_factors(
         Reading a B + b is that of the product of a and b: readings are (A, B) in C order.
     sign : array of int8, (A * B,)
         As of `plan_from_matrix`.
-
-    Raises
-    ------
-    InputError
-        As `plan_from_matrix`, and if the patterns exceed `MAX_VALUES` pixels.
     """
     tall, wide = (
         np.atleast_2d(np.asarray(each, dtype=np.float64)) for each in (vertical, horizontal)
@@ -176,6 +167,8 @@ def frames_of_columns(table: NDArray[Any]) -> NDArray[Any]:
 def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
     """Readings per frame from an array of any layout.
 
+    Raises InputError if no axis has M readings.
+
     Parameters
     ----------
     counts : array, (M,), (frames, M), (M, frames) or any of M values in C order
@@ -186,11 +179,6 @@ def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
     Returns
     -------
     array, (frames, M)
-
-    Raises
-    ------
-    InputError
-        If no axis has M readings.
     """
     array = np.asarray(counts)
     if array.dtype.kind == "b":
@@ -217,6 +205,8 @@ def capture_from_readings(
 ) -> Capture:
     """Capture (source hardware) from bucket readings.
 
+    Raises InputError if the number of readings is not the plan's, or the parts are inconsistent.
+
     Parameters
     ----------
     readings : array
@@ -229,11 +219,6 @@ def capture_from_readings(
         Time-of-flight readings of as many frames, as from `spots_from_taps`.
     optics : Optics, optional
         The projector's angles of view.
-
-    Raises
-    ------
-    InputError
-        If the number of readings is not the plan's, or the parts are inconsistent.
     """
     counts = readings_of(readings, plan.exposures)
     saturated = np.zeros(counts.shape, dtype=bool)

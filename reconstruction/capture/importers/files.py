@@ -21,18 +21,15 @@ def load_array(
 ) -> NDArray[Any]:
     """Load a numeric array from .npy, .npz, .mat (v5 and v7.3), .csv, .tsv, .txt or .dat.
 
+    Raises InputError if the file is missing, unreadable, without numbers or without the variable,
+    unpacks to more than `MAX_UNPACKED_BYTES`, or holds a number that is not finite.
+
     Parameters
     ----------
     variable : str, optional
         Variable of a .npz or .mat with several, or column of a text by heading or number from 0.
     complex_too : bool
         Allow complex numbers.
-
-    Raises
-    ------
-    InputError
-        If the file is missing, unreadable, without numbers or without the variable, unpacks to more
-        than `MAX_UNPACKED_BYTES`, or holds a number that is not finite.
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())

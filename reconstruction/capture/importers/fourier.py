@@ -24,6 +24,8 @@ def plan_from_phase_steps(
 ) -> PatternPlan:
     """Plan of phase-stepped cosines.
 
+    Raises InputError for fractional frequencies, other steps, or more than `MAX_VALUES` pixels.
+
     Parameters
     ----------
     frequencies : array, (K, 2)
@@ -32,11 +34,6 @@ def plan_from_phase_steps(
         Rows and columns of the image.
     steps : int
         Phase steps of each frequency, 3 or 4; readings are (K, steps) in C order.
-
-    Raises
-    ------
-    InputError
-        For fractional frequencies, other steps, or more than `MAX_VALUES` pixels.
     """
     if steps not in PHASE_STEPS:
         raise InputError(f"{steps} phase steps; allowed: {', '.join(map(str, PHASE_STEPS))}")
@@ -47,8 +44,8 @@ def plan_from_phase_steps(
 
 
 def plan_from_coefficients(frequencies: ArrayLike, shape: tuple[int, int]) -> PatternPlan:
-    """Plan of complex Fourier coefficients sum x exp(-i a), as one row of cos(a) and one of
-    -sin(a).
+    """Plan of complex Fourier coefficients sum x exp(-i a), as one row of cos(a) and one of -sin(a).
+    Raises InputError as `plan_from_phase_steps`.
 
     Parameters
     ----------
@@ -61,11 +58,6 @@ def plan_from_coefficients(frequencies: ArrayLike, shape: tuple[int, int]) -> Pa
     -------
     PatternPlan
         Its readings (frames, 2 K) are the `parts` of coefficients (frames, K).
-
-    Raises
-    ------
-    InputError
-        As `plan_from_phase_steps`.
     """
     angles = _angles(frequencies, shape, 2)
     rows = np.stack([np.cos(angles), -np.sin(angles)], axis=1).reshape(-1, *angles.shape[1:])
@@ -88,6 +80,8 @@ def parts(coefficients: NDArray[Any]) -> Floats:
 def half_plane(spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
     """Coefficients of a whole spectrum without conjugates.
 
+    Raises InputError if the largest coefficient is at neither index.
+
     Parameters
     ----------
     spectrum : complex array, (H, W)
@@ -97,11 +91,6 @@ def half_plane(spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]
     -------
     coefficients : complex array, (K,)
     frequencies : array, (K, 2)
-
-    Raises
-    ------
-    InputError
-        If the largest coefficient is at neither index.
     """
     index = np.unravel_index(np.abs(spectrum).argmax(), spectrum.shape)
     height, width = spectrum.shape

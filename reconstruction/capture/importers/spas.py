@@ -46,17 +46,14 @@ def is_spas(path: Path) -> bool:
 def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRecording:
     """Load a recording of SPAS.
 
+    Raises InputError if a file is missing or invalid.
+
     Parameters
     ----------
     path : Path
         The ``*_spectraldata.npz``; its metadata lie beside it.
     band_nm : tuple of float, optional
         Band of wavelengths to sum; all by default.
-
-    Raises
-    ------
-    InputError
-        If a file is missing or invalid.
     """
     metadata = path.with_name(path.name.removesuffix(DATA) + METADATA)
     objects = _objects(metadata)
@@ -75,15 +72,12 @@ def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRec
 def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
     """Whole numbers from 0 of a list, or of Python's text of one, which is never evaluated.
 
+    Raises InputError for anything else.
+
     Parameters
     ----------
     name : str
         Field name for messages.
-
-    Raises
-    ------
-    InputError
-        For anything else.
     """
     if isinstance(value, list) and all(type(each) is int for each in value):
         value = json.dumps(value)

@@ -81,6 +81,8 @@ def spots_from_taps(
 ) -> CwSpots:
     """Continuous-wave (iToF) readings of S spots, the number in ``geometry``.
 
+    Raises InputError if the taps have another shape, or frequencies or phases are impossible.
+
     Parameters
     ----------
     taps : array, (S, K), (frames, S, K), (S * frames, K) or (frames, S * K)
@@ -96,11 +98,6 @@ def spots_from_taps(
         Directions of the spots and positions of their detectors.
     about : mapping
         Detector properties by the names of `TAPS_ABOUT`.
-
-    Raises
-    ------
-    InputError
-        If the taps have another shape, or frequencies or phases are impossible.
     """
     each_hz, phases = np.atleast_1d(frequencies_hz), np.atleast_1d(phases_rad)
     offsets = np.broadcast_to(phase_offsets_rad, each_hz.shape)
@@ -131,6 +128,8 @@ def spots_from_windows(
 ) -> PulsedSpots:
     """Pulsed readings of S spots, the number in ``geometry``.
 
+    Raises InputError if the taps have another shape, or windows overlap or leave gaps.
+
     Parameters
     ----------
     taps : array, (S, W), (frames, S, W), (S * frames, W) or (frames, S * W)
@@ -145,11 +144,6 @@ def spots_from_windows(
         Calibrated delay: light arrives L / c + delay_offset_s after it left.
     geometry, about
         As for `spots_from_taps`.
-
-    Raises
-    ------
-    InputError
-        If the taps have another shape, or windows overlap or leave gaps.
     """
     starts = np.atleast_1d(window_starts_s).astype(float)
     readings = _of_spots(taps, starts.size, geometry.spots, f"{starts.size} windows")
@@ -179,6 +173,8 @@ def spots_from_histograms(
 ) -> HistogramSpots:
     """Histograms (dToF) of S spots, the number in ``geometry``.
 
+    Raises InputError if the counts have another shape, or more arrivals than cycles.
+
     Parameters
     ----------
     counts : array, (S, B), (frames, S, B), (S * frames, B) or (B, S)
@@ -196,11 +192,6 @@ def spots_from_histograms(
         Histograms to ignore.
     geometry
         As for `spots_from_taps`.
-
-    Raises
-    ------
-    InputError
-        If the counts have another shape, or more arrivals than cycles.
     """
     array, count = _numbers(counts), geometry.spots
     if array.ndim == 2 and array.shape[1] == count != array.shape[0]:

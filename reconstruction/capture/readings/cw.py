@@ -53,8 +53,7 @@ class CwSpots(Taps, Spots):
         return self.taps
 
     def response(self, path_m: Floats) -> Floats:
-        """Joules per tap (taps, ...) at a detector that collects all light, by path length
-        (...)."""
+        """Joules per tap (taps, ...) if a detector collects all light, by path length (...)."""
         columns = (-1,) + (1,) * np.ndim(path_m)
         frequency, phase, energy, contrast = (
             np.broadcast_to(each, self.tap_frequencies_hz.shape).reshape(columns)

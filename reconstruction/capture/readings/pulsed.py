@@ -49,8 +49,8 @@ class PulsedSpots(Charge, Spots):
         return f"pulsed, {windows} windows of {1e9 * self.pulse_width_s:.4g} ns"
 
     def response(self, path_m: Floats) -> Floats:
-        """Joules per window (windows, ...) at a detector that collects all of a rectangular pulse,
-        by path length (...)."""
+        """Joules per window (windows, ...) if all of a rectangular pulse is collected, by path
+        (...)."""
         columns = (-1,) + (1,) * np.ndim(path_m)
         arrival_s = np.asarray(path_m) / c + self.delay_offset_s
         apart = np.abs(self.window_starts_s.reshape(columns) - arrival_s) / self.pulse_width_s

@@ -35,13 +35,13 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
     for number, shot in enumerate(shots):
         if shot.pose is None:
             raise InputError(
-                f"frame {number} has no pose, without which transforms.json says nothing: tell "
-                "them by --poses FILE, or export a simulated capture by spisim export"
+                f"frame {number} has no pose, which transforms.json needs: add --poses FILE, or "
+                "export a simulated capture with spisim export"
             )
         if not intrinsics:
             intrinsics = camera(shot)
         elif intrinsics != camera(shot):
-            raise InputError(f"frame {number} is of another camera than the first one")
+            raise InputError(f"frame {number} has another camera than the first")
         name = f"{number:06d}.png"
         frame: dict[str, Any] = {"file_path": f"images/{name}"}
         (folder / "images" / name).write_bytes(colour_png(shot.image))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import IO
 
 from ...base.errors import InputError
-from .link import PIECE_BYTES, Ended, Outlet, Source
+from .link import PIECE_BYTES, Ended, Link, Outlet, Source
 
 
 class Stdin(Source):
@@ -34,16 +34,28 @@ class Stdout(Outlet):
         sys.stdout.buffer.flush()
 
 
-class StreamFile(Source):
+class _FileLink(Link):
+    """A link to a file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._file: IO[bytes] | None = None
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+class StreamFile(_FileLink, Source):
     """A file of messages, read to its end, or on as it grows if ``followed``."""
 
     patient = True
 
     def __init__(self, path: Path, *, followed: bool) -> None:
-        super().__init__(str(path))
-        self._path = path
+        super().__init__(path)
         self._followed = followed
-        self._file: IO[bytes] | None = None
 
     def check(self) -> None:
         if not self._path.exists():
@@ -66,19 +78,9 @@ class StreamFile(Source):
             time.sleep(timeout_s)  # files do not signal growth
         return content
 
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
-
-class NewFile(Outlet):
+class NewFile(_FileLink, Outlet):
     """A new file of messages."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path))
-        self._path = path
-        self._file: IO[bytes] | None = None
 
     def open(self) -> None:
         if self._file is None:
@@ -89,11 +91,6 @@ class NewFile(Outlet):
         assert self._file is not None
         self._file.write(content)
         self._file.flush()
-
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
     def discard(self) -> None:
         """Remove what was written, if anything was."""

@@ -7,7 +7,7 @@ from errno import EADDRINUSE
 from typing import Any
 
 from ...base.errors import InputError
-from .link import PIECE_BYTES, Outlet, Source
+from .link import PIECE_BYTES, Link, Outlet, Source
 
 PATIENCE_S = 1.0
 """Timeout of a connection attempt."""
@@ -20,17 +20,24 @@ KEEPALIVE = {"TCP_KEEPIDLE": 2, "TCP_KEEPALIVE": 2, "TCP_KEEPINTVL": 1, "TCP_KEE
 MAX_UNSENT_BYTES = 2**17
 """Maximum unsent bytes: more would arrive late, and hide that nobody reads."""
 DATAGRAM_BYTES = 1200
-"""Size that passes every path in one piece: IPv6's 1280 bytes (RFC 8200, section 5) less
-headers."""
+"""Size that passes every path whole: IPv6's 1280 bytes (RFC 8200, section 5) less headers."""
 
 
-class Tcp(Source, Outlet):
-    """TCP client."""
+class _SocketLink(Link):
+    """A link with a socket, and the endpoint that it connects to or listens at."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
         self._endpoint = (host, port)
         self._socket: socket.socket | None = None
+
+    def close(self) -> None:
+        _close(self._socket)
+        self._socket = None
+
+
+class Tcp(_SocketLink, Source, Outlet):
+    """TCP client."""
 
     def open(self) -> None:
         _close(self._socket)
@@ -52,10 +59,6 @@ class Tcp(Source, Outlet):
                 rest = rest[connected.send(rest) :]
             except TimeoutError:
                 raise TimeoutError(f"the other side has read nothing for {STALLED_S:g} s") from None
-
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
 
     def _take(self, connected: socket.socket) -> None:
         connected.settimeout(STALLED_S)
@@ -106,15 +109,10 @@ class TcpListen(Tcp):
         self._listener = None
 
 
-class UdpListen(Source):
+class UdpListen(_SocketLink, Source):
     """Datagrams received at a port."""
 
     forgeable = True
-
-    def __init__(self, address: str, host: str, port: int) -> None:
-        super().__init__(address)
-        self._endpoint = (host, port)
-        self._socket: socket.socket | None = None
 
     @property
     def port(self) -> int:
@@ -136,18 +134,9 @@ class UdpListen(Source):
         self.sender = _address_text(sender)
         return content
 
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
 
-
-class Udp(Outlet):
+class Udp(_SocketLink, Outlet):
     """Datagrams to an endpoint, whether anybody listens there or not."""
-
-    def __init__(self, address: str, host: str, port: int) -> None:
-        super().__init__(address)
-        self._endpoint = (host, port)
-        self._socket: socket.socket | None = None
 
     def open(self) -> None:
         self.close()
@@ -162,10 +151,6 @@ class Udp(Outlet):
         for at in range(0, len(content), DATAGRAM_BYTES):
             with suppress(ConnectionRefusedError):
                 connected.send(content[at : at + DATAGRAM_BYTES])
-
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
 
 
 def _ready(opened: socket.socket, timeout_s: float) -> bool:
@@ -213,8 +198,6 @@ def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socke
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()
-        hint = (
-            "; end the program that uses it, or choose another" if error.errno == EADDRINUSE else ""
-        )
+        hint = "; end its user, or choose another" if error.errno == EADDRINUSE else ""
         raise InputError(f"{address}: cannot listen at port {port}: {why}{hint}") from None
     return bound

@@ -36,8 +36,7 @@ def normal_cdf(sigmas: float) -> float:
 
 @cache
 def chi_squared_limit(freedom: int, fraction: float) -> float:
-    """Value that chi squared of so many degrees of freedom exceeds with probability
-    ``fraction``."""
+    """Value that chi squared of so many degrees of freedom exceeds with this probability."""
     below, above = 0.0, float(freedom)
     while chi_squared_above(above, freedom) > fraction:
         above *= 2

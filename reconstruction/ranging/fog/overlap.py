@@ -29,7 +29,8 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
     """Collection weights and path lengths along the laser beams.
 
     A weight is the mean over the aperture, times its area, of cos / distance^2 and the field's
-    response: the power collected from a diffuser of unit radiance per incident power.
+    response: the power collected from a diffuser of unit radiance per incident power. Raises
+    InputError if a detector sees nothing of its beam.
 
     Parameters
     ----------
@@ -39,11 +40,6 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
     Returns
     -------
     weight_sr, path_m : array, (spots, R)
-
-    Raises
-    ------
-    InputError
-        If a detector sees nothing of its beam.
     """
     weights = []
     for number in range(len(optics.directions)):

@@ -26,8 +26,7 @@ OUTSIDE = 2.0
 MIN_REFLECTANCE = 1e-12
 """Minimum reflectance."""
 BEYOND = 0.05
-"""Prior probability of a target in the second unambiguous interval: that of spots in drawn
-worlds."""
+"""Prior probability of a target in the second unambiguous interval, from drawn worlds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -85,8 +85,7 @@ REFLECTANCE_LOG_SIGMA = 0.8
 cosine at which beams meet surfaces (uniform in solid angle: mean 0.77 of the normal's, skewed
 down)."""
 ODD = 0.07
-"""Prior probability of anything else, uniform in ln: water, ice, mirrors, retro-reflectors,
-edges."""
+"""Prior probability of anything else, uniform in ln: water, ice, mirrors, edges."""
 ODD_FROM, ODD_TO = 1e-4, 1e2
 
 
