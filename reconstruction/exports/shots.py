@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -72,7 +73,9 @@ def shots_of(
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
-            reconstruct = Reconstructor(capture.setup, **(methods or {}), weather=weather)
+            reconstruct = Reconstructor(
+                capture.setup, **dict[str, Any](methods or {}), weather=weather
+            )
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):

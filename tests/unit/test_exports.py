@@ -194,11 +194,11 @@ def test_what_cannot_be_exported_is_told(words, message, file, tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("0 0 0 0 0 0 0 1", "1 poses of 3 frames; one for each is needed"),
-        ("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1", "line 2: time 0 should be later than the one before"),
+        ("0 0 0 0 0 0 0 1", "1 poses for 3 frames; one each is needed"),
+        ("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1", "line 2: time 0 must be later than the one before"),
         ("0 0 0 0 0 0 1", "line 1: 7 columns, not 8"),
-        ("0 0 0 nan 0 0 0 1", "line 1: tz should be a number within"),
-        ("0 0 0 0 0 0 0 2", "line 1: qx qy qz qw should be of length 1, not 2"),
+        ("0 0 0 nan 0 0 0 1", "line 1: tz must be a number within"),
+        ("0 0 0 0 0 0 0 2", "line 1: qx qy qz qw must have length 1, not 2"),
     ],
 )
 def test_poses_that_are_none_are_told_with_their_line(rows, message, file, tmp_path, capsys):

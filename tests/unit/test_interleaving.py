@@ -148,7 +148,7 @@ def test_frames_of_different_sizes_and_bases_are_refused(recording):
 def test_a_detector_that_counts_has_no_differences_in_any_frame():
     capture = full_capture()
     signed = replace(capture.plan, polarity=np.zeros_like(capture.plan.polarity))
-    with pytest.raises(InputError, match="polarity 0 marks readings as differences"):
+    with pytest.raises(InputError, match="polarity 0\\) cannot be corrected"):
         replace(capture, following_plans=(signed,))
 
 

@@ -336,6 +336,6 @@ def test_a_sink_that_does_not_end_is_given_up(monkeypatch):
     assert sink.stuck.wait(SAFETY_S)
     detached.close()
     assert detached.failed
-    assert "does not come to an end" in detached.why
+    assert "does not finish" in detached.why
     assert detached.dropped == 3
     sink.may.set()

@@ -70,7 +70,7 @@ def test_a_text_of_taps_alone_is_a_capture_without_an_image(tmp_path, capsys):
     reported = capsys.readouterr()
     assert "1 frame(s) of continuous wave, 4 taps, 20 MHz" in reported.out
     assert "directions are not told" in reported.err
-    assert "electrons_per_count of the taps is not told" in reported.err
+    assert "electrons_per_count of the taps is not stated" in reported.err
     assert main([str(tmp_path / "a.h5"), "-o", str(tmp_path / "result")]) == 0
     assert "ranges alone, hardware" in capsys.readouterr().out
     assert [path.name for path in (tmp_path / "result").iterdir()] == ["result.h5"]

@@ -44,7 +44,7 @@ def plan_from_phase_steps(
 
 
 def plan_from_coefficients(frequencies: ArrayLike, shape: tuple[int, int]) -> PatternPlan:
-    """Plan of complex Fourier coefficients sum x exp(-i a), as one row of cos(a) and one of -sin(a).
+    """Plan of complex Fourier coefficients sum x exp(-i a): rows cos(a) and -sin(a) in turn.
     Raises InputError as `plan_from_phase_steps`.
 
     Parameters

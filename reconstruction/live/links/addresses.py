@@ -56,7 +56,7 @@ def _endpoint(address: str, *, listens: bool) -> tuple[str, int]:
     if port is None or not (host or listens):
         what, example = ("port", "") if listens else ("host and port", "192.168.0.10")
         raise InputError(
-            f"{address} lacks a {what} (ports 0..65535), as in {address.partition('://')[0]}://"
+            f"{address} lacks a {what}, 0 to 65535, as in {address.partition('://')[0]}://"
             f"{example}:5800"
         )
     return host, port
