@@ -166,7 +166,7 @@ def test_an_earlier_export_is_replaced_and_nothing_else_is(file, tmp_path, capsy
     assert sorted(path.name for path in out.iterdir()) == [f"00000{n}.pcd" for n in range(3)]
     (out / "mine.txt").write_text("mine")
     assert main(["export", str(file), "-o", str(out)]) == 2
-    assert "mine.txt is not of an earlier export; choose an empty folder" in capsys.readouterr().err
+    assert "mine.txt is not part of an earlier export; choose an empty folder" in capsys.readouterr().err
     assert main(["export", str(file), "-o", str(tmp_path)]) == 2
     assert "is read by this command" in capsys.readouterr().err
     assert not list(tmp_path.glob(".*"))
@@ -176,8 +176,8 @@ def test_an_earlier_export_is_replaced_and_nothing_else_is(file, tmp_path, capsy
     ("words", "message"),
     [
         (["--format", "rgdb"], "unknown export format 'rgdb': did you mean 'rgbd'?"),
-        (["-o", "out.pdc"], "unknown ending '.pdc' of an export"),
-        (["--format", "nerf"], "frame 0 has no pose, .* tell them by --poses FILE"),
+        (["-o", "out.pdc"], "unknown export extension '.pdc'"),
+        (["--format", "nerf"], "frame 0 has no pose, .* add --poses FILE"),
         (["--poses", "none.txt"], "none.txt: no such file of poses"),
         (["--depth", "nearst"], "unknown depth method 'nearst': did you mean 'nearest'"),
         (["-o", "flight.h5/out"], "flight.h5 is not a folder"),
@@ -295,5 +295,5 @@ def test_poses_may_be_far_off_and_late_but_not_beyond_what_is_meant(tmp_path):
     (result,) = read_poses(path)
     assert result.time_s == -result.pose[0, 3] == 9_999_999_999
     path.write_text("0 10000000001 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match="tx should be a number within ±1e\\+10"):
+    with pytest.raises(InputError, match="tx must be a number within ±1e\\+10"):
         read_poses(path)

@@ -162,7 +162,7 @@ def test_a_pipe_ends_where_it_ends(monkeypatch):
 
 def test_a_file_ends_or_is_followed(tmp_path):
     path = tmp_path / "flight.stream"
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="no such stream or capture file"):
         source_at(str(path)).check()
     outlet = outlet_to(str(path))
     outlet.open()
