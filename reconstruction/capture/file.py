@@ -73,10 +73,7 @@ def read_capture(path: str | Path) -> Capture:
 
 @contextmanager
 def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
-    """Open a capture file to read its frames on demand.
-
-    Raises InputError as `read_capture`.
-    """
+    """Open a capture file to read its frames on demand; raises InputError as `read_capture`."""
     if Path(path).is_dir():
         raise InputError(f"{path} is a folder; the name of a capture file is needed")
     if not Path(path).exists():

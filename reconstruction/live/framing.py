@@ -46,10 +46,7 @@ class Message(NamedTuple):
 
 
 def pack(message: Message) -> bytes:
-    """Encode a message.
-
-    Raises InputError if its payload exceeds MAX_PAYLOAD_BYTES.
-    """
+    """Encode a message; raises InputError if its payload exceeds MAX_PAYLOAD_BYTES."""
     payload = message.payload or b""
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise InputError(

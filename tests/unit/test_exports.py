@@ -166,7 +166,10 @@ def test_an_earlier_export_is_replaced_and_nothing_else_is(file, tmp_path, capsy
     assert sorted(path.name for path in out.iterdir()) == [f"00000{n}.pcd" for n in range(3)]
     (out / "mine.txt").write_text("mine")
     assert main(["export", str(file), "-o", str(out)]) == 2
-    assert "mine.txt is not part of an earlier export; choose an empty folder" in capsys.readouterr().err
+    assert (
+        "mine.txt is not part of an earlier export; choose an empty folder"
+        in capsys.readouterr().err
+    )
     assert main(["export", str(file), "-o", str(tmp_path)]) == 2
     assert "is read by this command" in capsys.readouterr().err
     assert not list(tmp_path.glob(".*"))
