@@ -16,8 +16,7 @@ from foglight import Cell, light_of
 from options import benchmark_options, finish
 
 from reconstruction.capture.schema import between
-from reconstruction.ranging.calibration import path_check
-from reconstruction.ranging.fog.offsets import OffsetEvidence, PathOffsets, path_offsets
+from reconstruction.ranging.fog.offsets import OffsetEvidence, PathOffsets, path_check, path_offsets
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
 
@@ -52,7 +51,7 @@ def main() -> int:
             reported = evidence(instrument, cell, offset_m, (scenes, paths, draws))
             for frames in (scenes // 2, scenes):
                 result = recordings(reported, frames, np.random.default_rng([cell.seed, frames]))
-                hits = np.array([each.reported for each in result])
+                hits = np.array([each.significant for each in result])
                 others = np.delete(hits, SPOT, axis=1).any(axis=1).mean()
                 if not offset_m:
                     alarms.append(float(hits.any(axis=1).mean()))
@@ -106,7 +105,7 @@ def _row(
         str(frames),
         f"{100 * np.mean([each.offset_m[SPOT] for each in result]):+.1f}",
         f"{100 * np.median([each.sigma_m[SPOT] for each in result]):.1f}",
-        f"{100 * np.mean([each.reported[SPOT] for each in result]):.1f}",
+        f"{100 * np.mean([each.significant[SPOT] for each in result]):.1f}",
         f"{100 * others:.1f}",
     )
 

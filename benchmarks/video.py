@@ -139,9 +139,9 @@ def recorded(light: LightSequence, instrument: Instrument, frames: int, seed: in
     """What an instrument records of light."""
     mean = bucket_light(instrument, light, frames)
     buckets, _ = record_buckets(instrument, mean, np.random.default_rng(seed))
-    plan, *later_plans = instrument.pattern_plans[:frames]
+    plan, *following_plans = instrument.pattern_plans[:frames]
     provenance = Provenance("simulation", "benchmark", "", instrument.text, seed=seed)
-    capture = Capture(plan, buckets, None, None, provenance, later_plans=tuple(later_plans))
+    capture = Capture(plan, buckets, None, None, provenance, following_plans=tuple(following_plans))
     return Recording(capture, np.broadcast_to(mean.image, (frames, *mean.image.shape[1:])))
 
 

@@ -10,7 +10,7 @@ from .default_ranging import default_ranges
 from .image import Imaging, plan_inconsistency
 from .operators import decoder_for
 from .ranging import RANGED, RANGING_METHODS, Ranges, unambiguous_path_m
-from .ranging.consistency import MIN_M
+from .ranging.consistency import MIN_DIFFERENCE_M
 from .result import Result
 
 ENOUGH = 0.9**2 / (1 - 0.9**2)
@@ -162,7 +162,7 @@ def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[
                     strict=True,
                 )
             )
-            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, MIN_M)
+            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, MIN_DIFFERENCE_M)
         ]
     return warnings
 

@@ -22,7 +22,7 @@ def video(images, plans, noise, seed=0):
     readings = np.array([expose(plans[t % len(plans)], image) for t, image in enumerate(images)])
     return Capture(
         plan=plans[0],
-        later_plans=tuple(plans[1:]),
+        following_plans=tuple(plans[1:]),
         buckets=Buckets(
             counts=readings + rng.normal(0, noise, readings.shape),
             saturated=np.zeros(readings.shape, bool),

@@ -1,15 +1,8 @@
-"""The capture file that rig and simulator share: one recording, its frames, its truth."""
+"""The capture file that rig and simulator share: a recording, its frames and its truth."""
 
 from .buckets import Buckets, Unit
-from .charge import Charge, check_taps
-from .file import (
-    CaptureFile,
-    datasets,
-    open_capture,
-    read_capture,
-    read_setup,
-    write_capture,
-)
+from .charge import Charge, PatternTaps, check_taps
+from .file import CaptureFile, datasets, open_capture, read_capture, read_setup, write_capture
 from .model import (
     PARTS,
     SURROGATE,
@@ -24,7 +17,6 @@ from .model import (
     check_frames,
     check_parts,
 )
-from .pattern_taps import PatternTaps
 from .readings import READINGS
 from .readings.cw import CwSpots
 from .readings.dtof import HistogramSpots

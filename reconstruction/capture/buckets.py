@@ -12,7 +12,7 @@ from .schema import Stored
 Unit = Literal["electron", "count"]
 Readings = Annotated[NDArray[Any], Stored("count", ("frames", "exposures"), "int32 or float64")]
 MAX_LOAD = 1 - 1e-6
-"""Share of the exposure for which a counting detector may be blind: beyond, it tells nothing."""
+"""Maximum dead fraction of an exposure; beyond, a counting detector measures nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +20,12 @@ class Buckets:
     """Single-pixel readings, one per exposure.
 
     ``counts`` are raw ADC counts, int32 or float64; (counts - offset_counts) * electrons_per_count
-    are primary photo-electrons, before any gain. ``saturated`` marks readings that must not be
-    used. ``noise_electrons`` is the rms electronics and ADC noise of one exposure;
-    ``excess_noise_factor`` the variance of the charge per primary electron (see `Charge`);
-    ``dead_time_s`` how long a counting detector is blind after each detection, 0 for one that
-    integrates charge; ``baseline_electrons`` what AC coupling takes off each reading, on average:
-    its shot noise stays. Times, scale and noise are nan where unknown.
+    are primary photo-electrons, before any gain. ``saturated`` marks readings to ignore.
+    ``noise_electrons`` is the rms electronics and ADC noise of one exposure,
+    ``excess_noise_factor`` the charge variance per primary electron (see `Charge`), and
+    ``dead_time_s`` the time for which a counting detector is blind after a detection, 0 for one
+    that integrates charge. AC coupling removes ``baseline_electrons`` from each reading on average,
+    but not their shot noise. Unknown times, scales and noise are nan.
     """
 
     counts: Readings
@@ -46,11 +46,11 @@ class Buckets:
 
     @property
     def signal(self) -> Floats:
-        """Light of each exposure (frames, M): electrons, or counts where their scale is unknown.
+        """Light of each exposure (frames, M) in electrons, or in counts if the scale is unknown.
 
-        What a counting detector missed while it was blind is put back: of N arrivals in the time T
-        it detects m = N / (1 + N tau / T), so N = m / (1 - m tau / T), for T much longer than the
-        dead time tau (J. W. Mueller, Nucl. Instrum. Methods 112, 47 (1973), non-extended type).
+        Corrected for dead time: of N arrivals in the time T a detector counts m = N / (1 + N tau /
+        T), so N = m / (1 - m tau / T), for T much longer than the dead time tau (J. W. Mueller,
+        Nucl. Instrum. Methods 112, 47 (1973), non-extended type).
         """
         return np.asarray(self._detected / (1 - np.minimum(self._load, MAX_LOAD)))
 
@@ -58,9 +58,9 @@ class Buckets:
     def variance(self) -> Floats:
         """Variance of ``signal`` (frames, M) from light and electronics; nan where unknown.
 
-        Renewal theory: var(m) = N / (1 + N tau / T)^3 (as for ``signal``), carried to N by
-        dN / dm = (1 + N tau / T)^2. Of a difference formed by the recorder the light is not
-        known, but is at least its magnitude.
+        Renewal theory gives var(m) = N / (1 + N tau / T)^3, with the symbols of ``signal``, and dN
+        / dm = (1 + N tau / T)^2. The light of a difference formed by the recorder is unknown, but
+        at least its magnitude.
         """
         if self.unit == "count":
             return np.full(self.counts.shape, np.nan)
@@ -71,7 +71,7 @@ class Buckets:
 
     @property
     def usable(self) -> NDArray[np.bool_]:
-        """Readings (frames, M) that are neither saturated nor of a detector blind all the time."""
+        """Readings (frames, M) that are neither saturated nor from a permanently blind detector."""
         return np.asarray(~self.saturated & (self._load < MAX_LOAD))
 
     @property
@@ -81,7 +81,7 @@ class Buckets:
 
     @property
     def _load(self) -> Floats:
-        """Share of the exposure for which the detector was blind (frames, M)."""
+        """Fraction of the exposure for which the detector was blind (frames, M)."""
         if self.dead_time_s == 0:
             return np.zeros(self.counts.shape)
         return np.asarray(self._detected * self.dead_time_s / self.exposure_time_s)

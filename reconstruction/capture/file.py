@@ -1,4 +1,4 @@
-"""The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
+"""Capture files (docs/capture-format.md): written whole, read whole or frame by frame."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -14,6 +14,7 @@ from ..base.files import write_atomically
 from ..operators import BASES, PatternPlan
 from . import hdf5
 from .buckets import Buckets
+from .charge import PatternTaps
 from .model import (
     PARTS,
     SOURCES,
@@ -28,7 +29,6 @@ from .model import (
     check_part,
     check_parts,
 )
-from .pattern_taps import PatternTaps
 from .readings import READINGS
 from .schema import Stored, check_shape, stored_fields
 from .spots import Spots
@@ -41,18 +41,18 @@ FORMAT = hdf5.Format(
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
-"""What files are marked as, by the source of what they hold."""
+"""Kind in a file's mark, by the source of the capture."""
 MAX_PLANS = 4096
-"""Frames until patterns repeat."""
+"""Maximum number of frames until patterns repeat."""
 TEXTS = ("instrument", "scene", "settings")
-READ = ("buckets", "spots", "pattern_taps")
+READING_PARTS = ("buckets", "spots", "pattern_taps")
 """Parts that hold readings."""
 
 Part = TypeVar("Part")
 
 
 def write_capture(capture: Capture, path: str | Path) -> None:
-    """Write a capture to HDF5, whole or not at all; equal captures give byte-equal files.
+    """Write a capture to HDF5, whole or not at all; equal captures give equal bytes.
 
     Raises OSError if the file cannot be written.
     """
@@ -61,11 +61,11 @@ def write_capture(capture: Capture, path: str | Path) -> None:
 
 
 def read_capture(path: str | Path) -> Capture:
-    """Read a capture.
+    """Read a capture into memory.
 
-    Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
-    version, leads to other files or takes too much memory (docs/capture-format.md), or if a dataset
-    is missing, has another shape or unit, or makes no sense.
+    Raises InputError, which names the file, if it is missing, damaged, not a capture, of another
+    format version, links to other files or takes too much memory (docs/capture-format.md), or if a
+    dataset is missing, has another shape or unit, or an impossible value.
     """
     with open_capture(path) as file:
         return file.capture(0, file.frames)
@@ -73,7 +73,7 @@ def read_capture(path: str | Path) -> Capture:
 
 @contextmanager
 def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
-    """Open a capture whose frames are read when they are asked for; raises as `read_capture`."""
+    """Open a capture file to read its frames on demand; raises InputError as `read_capture`."""
     if Path(path).is_dir():
         raise InputError(f"{path} is a folder; the name of a capture file is needed")
     if not Path(path).exists():
@@ -85,10 +85,10 @@ def open_capture(path: str | Path) -> Iterator["CaptureFile"]:
 
 
 class CaptureFile:
-    """A capture in its file, which is open.
+    """An open capture file.
 
-    ``setup``, ``frames`` and ``provenance`` are as those of a `Capture`; readings and truth are
-    read, and their values checked, when they are asked for. Raises InputError as `read_capture`.
+    ``setup``, ``frames`` and ``provenance`` are those of a `Capture`. Readings and truth are read
+    and checked on demand; all methods raise InputError as `read_capture` does.
     """
 
     def __init__(self, file: hdf5.Contents) -> None:
@@ -104,31 +104,31 @@ class CaptureFile:
                 for name, stored in stored_fields(type(part))
                 if stored.by_frame
             }
-            for group in READ
+            for group in READING_PARTS
             if (part := getattr(self.setup, group)) is not None
         }
 
     def frame(self, frame: int = 0) -> Frames:
-        """Readings of one frame; InputError if there is no such frame."""
+        """Read one frame; raises InputError if it does not exist."""
         return self.batch(frame, frame + 1)
 
     def batch(self, start: int, stop: int) -> Frames:
-        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        """Read frames ``start`` to ``stop``, exclusive; raises InputError if they do not exist."""
         check_frames(start, stop, self.frames)
         readings = self._readings(start, stop)
         check_parts(readings)
         return readings
 
     def capture(self, start: int, stop: int) -> Capture:
-        """A capture of frames ``start`` to ``stop`` in memory, with the truth of them alone."""
+        """Read frames ``start`` to ``stop``, exclusive, as a capture with their truth only."""
         readings = self.batch(start, stop)
-        plan, *later_plans = (
+        plan, *following_plans = (
             self.setup.plan_of(frame)
             for frame in range(start, min(start + len(self.setup.plans), stop))
         )
         return Capture(
             plan=plan,
-            later_plans=tuple(later_plans),
+            following_plans=tuple(following_plans),
             optics=self.setup.optics,
             buckets=readings.buckets,
             spots=readings.spots,
@@ -138,7 +138,7 @@ class CaptureFile:
         )
 
     def _truth(self, start: int, stop: int) -> Truth | None:
-        """What a simulation knows of frames, which are counted from ``start``."""
+        """Truth of frames, numbered from ``start``."""
         file, still = self._file, self.frames == 1
         if "truth" not in file:
             return None
@@ -161,7 +161,7 @@ class CaptureFile:
 
         def read(group: str, part: Part) -> Part:
             values = {
-                name: stored.retained(f"{group}/{name}", dataset.read(slice(start, stop)))
+                name: stored.converted(f"{group}/{name}", dataset.read(slice(start, stop)))
                 for name, (stored, dataset) in self._by_frame.get(group, {}).items()
             }
             return replace(part, **values) if values else part  # type: ignore[type-var]
@@ -175,11 +175,16 @@ class CaptureFile:
 
 
 def read_setup(file: hdf5.Tables) -> Setup:
-    """What the frames of a recording have in common, whatever holds it; raises as `read_capture`.
+    """Read what the frames of a recording share.
 
-    The datasets are those of a file, with any number of frames, none too.
+    Raises InputError as `read_capture`.
+
+    Parameters
+    ----------
+    file : hdf5.Tables
+        The datasets of a capture with any number of frames, also none.
     """
-    plan, *later_plans = _read_plans(file)
+    plan, *following_plans = _read_plans(file)
     sizes = axis_sizes(plan)
     kinds: dict[str, type | None] = {
         "buckets": Buckets,
@@ -194,7 +199,7 @@ def read_setup(file: hdf5.Tables) -> Setup:
         group: None if part is None else _read(file, group, part, slice(0, 0))
         for group, part in kinds.items()
     }
-    setup = Setup(plan=plan, later_plans=tuple(later_plans), **parts)
+    setup = Setup(plan=plan, following_plans=tuple(following_plans), **parts)
     check_parts(setup)
     return setup
 
@@ -215,13 +220,24 @@ def _write(file: h5py.File, capture: Capture) -> None:
 def datasets(
     plans: Sequence[PatternPlan], parts: Capture | Setup
 ) -> Iterator[tuple[str, Any, str]]:
-    """Name, value and unit of what a file holds of plans, and of parts with their frames."""
+    """Yield the datasets of a capture file.
+
+    Parameters
+    ----------
+    plans : sequence of PatternPlan
+        Plans of successive frames.
+
+    Yields
+    ------
+    tuple of str, value and str
+        Name, value and unit.
+    """
     yield from _datasets_of_plans(plans)
     for group in PARTS:
         part = getattr(parts, group, None)
         if part is not None:
             for name, stored in stored_fields(type(part)):
-                value = stored.retained(f"{group}/{name}", np.asarray(getattr(part, name)))
+                value = stored.converted(f"{group}/{name}", np.asarray(getattr(part, name)))
                 on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
                 yield f"{group}/{name}", on_disk, stored.units
     if parts.spots is not None:
@@ -232,8 +248,8 @@ def _datasets_of_plans(plans: Sequence[PatternPlan]) -> Iterator[tuple[str, Any,
     first = plans[0]
     yield "patterns/shape", np.array(first.shape, np.int32), "1"
     for name in ("index", "polarity"):
-        displayed = np.stack([getattr(plan, name) for plan in plans])
-        yield f"patterns/{name}", displayed if len(plans) > 1 else displayed[0], "1"
+        by_frame = np.stack([getattr(plan, name) for plan in plans])
+        yield f"patterns/{name}", by_frame if len(plans) > 1 else by_frame[0], "1"
     for name in ("basis", "order"):
         yield f"patterns/{name}", getattr(first, name), "1"
     for name in first.patterns.arrays:
@@ -241,7 +257,7 @@ def _datasets_of_plans(plans: Sequence[PatternPlan]) -> Iterator[tuple[str, Any,
 
 
 def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
-    """Of successive frames: one of all, or as many as there are rows of indices."""
+    """Plans of successive frames: one for all frames, or one per row of indices."""
     basis = BASES[file.text("patterns/basis")]
     shape = file.numbers("patterns/shape")
     if shape.shape != (2,) or not (np.isfinite(shape) & (shape == np.floor(shape))).all():
@@ -297,15 +313,17 @@ def _check_shapes(file: hdf5.Tables, group: str, part: type, sizes: dict[str, in
 
 
 def _read(file: hdf5.Tables, group: str, part: type[Part], rows: slice | None = None) -> Part:
-    """A part of the capture, of what there is for each frame only some ``rows``."""
-    reported = _recorded_fields(file, group, part)
+    """Read a part of the capture, with the given rows of the datasets that have a row per frame."""
     return part(
-        **{name: _value(file, f"{group}/{name}", retained, rows) for name, retained in reported}
+        **{
+            name: _value(file, f"{group}/{name}", stored, rows)
+            for name, stored in _recorded_fields(file, group, part)
+        }
     )
 
 
 def _recorded_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
-    """The datasets of a part but those that a file lacks, as what they tell is not known."""
+    """Fields of a part without those that are optional and missing from the file."""
     default = {
         field.name
         for field in fields(part)
@@ -320,16 +338,16 @@ def _recorded_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[st
 
 def _value(file: hdf5.Tables, where: str, stored: Stored, rows: slice | None) -> Any:
     value = file.get(where, stored.units, rows if stored.by_frame else None)
-    array = stored.retained(where, value)
+    array = stored.converted(where, value)
     scalar = array.size == 1 and (stored.one_for_all or not stored.axes)
     return array.item() if scalar else array
 
 
 def _truth_of_the_first_frame(file: hdf5.Contents, *, still: bool) -> Truth:
-    """What files of version 2 hold."""
+    """Truth in a file of format version 2."""
     values: dict[str, Any] = {}
     for name, stored in stored_fields(Truth):
         if stored.axes[1:]:  # all but which frames these are
             value = file.get(f"truth/{name}", stored.units)
-            values[name] = stored.retained(f"truth/{name}", value)[None]
+            values[name] = stored.converted(f"truth/{name}", value)[None]
     return Truth(frame=np.zeros(1, np.int64), still=still, **values)

@@ -1,8 +1,8 @@
-"""One recording, real or simulated: its parts, and its frames one by one.
+"""A recording, real or simulated: its parts and its frames.
 
-The annotations of the data classes are the file's schema (docs/capture-format.md): reading, writing
-and checking follow them. Everything geometric is in the projector's optical frame: x right, y down,
-z forward, origin at its pinhole.
+The annotations of the data classes are the file's schema (docs/capture-format.md); reading, writing
+and checking follow them. Geometry is in the projector's optical frame: x right, y down, z forward,
+origin at its pinhole.
 """
 
 import hashlib
@@ -19,27 +19,28 @@ from ..base.display import draw_map, drawing, figure, html_summary, panels, pict
 from ..base.errors import InputError
 from ..operators import PatternPlan
 from .buckets import Buckets
-from .pattern_taps import PatternTaps
+from .charge import PatternTaps
 from .schema import FRAMES, Stored, between, check_shape, stored_fields
 from .spots import SPOTS_AXIS, Spots
 
 Image = NDArray[np.float32]
 
 SOURCES = ("simulation", "hardware")
+TRUE_MAP = ("truths", "height", "width")
 SURROGATE = "surrogate light"
-"""What the software of a simulation adds to its name where its light was not traced."""
+"""Suffix of the software name of a simulation whose light was not traced."""
 
 
 @dataclass(frozen=True, eq=False)
 class Optics:
-    """Projector pinhole and bucket detector, as far as a recording states them.
+    """Projector pinhole and bucket detector, as far as the recording states them.
 
-    Tangents of the half angles to the outer edges of the pattern. The detector is a number of alike
-    photodiodes whose currents add up; each is a round aperture that sees a cone of half angle
-    ``detector_half_field_rad`` about the optical axis, within it falling off with
+    ``tan_half_width`` and ``tan_half_height`` are to the outer edges of the pattern. The detector
+    is a set of equal photodiodes whose currents add. Each is a round aperture that sees a cone of
+    half angle ``detector_half_field_rad`` about the optical axis, with a response of
     cos^``detector_falloff`` of the angle. ``pixel_electrons`` are the primary electrons of one
-    exposure if all light of one pixel, fully on, reached an aperture. What is not known is nan;
-    only ranging in fog needs it, to compare the image with the echoes of the lasers.
+    exposure if an aperture collected all light of one pixel, fully on. Unknown values are nan; only
+    ranging in fog needs them, to compare the image with the echoes of the lasers.
     """
 
     tan_half_width: Annotated[float, Stored("1", sign="positive")]
@@ -58,11 +59,11 @@ class Optics:
 
 @dataclass(frozen=True, eq=False)
 class FrameTruth:
-    """What a simulation knows of one frame; nan where nothing is hit.
+    """True quantities of one simulated frame; nan where nothing is hit.
 
     ``image`` (H, W) is the electrons per exposure that each virtual pixel alone, fully on,
-    contributes, ``image_error`` the standard error of the light transport that found it;
-    ``spot_range_m`` (spots,), nan where a laser meets nothing.
+    contributes, ``image_error`` the standard error of the light transport; ``spot_range_m``
+    (spots,) is nan where a laser hits nothing.
     """
 
     image: Image
@@ -75,62 +76,54 @@ class FrameTruth:
 
 @dataclass(frozen=True, eq=False)
 class Truth:
-    """What a simulation knows of its frames: only evaluation reads it.
+    """True quantities of simulated frames; only evaluation reads them.
 
-    ``frame`` (T,) are the frames that the other fields, (T, ...) as in `FrameTruth`, are the truth
-    of; ``still``: nothing moves, and one truth is that of every frame.
+    ``frame`` (T,) are the frame numbers of the other fields, (T, ...) as in `FrameTruth`. With
+    ``still`` nothing moves, and a single truth holds for every frame.
     """
 
     frame: Annotated[NDArray[np.int64], Stored("1", ("truths",), "int64", sign="not negative")]
     still: Annotated[bool, Stored("1", dtype="bool")]
-    image: Annotated[Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)]
-    image_error: Annotated[
-        Image, Stored("electron", ("truths", "height", "width"), "float32", nan=True)
-    ]
-    range_m: Annotated[
-        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
-    depth_m: Annotated[
-        Image, Stored("m", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
-    reflectance: Annotated[
-        Image, Stored("1", ("truths", "height", "width"), "float32", "not negative", nan=True)
-    ]
+    image: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
+    image_error: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
+    range_m: Annotated[Image, Stored("m", TRUE_MAP, "float32", "not negative", nan=True)]
+    depth_m: Annotated[Image, Stored("m", TRUE_MAP, "float32", "not negative", nan=True)]
+    reflectance: Annotated[Image, Stored("1", TRUE_MAP, "float32", "not negative", nan=True)]
     spot_range_m: Annotated[
         Floats, Stored("m", ("truths", SPOTS_AXIS), sign="not negative", nan=True)
     ]
 
     @classmethod
     def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:
-        """Truth of the first frames, in turn; ``still``: one, of all frames."""
+        """Stack the truth of the first frames; with ``still``, of one that holds for all."""
         names = [field.name for field in fields(FrameTruth)]
         stacked = {name: np.stack([getattr(each, name) for each in frames]) for name in names}
         return cls(np.arange(len(frames)), still, **stacked)
 
     def knows(self, frame: int) -> bool:
         """Whether the truth of a frame is known."""
-        return bool(self._positions(frame).size)
+        return bool(self._indices(frame).size)
 
     def at(self, frame: int) -> FrameTruth:
-        """The truth of one frame; InputError if it is not known."""
-        result = self._positions(frame)
-        if not result.size:
+        """Truth of one frame; raises InputError if it is unknown."""
+        indices = self._indices(frame)
+        if not indices.size:
             available = ", ".join(map(str, self.frame.tolist()))
             raise InputError(
-                f"frame {frame}: the capture holds the truth of frames {available} alone"
+                f"frame {frame} has no truth; the capture holds that of frames {available}"
             )
         names = (field.name for field in fields(FrameTruth))
-        return FrameTruth(**{name: getattr(self, name)[result[0]] for name in names})
+        return FrameTruth(**{name: getattr(self, name)[indices[0]] for name in names})
 
-    def _positions(self, frame: int) -> NDArray[np.intp]:
+    def _indices(self, frame: int) -> NDArray[np.intp]:
         return np.flatnonzero((self.frame == frame) | self.still)
 
 
 @dataclass(frozen=True)
 class Provenance:
-    """Where a capture comes from: ``created`` is an ISO time, or empty.
+    """Origin of a capture: ``created`` is an ISO time, or empty.
 
-    ``instrument``, ``scene`` and the ``settings`` of the simulator are YAML text.
+    ``instrument``, ``scene`` and the simulator's ``settings`` are YAML text.
     """
 
     source: Literal["simulation", "hardware"]
@@ -143,15 +136,15 @@ class Provenance:
 
     @property
     def is_surrogate(self) -> bool:
-        """Whether the light of a simulation is a fast stand-in."""
+        """Whether the light of a simulation is a fast surrogate."""
         return self.source == "simulation" and self.software.endswith(SURROGATE)
 
 
 @dataclass(frozen=True, eq=False)
 class Setup:
-    """What all frames of a recording have in common. Its parts hold no readings.
+    """What all frames of a recording share; its parts hold no readings.
 
-    ``plan`` is that of the first frame; ``later_plans`` as in `Capture`.
+    ``plan`` is that of the first frame, ``following_plans`` are as in `Capture`.
     """
 
     plan: PatternPlan
@@ -159,35 +152,35 @@ class Setup:
     buckets: Buckets
     spots: Spots | None
     pattern_taps: PatternTaps | None
-    later_plans: tuple[PatternPlan, ...] = ()
+    following_plans: tuple[PatternPlan, ...] = ()
 
     def __repr__(self) -> str:
         return text_summary("Setup", self.facts)
 
     @property
     def facts(self) -> dict[str, Any]:
-        """What it is, in a few words by name."""
+        """Description by name."""
         plan, shape = self.plan, " × ".join(map(str, self.plan.shape))
-        displayed = {
+        patterns = {
             "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
             "exposures": plan.exposures,
         }
         return {
-            **(displayed if plan.shows_image else {"patterns": "none"}),
+            **(patterns if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
         }
 
     @property
     def plans(self) -> tuple[PatternPlan, ...]:
-        """Of successive frames, over and over."""
-        return (self.plan, *self.later_plans)
+        """Plans of successive frames, which repeat."""
+        return (self.plan, *self.following_plans)
 
     def plan_of(self, frame: int) -> PatternPlan:
-        """What a frame shows."""
+        """Plan of a frame."""
         return self.plans[frame % len(self.plans)]
 
     def digest(self, frame: int) -> bytes:
-        """SHA-256 over the pattern plan of a frame."""
+        """SHA-256 of a frame's pattern plan."""
         return self._digests[frame % len(self.plans)]
 
     @cached_property
@@ -203,7 +196,7 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Readings of frames that follow each other, ``first`` the number of the first of them."""
+    """Readings of successive frames; ``first`` is the number of the first."""
 
     first: int
     buckets: Buckets
@@ -221,13 +214,13 @@ class Frames:
         return int(self.buckets.counts.shape[0])
 
     def between(self, start: int, stop: int) -> "Frames":
-        """Some of them, counted from the first of these."""
+        """Frames ``start`` to ``stop``, exclusive, counted from the first of these."""
         parts = (self.buckets, self.spots, self.pattern_taps)
         cut = (None if part is None else between(part, start, stop) for part in parts)
         return Frames(self.first + start, *cut)  # type: ignore[arg-type]
 
     def digest(self, setup: Setup) -> str:
-        """SHA-256 over patterns and readings, by which a result knows its frames."""
+        """SHA-256 of patterns and readings, which identifies the frames of a result."""
         readings = [self.buckets.counts]
         if self.spots is not None:
             readings.append(self.spots.readings)
@@ -239,27 +232,27 @@ class Frames:
 
 
 class Recording(Protocol):
-    """A capture in memory or in its file: frames on demand."""
+    """A capture in memory or in its file, with frames on demand."""
 
     @property
     def setup(self) -> Setup:
-        """What its frames have in common."""
+        """What its frames share."""
 
     @property
     def frames(self) -> int:
         """Number of frames."""
 
     def batch(self, start: int, stop: int) -> Frames:
-        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        """Frames ``start`` to ``stop``, exclusive; raises InputError if they do not exist."""
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """One recording in memory. Raises InputError if its parts do not fit together.
+    """A recording in memory; raises InputError if its parts are inconsistent.
 
-    Where there are ``pattern_taps``, the buckets hold their sums over the taps. Where frames show
-    different patterns, ``plan`` is that of the first and ``later_plans`` are those of the next
-    ones: frame t shows that of t mod C, with C of them altogether.
+    With ``pattern_taps``, the buckets hold their sums over the taps. If frames show different
+    patterns, ``plan`` is that of the first frame and ``following_plans`` are those of the next:
+    frame t has plan t mod C of all C.
     """
 
     plan: PatternPlan
@@ -269,7 +262,7 @@ class Capture:
     provenance: Provenance
     truth: Truth | None = None
     pattern_taps: PatternTaps | None = None
-    later_plans: tuple[PatternPlan, ...] = ()
+    following_plans: tuple[PatternPlan, ...] = ()
 
     def __post_init__(self) -> None:
         check(self)
@@ -304,17 +297,20 @@ class Capture:
         return html_summary("Capture", self._facts, pictures)
 
     def plot(self, frame: int = 0) -> Any:
-        """Draw a frame's readings and, where they are known, its true image and depth.
+        """Draw a frame's readings and, if known, its true image and depth.
 
-        Returns the axes of Matplotlib, (panels,). InputError if there is no such frame, or no
-        Matplotlib.
+        Raises InputError if there is no such frame, or Matplotlib is missing.
+
+        Returns
+        -------
+        array of matplotlib axes, (panels,)
         """
         counts = self.frame(frame).buckets.counts[0]
-        valid = self.truth is not None and self.truth.knows(frame)
-        axes = panels(3 if valid else 1)
+        known = self.truth is not None and self.truth.knows(frame)
+        axes = panels(3 if known else 1)
         axes[0].plot(counts, ".", markersize=3)
         axes[0].set(title=f"readings of frame {frame}", xlabel="exposure", ylabel="counts")
-        if valid:
+        if known:
             assert self.truth is not None
             truth = self.truth.at(frame)
             draw_map(axes[1], truth.image, "true image", "electrons")
@@ -323,18 +319,23 @@ class Capture:
 
     @cached_property
     def setup(self) -> Setup:
-        """What its frames have in common."""
-        none = self._all.between(0, 0)
+        """What its frames share."""
+        empty = self._all.between(0, 0)
         return Setup(
-            self.plan, self.optics, none.buckets, none.spots, none.pattern_taps, self.later_plans
+            self.plan,
+            self.optics,
+            empty.buckets,
+            empty.spots,
+            empty.pattern_taps,
+            self.following_plans,
         )
 
     def frame(self, frame: int = 0) -> Frames:
-        """Readings of one frame; InputError if there is no such frame."""
+        """Readings of one frame; raises InputError if it does not exist."""
         return self.batch(frame, frame + 1)
 
     def batch(self, start: int, stop: int) -> Frames:
-        """Frames ``start`` to ``stop``, the last not included; InputError if there are none."""
+        """Frames ``start`` to ``stop``, exclusive; raises InputError if they do not exist."""
         check_frames(start, stop, self.frames)
         return self._all.between(start, stop)
 
@@ -344,14 +345,14 @@ class Capture:
 
 
 PARTS = ("buckets", "spots", "pattern_taps", "optics", "truth")
-"""Names of the parts that are data classes, of capture and file."""
+"""Names of the parts that are data classes, in captures and files."""
 
 
 def check(capture: Capture) -> None:
-    """Raise InputError unless the parts fit together and their numbers make sense."""
+    """Raise InputError unless the parts of a capture are valid and consistent."""
     if capture.provenance.source not in SOURCES:
         raise InputError(f"source is {capture.provenance.source!r}; allowed: {', '.join(SOURCES)}")
-    check_plans((capture.plan, *capture.later_plans))
+    check_plans((capture.plan, *capture.following_plans))
     sizes = axis_sizes(capture.plan)
     for group in PARTS:
         part = getattr(capture, group)
@@ -363,35 +364,35 @@ def check(capture: Capture) -> None:
 
 
 def check_plans(plans: Sequence[PatternPlan]) -> None:
-    """Raise InputError unless frames with these plans can be of one recording."""
+    """Raise InputError unless frames with these plans can belong to one recording."""
     first, *others = plans
     for frame, plan in enumerate(others, 1):
-        for what, result, expected in (
+        for what, value, expected in (
             ("shape", plan.shape, first.shape),
             ("basis", plan.basis, first.basis),
             ("exposures", plan.exposures, first.exposures),
         ):
-            if result != expected:
+            if value != expected:
                 raise InputError(
-                    f"the patterns of frame {frame} have {what} {result}, those of the first "
+                    f"the patterns of frame {frame} have {what} {value}, those of the first "
                     f"{expected}"
                 )
 
 
 def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
-    """Raise InputError unless shapes and values of a part are as its schema says."""
+    """Raise InputError unless shapes and values of a part follow its schema."""
     for name, stored in stored_fields(type(part)):
         value = np.asarray(getattr(part, name))
         check_shape(f"{group}/{name}", value.shape, stored, sizes)
-        stored.retained(f"{group}/{name}", value)
+        stored.converted(f"{group}/{name}", value)
 
 
 def check_parts(capture: "Capture | Frames | Setup") -> None:
-    """Raise InputError unless the values of each part fit together."""
+    """Raise InputError unless the values within each part are consistent."""
     if not isinstance(capture, Frames):
         _check_times(capture.buckets)
         if capture.buckets.dead_time_s > 0:
-            for plan in (capture.plan, *capture.later_plans):
+            for plan in (capture.plan, *capture.following_plans):
                 _check_dead_time(capture.buckets, plan)
     for readings in (capture.spots, capture.pattern_taps):
         if readings is not None:
@@ -399,20 +400,20 @@ def check_parts(capture: "Capture | Frames | Setup") -> None:
 
 
 def check_frames(start: int, stop: int, frames: int) -> None:
-    """Raise InputError unless there are frames ``start`` to ``stop``."""
+    """Raise InputError unless frames ``start`` to ``stop``, exclusive, exist among ``frames``."""
     if not 0 <= start < stop <= frames:
         wanted = f"frame {start}" if stop == start + 1 else f"frames {start} to {stop}"
         raise InputError(f"{wanted}: the capture has frames 0..{frames - 1}")
 
 
 def axis_sizes(plan: PatternPlan) -> dict[str, int]:
-    """Sizes of the named axes that the plan sets."""
+    """Sizes of the named axes that the plan determines."""
     height, width = plan.shape
     return {"exposures": plan.exposures, "height": height, "width": width}
 
 
 def _check_times(buckets: Buckets) -> None:
-    """Raise InputError unless an exposure ends before the next pattern does."""
+    """Raise InputError if an exposure is longer than the pattern period."""
     if buckets.exposure_time_s > buckets.pattern_period_s * (1 + 1e-6):
         raise InputError(
             f"buckets/exposure_time_s is {buckets.exposure_time_s:g}, longer than "
@@ -421,15 +422,15 @@ def _check_times(buckets: Buckets) -> None:
 
 
 def _check_dead_time(buckets: Buckets, plan: PatternPlan) -> None:
-    """Raise InputError unless readings can be corrected for the dead time."""
+    """Raise InputError unless readings can be corrected for dead time."""
     dead = f"buckets/dead_time_s is {buckets.dead_time_s:g} s"
     for name in ("exposure_time_s", "electrons_per_count"):
         if not np.isfinite(getattr(buckets, name)):
-            raise InputError(f"{dead}; then buckets/{name} must be known, not nan")
+            raise InputError(f"{dead}, which requires buckets/{name}, not nan")
     if (plan.polarity == 0).any():
         raise InputError(
-            f"{dead}, but patterns/polarity 0 marks readings as differences, which cannot be "
-            "corrected for it: store what was counted, or dead_time_s 0"
+            f"{dead}, but differences (patterns/polarity 0) cannot be corrected for dead time: "
+            "store the counts themselves, or dead_time_s 0"
         )
 
 
@@ -437,5 +438,5 @@ def _digest(*arrays: NDArray[Any]) -> Any:
     digest = hashlib.sha256()
     for values in arrays:
         digest.update(f"{values.shape}".encode())
-        digest.update(values.astype(np.float64).tobytes())  # of whichever type the file has
+        digest.update(values.astype(np.float64).tobytes())  # independent of the stored type
     return digest

@@ -1,4 +1,4 @@
-"""Data classes as a file's schema: how a field is stored is part of its type annotation."""
+"""Data classes as a file's schema: type annotations say how fields are stored."""
 
 from dataclasses import fields, replace
 from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ..base.errors import InputError
 
 FRAMES, TRUTHS = "frames", "truths"
-"""Names of the axes along which readings, and what is true of them, follow each other."""
+"""Axes of readings and of their truth."""
 
 LIMITS = {
     "1": (1e-18, 1e9),
@@ -23,18 +23,18 @@ LIMITS = {
     "rad": (1e-9, 1e6),
     "s": (1e-18, 1e9),
 }
-"""By unit: the smallest of what is positive, and the largest magnitude of all. No instrument comes
-near them, and what lies between can be squared and divided by."""
+"""Minimum of positive values and maximum magnitude, by unit. No instrument comes near them, and
+values between can be squared and divided."""
 
 Part = TypeVar("Part")
 
-_reported: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
+_fields: dict[type, tuple[tuple[str, "Stored"], ...]] = {}
 
 
 class Stored(NamedTuple):
-    """How a field is stored: unit, axes (named or of fixed size), type, and what is allowed.
+    """Storage of a field: unit, axes (named or of fixed size), type, and allowed values.
 
-    ``one_for_all``: a single value may stand for all along the axis.
+    With ``one_for_all`` a single value may stand for all along the axis.
     """
 
     units: str
@@ -46,39 +46,36 @@ class Stored(NamedTuple):
 
     @property
     def by_frame(self) -> bool:
-        """Whether there is a value for each frame, or for each that has a truth."""
+        """Whether there is a value per frame, or per frame with a truth."""
         return bool(self.axes) and self.axes[0] in (FRAMES, TRUTHS)
 
     def type_of(self, value: NDArray[Any]) -> np.dtype[Any]:
-        """The type in which these numbers are kept."""
+        """Type in which these numbers are stored."""
         if self.dtype == "int32 or float64":
             return np.dtype(np.int32 if value.dtype.kind in "iu" else np.float64)
         return np.dtype(self.dtype)
 
-    def retained(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
-        """The values in the type in which they are kept.
-
-        Raises InputError where they do not fit it or are not allowed.
-        """
+    def converted(self, name: str, value: NDArray[Any]) -> NDArray[Any]:
+        """Convert values to the stored type; raises InputError for values that are not allowed."""
         dtype = self.type_of(value)
         if value.dtype.kind not in ("iufb" if self.dtype == "bool" else "iuf"):
             raise InputError(f"{name} must hold numbers, found {value.dtype}")
         if not self.nan and not np.isfinite(value).all():
             raise InputError(f"{name} holds values that are not finite")
         if np.isinf(value).any():
-            raise InputError(f"{name} holds infinite values; nan stands for what is not known")
+            raise InputError(f"{name} holds infinite values; write nan for unknown values")
         if dtype.kind == "i" and value.size:
             limits = np.iinfo(dtype)
             if not (value.min() >= limits.min and value.max() <= limits.max):
                 raise InputError(f"{name} holds integers beyond {8 * dtype.itemsize} bits")
-        with np.errstate(over="ignore"):  # what becomes infinite is beyond its limits
-            retained = value.astype(dtype, copy=False)
-        bad = retained <= 0 if self.sign == "positive" else retained < 0
+        with np.errstate(over="ignore"):  # infinities fail the limits below
+            converted = value.astype(dtype, copy=False)
+        bad = converted <= 0 if self.sign == "positive" else converted < 0
         if self.sign != "any" and bad.any():
             raise InputError(f"{name} is {value[bad].flat[0]}, must be {self.sign}")
         if dtype.kind == "f":
-            self._check_limits(name, retained)
-        return retained
+            self._check_limits(name, converted)
+        return converted
 
     def _check_limits(self, name: str, value: NDArray[Any]) -> None:
         minimum, maximum = LIMITS[self.units]
@@ -89,23 +86,34 @@ class Stored(NamedTuple):
 
 
 def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
-    """The datasets of a part of the capture, a data class: name, and how it is stored."""
-    if part not in _reported:
+    """Datasets of a part of the capture.
+
+    Parameters
+    ----------
+    part : type
+        A data class such as `Buckets`.
+
+    Returns
+    -------
+    tuple of (str, Stored)
+        Name and storage of each field.
+    """
+    if part not in _fields:
         hints = get_type_hints(part, include_extras=True)
         names = (field.name for field in fields(part))
-        _reported[part] = tuple((name, get_args(hints[name])[-1]) for name in names)
-    return _reported[part]
+        _fields[part] = tuple((name, get_args(hints[name])[-1]) for name in names)
+    return _fields[part]
 
 
 def between(part: Part, start: int, stop: int) -> Part:
-    """A part of the capture with the readings of frames ``start`` to ``stop`` alone."""
+    """Restrict the readings of a part to frames ``start`` to ``stop``, exclusive."""
     by_frame = [name for name, stored in stored_fields(type(part)) if stored.by_frame]
     cut = {name: getattr(part, name)[start:stop] for name in by_frame}
     return replace(part, **cut)  # type: ignore[type-var]
 
 
 def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:
-    """Check the shape of one dataset; the first to use a named axis sets its size."""
+    """Check the shape of a dataset; the first dataset with a named axis sets its size."""
     if stored.one_for_all and shape == ():
         return
     if len(shape) == len(stored.axes):

@@ -1,4 +1,4 @@
-"""Fewer patterns of a capture, as if only they had been shown."""
+"""Reduce a capture to fewer patterns."""
 
 from dataclasses import replace
 from typing import TypeVar
@@ -10,39 +10,44 @@ from ..base.arrays import Mask
 from ..base.errors import InputError
 from ..operators import PatternPlan, ordered_rows
 from .buckets import Buckets
+from .charge import PatternTaps
 from .model import Capture
-from .pattern_taps import PatternTaps
 
 Part = TypeVar("Part", Buckets, PatternTaps)
 
 
 def first_patterns(capture: Capture, patterns: int, order: str | None = None) -> Capture:
-    """Keep the exposures of the first ``patterns`` indices of each frame in a named order.
+    """Keep the exposures of the first patterns of each frame, in a named order.
 
-    Without a name, in the usual order of the patterns' basis.
+    Raises InputError if the capture has fewer patterns, or the order is unknown.
 
-    Raises InputError if the capture has fewer indices or the order is unknown.
+    Parameters
+    ----------
+    patterns : int
+        Number of pattern indices to keep per frame.
+    order : str, optional
+        Order of the patterns; the default is that of their basis.
     """
     plans = capture.setup.plans
-    fewest = min(plan.sampled for plan in plans)
-    if not 1 <= patterns <= fewest:
-        raise InputError(f"patterns = {patterns}: this capture has 1..{fewest} to choose from")
+    max_patterns = min(plan.sampled for plan in plans)
+    if not 1 <= patterns <= max_patterns:
+        raise InputError(f"patterns = {patterns}; allowed in this capture: 1..{max_patterns}")
     ordered = ordered_rows(capture.plan.patterns, order)
-    displayed = [_first(plan, ordered, patterns) for plan in plans]
-    if len({exposures.sum() for exposures in displayed}) > 1:
+    selected = [_first(plan, ordered, patterns) for plan in plans]
+    if len({exposures.sum() for exposures in selected}) > 1:
         raise InputError(
-            f"patterns = {patterns}: frames show these with different numbers of exposures"
+            f"patterns = {patterns}: frames expose these patterns different numbers of times"
         )
-    indices = [np.flatnonzero(exposures) for exposures in displayed]
-    retained = np.array([indices[frame % len(plans)] for frame in range(capture.frames)])
+    indices = [np.flatnonzero(exposures) for exposures in selected]
+    kept = np.array([indices[frame % len(plans)] for frame in range(capture.frames)])
     taps = capture.pattern_taps
-    plan, *later_plans = (each.only(some) for each, some in zip(plans, displayed, strict=True))
+    plan, *following_plans = (each.only(some) for each, some in zip(plans, selected, strict=True))
     return replace(
         capture,
-        pattern_taps=None if taps is None else _some(taps, retained, "taps"),
+        pattern_taps=None if taps is None else _some(taps, kept, "taps"),
         plan=plan,
-        later_plans=tuple(later_plans),
-        buckets=_some(capture.buckets, retained, "counts"),
+        following_plans=tuple(following_plans),
+        buckets=_some(capture.buckets, kept, "counts"),
     )
 
 
@@ -51,8 +56,8 @@ def _first(plan: PatternPlan, ordered: NDArray[np.int64], patterns: int) -> Mask
     return np.isin(plan.index, ordered[np.isin(ordered, plan.index)][:patterns])
 
 
-def _some(part: Part, retained: NDArray[np.intp], readings: str) -> Part:
-    """A part with some readings (F, K) of each frame."""
-    frames = np.arange(len(retained))[:, None]
+def _some(part: Part, kept: NDArray[np.intp], readings: str) -> Part:
+    """A part with the readings (F, K) of each frame."""
+    frames = np.arange(len(kept))[:, None]
     names = (readings, "saturated")
-    return replace(part, **{name: getattr(part, name)[frames, retained] for name in names})
+    return replace(part, **{name: getattr(part, name)[frames, kept] for name in names})

@@ -1,4 +1,4 @@
-"""The command line: reconstruct a capture or a stream, import, export, check a calibration."""
+"""Command line: reconstruct a capture or a stream, import, export, check a calibration."""
 
 import argparse
 import os
@@ -17,23 +17,24 @@ from . import completion
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
-    "export": ("export", "captures -> depth images, point clouds, NeRF's and ROS 2's files"),
-    "check": ("check", "captures in fog -> whether the spots' paths are calibrated alike"),
+    "export": ("export", "captures -> depth images, point clouds, NeRF and ROS 2 files"),
+    "check": ("check", "captures in fog -> path calibration of the spots"),
     "live": ("live", "frames as they come -> results as they go"),
     "replay": ("replay", "capture -> its frames as a stream"),
 }
-"""Module of each, imported when it is called, and what it does."""
+"""Module, imported on demand, and summary of each command."""
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
-"""Numbers behind options."""
+"""Negative numbers as arguments."""
 INTERRUPTED, UNREAD = 130, 1
 THREADS = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
-"""What libraries of linear algebra go by, besides OMP_NUM_THREADS."""
+"""Thread limits of linear algebra libraries, besides OMP_NUM_THREADS."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run a command; the exit status is 0, or 2 for bad input and files that cannot be written.
+    """Run a command.
 
-    Raises SystemExit for wrong arguments; an interrupt gives 130, output that nobody reads 1.
+    Returns the exit status: 0, or 2 for bad input and files that cannot be written, 130 after an
+    interrupt, 1 if nobody reads the output. Raises SystemExit for wrong arguments.
     """
     write_anything()
     _calculate_on_one_thread()
@@ -64,7 +65,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _fail(message: str, as_json: bool, status: int = 2) -> int:
-    """Tell an error in one line on stderr, and with --json as an object on stdout too."""
+    """Print an error as one line on stderr, and with --json as an object on stdout too."""
     line = printable(shortened(" ".join(message.split("\n"))))
     print(f"error: {line}", file=sys.stderr)
     with suppress(OSError):
@@ -76,31 +77,31 @@ def _fail(message: str, as_json: bool, status: int = 2) -> int:
 
 
 def _unread() -> int:
-    """Say no more: who read the output, as `head` does, has seen enough."""
+    """Stop quietly: the reader of the output, such as `head`, has seen enough."""
     with suppress(OSError):
         flush_output()
     return UNREAD
 
 
 class _Parser(argparse.ArgumentParser):
-    """What it says of wrong arguments is one line, and steers no terminal."""
+    """Parser whose errors are one line, without terminal control characters."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
-        self._negative_number_matcher = NEGATIVE  # before Python 3.14, -1e-9 is taken for an option
+        self._negative_number_matcher = NEGATIVE  # before 3.14, -1e-9 parses as an option
 
     def error(self, message: str) -> NoReturn:
-        """Raise InputError: `main` tells it."""
-        raise InputError(f"{message} ({self.prog} --help tells more)")
+        """Raise InputError, which `main` reports."""
+        raise InputError(f"{message} (see {self.prog} --help)")
 
     def _print_message(self, message: str, file: Any = None) -> None:
         super()._print_message(printable(message), file)
 
 
 def _calculate_on_one_thread() -> None:
-    """Matrices of a frame are small: more threads wait for each other, and take other work's time.
+    """Use one thread: matrices of a frame are small, and more threads wait for each other.
 
-    Who sets one of the variables decides; so does who has loaded NumPy before.
+    Set OMP_NUM_THREADS or a library's variable to override; importing NumPy before does, too.
     """
     if "numpy" not in sys.modules and "OMP_NUM_THREADS" not in os.environ:
         for name in THREADS:
@@ -111,7 +112,7 @@ def _parser(called: Container[str]) -> argparse.ArgumentParser:
     parser = _Parser(
         prog="python -m reconstruction",
         description="From a capture to image, ranges and depth map.",
-        epilog="A capture as the first word means reconstruct.",
+        epilog="A capture as the first argument means reconstruct.",
     )
     parser.add_argument("--version", action="version", version=f"spisim-reconstruct {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")

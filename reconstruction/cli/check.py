@@ -1,4 +1,4 @@
-"""Captures in fog -> whether one spot's path is calibrated otherwise than the others'."""
+"""Check, with captures in fog, whether a spot's path is calibrated differently from the others'."""
 
 import argparse
 from collections.abc import Iterator, Sequence
@@ -11,41 +11,46 @@ import numpy as np
 from ..base.errors import InputError, naming
 from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
-from ..ranging.calibration import path_check
-from ..ranging.fog.offsets import REPORTED, OffsetEvidence, PathOffsets, path_offsets
+from ..ranging.fog.offsets import (
+    MIN_SIGNIFICANCE,
+    OffsetEvidence,
+    PathOffsets,
+    path_check,
+    path_offsets,
+)
 
 EXAMPLE = "python -m reconstruction check flight/*.h5"
 USEFUL_M = 0.5
-"""Where deviations are larger, there was no fog to tell anything."""
+"""Greater sigmas mean that there was too little fog."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
     parser.add_argument("captures", metavar="CAPTURE", type=Path, nargs="+", help="capture files")
 
 
 def run(options: argparse.Namespace) -> None:
-    """Check all frames of some captures together."""
+    """Check all frames of the captures together."""
     offsets = path_offsets(list(_evidence(options.captures)))
     if options.json:
         print(json_line(_report(offsets)))
     else:
-        for line in _reported(offsets):
+        for line in _lines(offsets):
             print(printable(line))
 
 
 def _evidence(captures: Sequence[Path]) -> Iterator[OffsetEvidence | None]:
-    """Of every frame in turn; InputError unless all captures are of one rig."""
+    """Evidence of every frame; raises InputError unless all captures are of one rig."""
     first: Spots | None = None
     for path in captures:
         with naming(path), open_capture(path) as file:
             spots = file.setup.spots
             if spots is None:
-                raise InputError("there is no time of flight, and no path to check")
+                raise InputError("the capture has no time of flight, so no path to check")
             if first is None:
                 first, find = spots, path_check(spots)
             elif not _alike(first, spots):
-                raise InputError(f"its spots are not measured as those of {captures[0]}")
+                raise InputError(f"its spots are measured differently from those of {captures[0]}")
             for number in range(file.frames):
                 frame = file.frame(number).spots
                 assert frame is not None
@@ -53,7 +58,7 @@ def _evidence(captures: Sequence[Path]) -> Iterator[OffsetEvidence | None]:
 
 
 def _alike(one: Spots, other: Spots) -> bool:
-    """Whether optics and readings are the same, frames apart."""
+    """Whether optics and measurement agree, readings apart."""
     return type(one) is type(other) and all(
         np.array_equal(getattr(one, each.name), getattr(other, each.name), equal_nan=True)
         for each in fields(one)
@@ -66,25 +71,25 @@ def _report(offsets: PathOffsets) -> dict[str, Any]:
         {
             "path_offset_m": float(offsets.offset_m[spot]) if finite[spot] else None,
             "sigma_m": float(offsets.sigma_m[spot]) if finite[spot] else None,
-            "told": bool(offsets.reported[spot]),
+            "told": bool(offsets.significant[spot]),
         }
         for spot in range(4)
     ]
     return {"frames": offsets.frames, "spots": spots}
 
 
-def _reported(offsets: PathOffsets) -> Iterator[str]:
+def _lines(offsets: PathOffsets) -> Iterator[str]:
     if offsets.sigma_m.min() > USEFUL_M:
         yield f"too little fog to check the spots' paths; frames with ranges: {offsets.frames}"
         return
-    yield f"paths beside those of the other spots, told by fog in {offsets.frames} frames:"
+    yield f"paths relative to those of the other spots, from fog in {offsets.frames} frames:"
     for spot in range(4):
         offset_m, sigma_m = offsets.offset_m[spot], offsets.sigma_m[spot]
         line = f"spot {spot}  {100 * offset_m:+6.1f} cm, standard deviation {100 * sigma_m:.1f} cm"
-        if offsets.reported[spot]:
+        if offsets.significant[spot]:
             way = "far" if offset_m > 0 else "near"
             line += f": wrongly calibrated, its ranges are {50 * abs(offset_m):.1f} cm too {way}"
         yield line
-    if not offsets.reported.any():
-        min_m = REPORTED * offsets.sigma_m.max()
-        yield f"no spot differs from the others; {100 * min_m:.1f} cm would be told"
+    if not offsets.significant.any():
+        min_m = MIN_SIGNIFICANCE * offsets.sigma_m.max()
+        yield f"no spot differs from the others; {100 * min_m:.1f} cm would be significant"

@@ -1,14 +1,14 @@
-"""Completion of words in shells, by argcomplete."""
+"""Shell completion, with argcomplete."""
 
 import argparse
 import sys
 
 VARIABLE = "_ARGCOMPLETE"
-"""What a shell's completion sets."""
+"""Set by a shell's completion."""
 
 
 def complete(parser: argparse.ArgumentParser) -> None:
-    """Answer the shell that asks how a word may go on; without argcomplete there is no answer."""
+    """Answer a completing shell, if argcomplete is installed."""
     try:
         import argcomplete
     except ImportError:

@@ -1,4 +1,4 @@
-"""Arrays of bucket readings and of time-of-flight readings -> capture."""
+"""Import arrays of bucket and time-of-flight readings as captures."""
 
 import argparse
 import sys
@@ -45,18 +45,18 @@ EXAMPLE = (
     "python -m reconstruction import car.mat -o car.h5 --shape 32x32 --variable data "
     "--order auto --untrusted 0"
 )
-SURE = 0.95
-"""Probability from which on a layout is told without a warning."""
-MANY_TAPS = 16
-"""Four of each of four spots: images of as few pixels are rare."""
+MIN_SURE = 0.95
+"""Probability of a layout below which a warning is printed."""
+MIN_TAPS = 16
+"""Four taps of four spots: images of as few pixels are rare."""
 PATTERNS = ("patterns_variable", "factors", "rows", "frequencies", "order", "polarity", "patterns")
-"""Options that tell which patterns were shown."""
-MAX_REPORTED, MIN_REPORTED = 3, 1e-3
-"""Layouts that are told, and the least probability."""
+"""Options that state the exposed patterns."""
+MAX_CANDIDATES, MIN_PROBABILITY = 3, 1e-3
+"""Maximum number of printed layouts, and their minimum probability."""
 
 
 class Recording(NamedTuple):
-    """Readings, the plan that they are of, and each reading's sign."""
+    """Readings, their plan, and each reading's sign."""
 
     readings: NDArray[Any]
     plan: PatternPlan
@@ -64,69 +64,47 @@ class Recording(NamedTuple):
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
+    """Add the options of this command."""
+    add = parser.add_argument
     kinds = ", ".join(READERS)
-    parser.add_argument(
+    add(
         "file",
         metavar="FILE",
         type=Path,
         nargs="?",
         help=f"readings of patterns: {kinds}, or NAME_spectraldata.npz of SPAS",
     )
-    parser.add_argument("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
-    parser.add_argument(
-        "--shape", type=shape, help="rows x columns, as in 32x32; SPAS tells it itself"
-    )
-    parser.add_argument(
-        "--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0"
-    )
+    add("-o", "--output", metavar="CAPTURE", type=Path, required=True, help="file")
+    add("--shape", type=shape, help="rows x columns, as in 32x32; not needed for SPAS")
+    add("--variable", help="the readings' variable in a .mat or .npz, or column of a text, from 0")
     _add_patterns(parser)
-    parser.add_argument(
-        "--transposed", action="store_true", help="pixels are numbered column by column"
-    )
-    parser.add_argument(
-        "--dark", metavar="COUNTS", type=number, help="the dark reading, where none was recorded"
-    )
-    parser.add_argument(
-        "--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings not to be used"
-    )
-    parser.add_argument(
-        "--band-nm", metavar="LOW-HIGH", type=band, help="wavelengths of SPAS to sum (all)"
-    )
-    parser.add_argument(
-        "--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5"
-    )
+    add("--transposed", action="store_true", help="pixels are numbered column by column")
+    add("--dark", metavar="COUNTS", type=number, help="the dark reading, where none was recorded")
+    add("--untrusted", metavar="I", type=int, nargs="+", default=[], help="readings to ignore")
+    add("--band-nm", metavar="LOW-HIGH", type=band, help="wavelengths of SPAS to sum (all)")
+    add("--about", metavar="YAML", type=Path, help="file of lines like electrons_per_count: 12.5")
     for name in ABOUT:
-        parser.add_argument(f"--{name.replace('_', '-')}", metavar="X", type=number)
+        add(f"--{name.replace('_', '-')}", metavar="X", type=number)
     taps.add_options(parser)
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def _add_patterns(parser: argparse.ArgumentParser) -> None:
-    """What tells which patterns were shown; sources are variables, columns, or other files."""
-    which = parser.add_mutually_exclusive_group()
-    which.add_argument("--patterns-variable", metavar="SOURCE", help="patterns (M, N), any at all")
-    which.add_argument(
+    """Add options that state the patterns; sources are variables, columns, or other files."""
+    add = parser.add_argument
+    one_of = parser.add_mutually_exclusive_group().add_argument
+    one_of("--patterns-variable", metavar="SOURCE", help="patterns (M, N), any at all")
+    one_of(
         "--factors", metavar="SOURCE,SOURCE", help="patterns down (A, H) and along (B, W) the image"
     )
-    which.add_argument(
-        "--rows", metavar="SOURCE", help="numbers of Hadamard rows, counted in the order"
-    )
-    which.add_argument(
-        "--frequencies", metavar="SOURCE", help="of Fourier patterns, (K, 2): down and along"
-    )
-    parser.add_argument(
-        "--first-row", type=int, choices=(0, 1), default=0, help="number of the first row (0)"
-    )
-    parser.add_argument(
-        "--signs", metavar="SOURCE", help="polarity of each reading, with --rows: 1, -1 or 0"
-    )
-    parser.add_argument(
-        "--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn"
-    )
-    parser.add_argument("--order", help=f"auto, {', '.join(ORDERS)} (natural)")
-    parser.add_argument("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
-    parser.add_argument("--patterns", metavar="K", type=int, help="number of patterns (all)")
+    one_of("--rows", metavar="SOURCE", help="numbers of Hadamard rows, counted in the order")
+    one_of("--frequencies", metavar="SOURCE", help="of Fourier patterns, (K, 2): down and along")
+    add("--first-row", type=int, choices=(0, 1), default=0, help="number of the first row (0)")
+    add("--signs", metavar="SOURCE", help="polarity of each reading, with --rows: 1, -1 or 0")
+    add("--phase-steps", type=int, choices=PHASE_STEPS, help="of Fourier patterns, each in turn")
+    add("--order", help=f"auto, {', '.join(ORDERS)} (natural)")
+    add("--polarity", help=f"{', '.join(POLARITIES)} (signed)")
+    add("--patterns", metavar="K", type=int, help="number of patterns (all)")
 
 
 def run(options: argparse.Namespace) -> None:
@@ -139,7 +117,7 @@ def run(options: argparse.Namespace) -> None:
     elif spots is not None:
         capture = capture_from_spots(spots)
     else:
-        raise InputError("FILE is missing: readings of patterns; --taps tells those of spots alone")
+        raise InputError("FILE is missing: readings of patterns; use --taps for spots alone")
     write_capture(capture, options.output)
     warnings = [*taps.notes_of(options), *capture_warnings(capture, 0)]
     for warning in warnings:
@@ -163,14 +141,14 @@ def _report(capture: Capture) -> dict[str, Any]:
 
 
 def _parts(capture: Capture) -> str:
-    """What the frames of a capture hold."""
+    """Description of a capture's frames."""
     parts = [f"{capture.plan.exposures} readings"] if capture.plan.shows_image else []
     parts += [] if capture.spots is None else [capture.spots.summary]
     return ", ".join(parts)
 
 
 def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
-    """Readings of patterns, and those of the spots, if any."""
+    """Capture of bucket readings, and those of the spots, if any."""
     about: dict[str, float] = {}
     if is_spas(options.file):
         readings, plan, about = load_spas(options.file, options.band_nm)
@@ -183,7 +161,7 @@ def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
     plan = recording.plan
     with naming(options.file):
         if plan.patterns.orthogonal:
-            decoder_for(plan)  # whether the background is told
+            decoder_for(plan)  # raises if the background is unknown
         capture = capture_from_readings(
             recording.readings,
             plan,
@@ -202,7 +180,7 @@ def _inputs(options: argparse.Namespace) -> list[Path]:
 
 
 def _recording(options: argparse.Namespace) -> Recording:
-    """Readings of a file, and the plan that the options tell."""
+    """Readings of a file, and their plan by the options."""
     if options.shape is None:
         raise InputError(
             "--shape is missing: rows x columns of the patterns, as in 32x32 (readings of spots: "
@@ -232,18 +210,18 @@ def _recording(options: argparse.Namespace) -> Recording:
         plan = transposed(result.plan) if options.transposed else result.plan
         if plan.shape != options.shape:
             raise InputError(
-                f"the patterns have {plan.shape[0]} x {plan.shape[1]} pixels, --shape tells "
-                f"{options.shape[0]} x {options.shape[1]}"
+                f"the patterns have {plan.shape[0]} x {plan.shape[1]} pixels, not the "
+                f"{options.shape[0]} x {options.shape[1]} of --shape"
             )
         return result._replace(plan=plan)
 
 
 def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None:
-    """InputError where readings of patterns may as well be taps of spots."""
-    reported = any(getattr(options, name) is not None for name in PATTERNS)
-    small = 0 < options.shape[0] * options.shape[1] <= MANY_TAPS
+    """Raise InputError if bucket readings may as well be taps of spots."""
+    patterns_named = any(getattr(options, name) is not None for name in PATTERNS)
+    small = 0 < options.shape[0] * options.shape[1] <= MIN_TAPS
     by_spot = readings.ndim < 2 or readings.shape[-1] % 4 == 0
-    if small and not reported and by_spot and readings.size % MANY_TAPS == 0:
+    if small and not patterns_named and by_spot and readings.size % MIN_TAPS == 0:
         raise InputError(
             f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
             f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
@@ -259,7 +237,7 @@ def _source(options: argparse.Namespace, name: str) -> NDArray[Any]:
     if Path(path).suffix.lower() in READERS:
         return load_array(path, variable)
     if options.file is None:
-        raise InputError(f"{name!r} is no file ({', '.join(READERS)}), and FILE is missing")
+        raise InputError(f"{name!r} is not a file ({', '.join(READERS)}), and FILE is missing")
     return load_array(options.file, name)
 
 
@@ -315,7 +293,7 @@ def _of_coefficients(
 def _with_dark(
     options: argparse.Namespace, readings: NDArray[Any], plan: PatternPlan
 ) -> tuple[NDArray[Any], PatternPlan]:
-    """Readings and plan, with a dark exposure in the end where one is told and not recorded."""
+    """Readings and plan, with a stated dark exposure appended if none was recorded."""
     if options.dark is None:
         return readings, plan
     dc_row = plan.patterns.dc_row
@@ -337,30 +315,33 @@ def _recognised(
         counts = np.column_stack([counts, np.full(len(counts), options.dark)])
     trusted = counts.astype(np.float64)
     trusted[:, [i for i in options.untrusted if 0 <= i < trusted.shape[1]]] = np.median(counts)
-    result = recognise(trusted, shape, options.polarity)
-    layout, probability = result[0][:2]
-    for position, candidate in enumerate(result[:MAX_REPORTED]):
-        if position == 0 or candidate.probability >= MIN_REPORTED:
-            print(printable(_reported(candidate)), file=sys.stderr if options.json else sys.stdout)
-    if probability < SURE:
-        print("warning: the layout is not sure; name order and polarity", file=sys.stderr)
+    candidates = recognise(trusted, shape, options.polarity)
+    layout, probability = candidates[0][:2]
+    for rank, candidate in enumerate(candidates[:MAX_CANDIDATES]):
+        if rank == 0 or candidate.probability >= MIN_PROBABILITY:
+            print(
+                printable(_candidate_line(candidate)),
+                file=sys.stderr if options.json else sys.stdout,
+            )
+    if probability < MIN_SURE:
+        print("warning: the layout is uncertain; state order and polarity", file=sys.stderr)
     if layout.polarity == WITHOUT_DARK:
         dark = dark_estimate(layout.plan, trusted[0])
         hint = f"; these readings suggest about {dark:.4g}" if np.isfinite(dark) else ""
         raise InputError(
-            f"the readings look like {layout}, which leaves the background unknown: tell the dark "
+            f"the readings look like {layout}, which leaves the background unknown: state the dark "
             f"reading with --dark{hint}"
         )
     return Recording(counts, layout.plan)
 
 
-def _reported(candidate: Candidate) -> str:
-    fraction = f"{100 * candidate.probability:.1f}"
-    return f"{candidate.layout}: {'over 99.9' if fraction == '100.0' else fraction} % sure"
+def _candidate_line(candidate: Candidate) -> str:
+    percent = f"{100 * candidate.probability:.1f}"
+    return f"{candidate.layout}: {'over 99.9' if percent == '100.0' else percent} % sure"
 
 
 def _frames(readings: NDArray[Any], shape: tuple[int, int]) -> NDArray[Any]:
-    """Readings (frames, M) of an array of which M is not told: the longer axis."""
+    """Readings (frames, M) of an array without a known M: the longer axis."""
     if readings.ndim != 2 or 1 in readings.shape or readings.shape == shape:
         return readings.reshape(1, -1)
     return readings if readings.shape[1] >= readings.shape[0] else frames_of_columns(readings)

@@ -1,4 +1,4 @@
-"""Frames as they come -> results as they go."""
+"""Reconstruct a live stream."""
 
 import argparse
 import sys
@@ -26,48 +26,41 @@ SINKS = (
     "SOURCE (results), window"
 )
 
-REPORTED_S = 1.0
-"""What is waited for is told when it has taken so long."""
+MIN_WAIT_S = 1.0
+"""Minimum waiting time that is printed."""
 EXPECTED = ("received", "reconstructed", "connections")
 PURSUING = ("pursuit", "usual", "all")
-"""Names that have a part of those of methods that pursue."""
+"""Parts of the names that select pursuit methods."""
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
-    parser.add_argument(
+    """Add the options of this command."""
+    add = parser.add_argument
+    add(
         "source",
         metavar="SOURCE",
         help="tcp://HOST:PORT, tcp-listen://:PORT, udp://:PORT, serial:///dev/ttyUSB0?baud=921600, "
         "- (a pipe), or a file: a stream or a capture",
     )
-    parser.add_argument(
-        "--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them"
-    )
-    parser.add_argument("--follow", action="store_true", help="wait for a file to grow")
-    parser.add_argument(
-        "--frames", metavar="N", type=whole_number, help="end after so many results"
-    )
-    parser.add_argument(
-        "--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)"
-    )
-    parser.add_argument(
-        "--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)"
-    )
+    add("--to", metavar="SINK", action="append", default=[], help=f"{SINKS}; several of them")
+    add("--follow", action="store_true", help="wait for a file to grow")
+    add("--frames", metavar="N", type=whole_number, help="end after so many results")
+    add("--waiting", metavar="N", type=whole_number, default=16, help="frames that may wait (16)")
+    add("--reorder", metavar="N", type=_window, default=1, help="frames to hold for an earlier (1)")
     for station, methods in STATIONS.items():
-        parser.add_argument(
+        add(
             f"--{station}",
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: {', '.join(methods)}",
         )
-    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
-    parser.add_argument("--min-free", **MIN_FREE_OPTION)
-    parser.add_argument("--quiet", action="store_true", help="tell nothing each second")
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--weather", metavar="WEATHER", help=WEATHER)
+    add("--min-free", **MIN_FREE_OPTION)
+    add("--quiet", action="store_true", help="do not print the state each second")
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
-    """Reconstruct a stream until it ends, or this is interrupted."""
+    """Reconstruct a stream until it ends, or is interrupted."""
     source = _source(options.source, followed=options.follow)
     sinks = _sinks(options)
     counts = Counts()
@@ -79,11 +72,11 @@ def run(options: argparse.Namespace) -> None:
         recorders=[each.frame for each in detached],
         counts=counts,
     )
-    teller = _Teller(detached, quiet=options.quiet)
+    printer = _StatusPrinter(detached, quiet=options.quiet)
     loop = Loop(
         reception,
-        results=[teller.result, *(each.result for each in detached)],
-        states=[teller.state, *(each.state for each in detached)],
+        results=[printer.result, *(each.result for each in detached)],
+        states=[printer.state, *(each.state for each in detached)],
         image=names(options.image),
         ranging=names(options.ranging),
         depth=names(options.depth),
@@ -110,12 +103,12 @@ def run(options: argparse.Namespace) -> None:
 
 
 def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
-    """Where results go, by their names, each of which can be written."""
+    """Sinks by name, all checked."""
     if options.json and "-" in options.to:
         raise InputError("--json and --to - both write to standard output: choose one")
     twice = [name for name in options.to if options.to.count(name) > 1]
     if twice:
-        raise InputError(f"--to {twice[0]} is told twice")
+        raise InputError(f"--to {twice[0]} is given twice")
     read = [] if is_link(options.source) else [Path(options.source)]
     sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
     for _, sink in sinks:
@@ -125,7 +118,7 @@ def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
 
 @contextmanager
 def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
-    """With the threads that receive and write; an interrupt ends it as the stream's end does."""
+    """Run the threads that receive and write; an interrupt ends the stream."""
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     for each in detached:
         each.start()
@@ -151,8 +144,8 @@ def _is_capture(path: Path) -> bool:
     return path.suffix.lower() in (".h5", ".hdf5") or path.is_dir()
 
 
-class _Teller:
-    """Tells people how the stream is."""
+class _StatusPrinter:
+    """Prints the state of the stream."""
 
     def __init__(self, detached: list[Detached], *, quiet: bool) -> None:
         self._detached = detached
@@ -165,7 +158,7 @@ class _Teller:
     def state(self, state: State) -> None:
         if self._quiet:
             return
-        with suppress(OSError):  # nobody reads it
+        with suppress(OSError):  # nobody reads stderr
             print(printable("; ".join(self._words(state))), file=sys.stderr)
 
     def _words(self, state: State) -> Iterator[str]:
@@ -183,9 +176,9 @@ class _Teller:
                 yield "ranges " + ", ".join(
                     f"{range_m:.2f} m" if status in RANGED else status for range_m, status in spots
                 )
-        if state.waiting_s >= REPORTED_S:
+        if state.waiting_s >= MIN_WAIT_S:
             yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
-        yield from (each for each in (_amiss(state), state.trouble) if each)
+        yield from (each for each in (_fault_counts(state), state.trouble) if each)
         for each in self._detached:
             if each.trouble is not None:
                 yield each.trouble
@@ -194,15 +187,14 @@ class _Teller:
 
 
 def _why(state: State) -> str:
-    reported = [each for each in (state.trouble, _amiss(state)) if each]
-    return f": {'; '.join(reported)}" if reported else ""
+    reasons = [each for each in (state.trouble, _fault_counts(state)) if each]
+    return f": {'; '.join(reasons)}" if reasons else ""
 
 
-def _amiss(state: State) -> str:
-    """Counts that had better be 0."""
+def _fault_counts(state: State) -> str:
+    """Counts that should be 0."""
     counts = vars(state.counts).items()
-    reported = {name: value for name, value in counts if value and name not in EXPECTED}
-    return ", ".join(f"{name} {value}" for name, value in reported.items())
+    return ", ".join(f"{name} {value}" for name, value in counts if value and name not in EXPECTED)
 
 
 def _window(text: str) -> int:

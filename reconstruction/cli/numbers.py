@@ -1,4 +1,4 @@
-"""Numbers behind options; argparse tells the errors with the option's name."""
+"""Numbers in options; argparse adds the option's name to errors."""
 
 import argparse
 import re
@@ -7,14 +7,14 @@ import numpy as np
 
 
 def whole_number(text: str) -> int:
-    """A number of things."""
+    """Parse a count from 1."""
     if not (text.isascii() and text.isdigit()) or not 1 <= int(text) <= 10**9:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 on")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1")
     return int(text)
 
 
 def number(text: str) -> float:
-    """Any finite number."""
+    """Parse a finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -25,7 +25,7 @@ def number(text: str) -> float:
 
 
 def shape(text: str) -> tuple[int, int]:
-    """Rows and columns."""
+    """Parse rows and columns."""
     match = re.fullmatch(r"(\d+)x(\d+)", text)
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form 32x32 (rows x columns)")
@@ -33,7 +33,7 @@ def shape(text: str) -> tuple[int, int]:
 
 
 def angles(text: str) -> tuple[float, float]:
-    """Angles of view in degrees, between 0 and 180."""
+    """Parse angles of view in degrees, between 0 and 180."""
     width, _, height = text.partition("x")
     result = number(width), number(height)
     if not all(0 < each < 180 for each in result):
@@ -42,7 +42,7 @@ def angles(text: str) -> tuple[float, float]:
 
 
 def band(text: str) -> tuple[float, float]:
-    """Wavelengths from low to high."""
+    """Parse a band of wavelengths, low to high."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?)-(\d+(?:\.\d+)?)", text)
     if match is None or float(match[1]) > float(match[2]):
         raise argparse.ArgumentTypeError(f"{text!r} is not of the form 530-560 (nm, low to high)")

@@ -1,4 +1,4 @@
-"""Capture -> image, ranges, depth map, point cloud."""
+"""Reconstruct a capture: image, ranges, depth map, point cloud."""
 
 import argparse
 import sys
@@ -26,8 +26,8 @@ from ..reconstructor import reconstruct
 from ..result import Result
 
 ANY_WIDTH = 10_000
-"""Characters in a line of what is no terminal."""
-WEATHER = "what ranges take for granted: clear, fog, unknown, or a visibility in metres"
+"""Line width if the output is no terminal."""
+WEATHER = "weather assumed for ranges: clear, fog, unknown, or a visibility in metres"
 OVERWRITE = "replace files that this command did not write, too"
 EXAMPLE = "python -m reconstruction capture.h5 -o result"
 STATIONS: dict[str, Iterable[str]] = {
@@ -39,30 +39,29 @@ MIN_FREE_OPTION: dict[str, Any] = {
     "metavar": "P",
     "type": float,
     "default": MIN_FREE,
-    "help": f"an obstacle is where the corridor is free with a probability below P ({MIN_FREE:g})",
+    "help": f"the corridor ends where it is free with a probability below P ({MIN_FREE:g})",
 }
 DETAILS = {"image": f"; of pursuits, pursuit:NAME has the dictionary {' or '.join(DICTIONARIES)}"}
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
-    parser.add_argument("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
-    parser.add_argument("--frame", type=int, default=0, help="frame of the capture (0)")
-    parser.add_argument("--patterns", metavar="K", type=int, help="use the first K patterns only")
-    parser.add_argument(
-        "--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}"
-    )
+    """Add the options of this command."""
+    add = parser.add_argument
+    add("capture", metavar="CAPTURE", type=Path, help="capture file")
+    add("-o", "--output", metavar="DIR", type=Path, required=True, help="folder")
+    add("--frame", type=int, default=0, help="frame of the capture (0)")
+    add("--patterns", metavar="K", type=int, help="use the first K patterns only")
+    add("--order", help=f"... of this order, or the basis' usual one: {', '.join(ORDERS)}")
     for station, methods in STATIONS.items():
-        parser.add_argument(
+        add(
             f"--{station}",
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: usual, all, {', '.join(methods)}"
             + DETAILS.get(station, ""),
         )
-    parser.add_argument("--weather", metavar="WEATHER", help=WEATHER)
-    parser.add_argument("--min-free", **MIN_FREE_OPTION)
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--weather", metavar="WEATHER", help=WEATHER)
+    add("--min-free", **MIN_FREE_OPTION)
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -73,26 +72,26 @@ def run(options: argparse.Namespace) -> None:
 
 
 def reconstruct_into_folder(options: argparse.Namespace) -> None:
-    """Write what a capture shows into a folder that is held, and tell of it."""
+    """Write the files of a capture into a locked folder, and report."""
     check_min_free(options.min_free)
     if options.order is not None and options.patterns is None:
-        raise InputError("--order goes with --patterns")
+        raise InputError("--order needs --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    before = warm_up_frames(options.frame, methods["image"], methods["ranging"])
+    warm_up = warm_up_frames(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
         check_frames(options.frame, options.frame + 1, file.frames)
-        recording = capture = file.capture(options.frame - before, options.frame + 1)
+        recording = capture = file.capture(options.frame - warm_up, options.frame + 1)
     with naming(options.capture):
         if options.patterns is not None:
             capture = first_patterns(recording, options.patterns, options.order)
         result = reconstruct(
-            capture, before, **methods, weather=options.weather, min_free=options.min_free
+            capture, warm_up, **methods, weather=options.weather, min_free=options.min_free
         )
-    # However many of its patterns are used, it is a result of this recording.
-    digest = recording.frame(before).digest(recording.setup)
+    # The digest is that of the whole recording, however many of its patterns are used.
+    digest = recording.frame(warm_up).digest(recording.setup)
     result = replace(result, frame=options.frame, recording=digest)
     files = write_outputs(result, capture, options.output)
-    warnings = capture_warnings(capture, before, result.ranges)
+    warnings = capture_warnings(capture, warm_up, result.ranges)
     warnings += result.warnings
     for warning in warnings:
         print(printable(shortened(f"warning: {warning}")), file=sys.stderr)
@@ -102,12 +101,12 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
         report = _report(result, capture) | {"depths_left_out": unsuited}
         print(json_line(report | {"warnings": warnings, "files": written}))
     else:
-        for line in _reported(result, capture, unsuited, files):
+        for line in _lines(result, capture, unsuited, files):
             print(printable(line))
 
 
 def names(text: str | None) -> Sequence[str] | None:
-    """Methods as `Reconstructor` takes them, from what stands behind an option."""
+    """Method names as `Reconstructor` takes them, from an option's text."""
     return None if text is None else [name.strip() for name in text.split(",")]
 
 
@@ -150,11 +149,11 @@ def _spots(ranges: Ranges) -> list[dict[str, Any]]:
 
 
 def _coverage(result: Result) -> dict[str, float]:
-    """Share of the pixels that have a depth, by method."""
+    """Fraction of the pixels with a depth, by method."""
     return {name: float(np.isfinite(depth).mean()) for name, depth in result.depths.items()}
 
 
-def _reported(
+def _lines(
     result: Result, capture: Capture, unsuited: dict[str, str], files: dict[str, Path]
 ) -> Iterator[str]:
     plan = capture.plan
@@ -166,13 +165,13 @@ def _reported(
     else:
         yield f"ranges alone, {capture.provenance.source}: no patterns, no image"
     for name, ranges in result.rangings.items():
-        yield from _reported_ranges(name, ranges)
+        yield from _range_lines(name, ranges)
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:
-        yield "no depth map: no spot has a range, or the optics are not known"
+        yield "no depth map: no spot has a range, or the optics are unknown"
     for name, why in unsuited.items():
-        yield f"depth, {method_title('depths', name)}: not of this recording ({why})"
+        yield f"depth, {method_title('depths', name)}: not for this recording ({why})"
     for name, fraction in _coverage(result).items():
         ahead = _ahead(result.obstacles_m.get(name), result.min_free)
         yield f"depth, {method_title('depths', name)}: {100 * fraction:.1f} % of all pixels{ahead}"
@@ -188,17 +187,17 @@ def _ahead(obstacle_m: float | None, min_free: float) -> str:
     return f", free ahead up to {free_m:.2f} m with a probability of {min_free:g}"
 
 
-def _reported_ranges(name: str, ranges: Ranges) -> Iterable[str]:
+def _range_lines(name: str, ranges: Ranges) -> Iterable[str]:
     columns = ("range / m", "sigma / m", "signal / electrons", "background / electrons", "status")
     rows = [(name, *columns)]
     for spot, status in enumerate(ranges.status):
-        valid = status in RANGED
+        ranged = status in RANGED
         others = ranges.alternatives[spot]
         rows.append(
             (
                 f"spot {spot}",
-                f"{ranges.range_m[spot]:.3f}" if valid else no_range(status, others),
-                f"{ranges.sigma_m[spot]:.3f}" if valid else "",
+                f"{ranges.range_m[spot]:.3f}" if ranged else no_range(status, others),
+                f"{ranges.sigma_m[spot]:.3f}" if ranged else "",
                 f"{ranges.signal_electrons[spot]:.4g}",
                 f"{ranges.background_electrons[spot]:.4g}",
                 status,
@@ -208,7 +207,7 @@ def _reported_ranges(name: str, ranges: Ranges) -> Iterable[str]:
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> Iterable[str]:
-    """Columns as wide as their widest cell, the first one to the left; too wide ones row by row."""
+    """Align columns, the first to the left; print too wide tables row by row."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     if sum(widths) + 2 * (len(widths) - 1) > get_terminal_size(fallback=(ANY_WIDTH, 24)).columns:
         (title, *columns), *rows = rows

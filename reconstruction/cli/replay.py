@@ -1,4 +1,4 @@
-"""A capture -> its frames as a stream, as a rig would send them."""
+"""Send a capture as a stream, as a rig would."""
 
 import argparse
 import secrets
@@ -26,22 +26,19 @@ AGAIN_S = 0.5
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of this command."""
-    parser.add_argument("capture", metavar="CAPTURE", type=Path, help="capture file")
-    parser.add_argument(
+    """Add the options of this command."""
+    add = parser.add_argument
+    add("capture", metavar="CAPTURE", type=Path, help="capture file")
+    add(
         "--to",
         metavar="OUTLET",
         required=True,
         help="tcp://HOST:PORT, tcp-listen://:PORT, udp://HOST:PORT, serial:///dev/ttyUSB0, - (a "
         "pipe), FILE.stream",
     )
-    parser.add_argument(
-        "--rate", metavar="HZ", type=_rate, help="frames a second (the capture's own); inf: all"
-    )
-    parser.add_argument(
-        "--times", metavar="N", type=whole_number, default=1, help="over and over (1)"
-    )
-    parser.add_argument("--overwrite", action="store_true", help=OVERWRITE)
+    add("--rate", metavar="HZ", type=_rate, help="frames per second (the capture's own); inf: all")
+    add("--times", metavar="N", type=whole_number, default=1, help="over and over (1)")
+    add("--overwrite", action="store_true", help=OVERWRITE)
 
 
 def run(options: argparse.Namespace) -> None:
@@ -68,7 +65,7 @@ def run(options: argparse.Namespace) -> None:
 
 @contextmanager
 def _whole(outlet: Outlet) -> Iterator[None]:
-    """Leave no file that ends in the middle."""
+    """Remove a file that was not finished."""
     try:
         yield
     except BaseException:
@@ -79,13 +76,12 @@ def _whole(outlet: Outlet) -> Iterator[None]:
 
 
 def _replay(options: argparse.Namespace, outlet: Outlet) -> int:
-    """Send all frames; returns how many."""
+    """Send all frames and return their number."""
     with open_capture(options.capture) as capture:
         period_s = _period_s(capture, options.rate)
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
             raise InputError(
-                f"{options.capture} does not tell its pattern_period_s: tell the frames a second "
-                "with --rate"
+                f"{options.capture} has no pattern_period_s: state the frame rate with --rate"
             )
         _opened(outlet)
         send(capture, outlet, 0.0 if np.isnan(period_s) else period_s, options.times)
@@ -101,17 +97,17 @@ def send(
     clock: Callable[[], float] = time.monotonic,
     wait: Callable[[float], object] = time.sleep,
 ) -> None:
-    """Send all frames in turn, each so long after the one before it."""
+    """Send all frames in turn, ``period_s`` apart."""
     sender = Sender(capture.setup, capture.provenance, run=1 + secrets.randbelow(2**16 - 1))
     began_s = clock()
-    reported_s = -np.inf
+    setup_s = -np.inf
     for turn in range(times * capture.frames):
         due_s = began_s + turn * period_s
         if (early_s := due_s - clock()) > 0:
             wait(early_s)
         stamp = round(1e9 * (due_s - began_s))
-        if due_s - reported_s >= SETUP_EVERY_S or turn == 0:
-            reported_s = due_s
+        if due_s - setup_s >= SETUP_EVERY_S or turn == 0:
+            setup_s = due_s
             outlet.send(sender.setup(stamp))
         outlet.send(sender.frame(capture.frame(turn % capture.frames), stamp))
     outlet.send(sender.end())
@@ -122,14 +118,14 @@ def _period_s(capture: CaptureFile, rate: float | None) -> float:
 
 
 def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:
-    """Open it as soon as somebody is there."""
-    text = False
+    """Open an outlet, waiting for a receiver."""
+    waiting = False
     while True:
         try:
             outlet.open()
         except (ConnectionRefusedError, TimeoutError) as error:
-            if not text:
-                text = True
+            if not waiting:
+                waiting = True
                 why = f"waiting for {outlet.address}: {error.strerror or error}"
                 print(printable(why), file=sys.stderr)
             wait(AGAIN_S)
@@ -143,5 +139,5 @@ def _rate(text: str) -> float:
     except ValueError:
         rate = np.nan
     if not rate > 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames a second above 0")
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number of frames per second")
     return rate

@@ -1,4 +1,4 @@
-"""Options of `import` that tell the readings of the spots."""
+"""Options of `import` for the readings of the spots."""
 
 import argparse
 from collections.abc import Callable
@@ -21,10 +21,10 @@ from ..capture.importers import (
 from .numbers import angles, number, whole_number
 
 Source = Callable[[str], NDArray[Any]]
-"""Numbers of a file, or of a variable or column of the readings' file."""
+"""Reads numbers of a file, or of a variable or column of the readings' file."""
 
 KINDS = ("frequency", "windows", "bin_width")
-"""Options that say how the spots were measured."""
+"""Options that state how the spots were measured."""
 CHARGE = ("frequency", "windows")
 NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
     *((name, ("taps",)) for name in (*KINDS, "directions", "detectors")),
@@ -46,45 +46,38 @@ NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
-    """Options of the spots."""
+    """Add the options of the spots."""
     group = parser.add_argument_group(
         "time of flight of the spots (iToF, pulses, dToF), of four without --directions"
     )
-    group.add_argument("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
-    which = group.add_mutually_exclusive_group()
+    add = group.add_argument
+    add("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
+    one_of = group.add_mutually_exclusive_group().add_argument
     many: dict[str, Any] = {"type": number, "nargs": "+"}
-    which.add_argument("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
-    which.add_argument("--windows", metavar="S", **many, help="starts of windows, background first")
-    which.add_argument("--bin-width", metavar="S", type=number, help="of histograms")
-    group.add_argument("--phases-deg", metavar="DEG", **many, help="of taps (0 90 180 270)")
-    group.add_argument(
-        "--phase-offsets-deg", metavar="DEG", **many, help="at zero path, of each frequency (0)"
-    )
-    group.add_argument("--pulse-width", metavar="S", type=number, help="as long as the windows are")
-    group.add_argument("--pulses", metavar="N", type=whole_number, help="of a window or histogram")
-    group.add_argument("--first-bin", metavar="S", type=number, help="when histograms begin (0)")
-    group.add_argument("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
-    group.add_argument("--delay-offset", metavar="S", type=number, help="at zero path (0)")
-    group.add_argument(
+    one_of("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
+    one_of("--windows", metavar="S", **many, help="starts of windows, background first")
+    one_of("--bin-width", metavar="S", type=number, help="of histograms")
+    add("--phases-deg", metavar="DEG", **many, help="of taps (0 90 180 270)")
+    add("--phase-offsets-deg", metavar="DEG", **many, help="at zero path, of each frequency (0)")
+    add("--pulse-width", metavar="S", type=number, help="as long as the windows are")
+    add("--pulses", metavar="N", type=whole_number, help="of a window or histogram")
+    add("--first-bin", metavar="S", type=number, help="when histograms begin (0)")
+    add("--response-sigma", metavar="S", type=number, help="of pulse and jitter")
+    add("--delay-offset", metavar="S", type=number, help="at zero path (0)")
+    add(
         "--directions",
         metavar="SOURCE",
         help="from the pinhole to the spots, as many as there are, a line each: x y z",
     )
-    group.add_argument(
-        "--detectors", metavar="SOURCE", help="their positions in metres, a line each"
-    )
-    group.add_argument(
-        "--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps"
-    )
-    group.add_argument(
-        "--taps-about", metavar="YAML", type=Path, help="file of lines like noise_electrons: 40"
-    )
+    add("--detectors", metavar="SOURCE", help="their positions in metres, a line each")
+    add("--fov-deg", metavar="WIDTHxHEIGHT", type=angles, help="of the patterns, for depth maps")
+    add("--taps-about", metavar="YAML", type=Path, help="file of lines like noise_electrons: 40")
     for name in TAPS_ABOUT:
-        group.add_argument(f"--taps-{name.replace('_', '-')}", metavar="X", type=number)
+        add(f"--taps-{name.replace('_', '-')}", metavar="X", type=number)
 
 
 def spots_of(options: argparse.Namespace, source: Source) -> Spots | None:
-    """Readings of the spots as the options tell them; None without ``--taps``."""
+    """Readings of the spots by the options; None without ``--taps``."""
     _check_options(options)
     if options.taps is None:
         return None
@@ -119,8 +112,8 @@ def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeomet
     offsets_deg = options.phase_offsets_deg or [0.0]
     if len(offsets_deg) not in (1, len(options.frequency)):
         raise InputError(
-            f"--phase-offsets-deg has {len(offsets_deg)} numbers, must have one of each of the "
-            f"{len(options.frequency)} frequencies"
+            f"--phase-offsets-deg has {len(offsets_deg)} numbers, must have one per frequency, "
+            f"{len(options.frequency)}"
         )
     return spots_from_taps(
         taps,
@@ -133,7 +126,7 @@ def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeomet
 
 
 def optics_of(options: argparse.Namespace) -> Optics | None:
-    """The projector's angles of view, where they are told."""
+    """The projector's angles of view, if stated."""
     if options.fov_deg is None:
         return None
     wide, high = np.tan(np.radians(options.fov_deg) / 2)
@@ -141,23 +134,23 @@ def optics_of(options: argparse.Namespace) -> Optics | None:
 
 
 def notes_of(options: argparse.Namespace) -> list[str]:
-    """What was taken for granted, as nothing said it."""
+    """Warnings about assumptions."""
     notes = []
     if options.taps is not None and options.directions is None:
         notes.append(
-            "the spots' directions are not told: taken to be straight ahead (--directions SOURCE)"
+            "the spots' directions are not stated: assumed straight ahead (--directions SOURCE)"
         )
     counted = options.taps is None or options.bin_width is not None
     if not counted and "electrons_per_count" not in _about(options):
         notes.append(
-            "electrons_per_count of the taps is not told: taken as 1, on which the ranges' sigma "
-            "rests (--taps-electrons-per-count X)"
+            "electrons_per_count of the taps is not stated: assumed 1, which scales the ranges' "
+            "sigma (--taps-electrons-per-count X)"
         )
     return notes
 
 
 def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
-    reported = {
+    arrays = {
         name: source(where)
         for name, where in (
             ("directions", options.directions),
@@ -165,18 +158,18 @@ def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
         )
         if where is not None
     }
-    return SpotGeometry(**reported)
+    return SpotGeometry(**arrays)
 
 
 def _about(options: argparse.Namespace) -> dict[str, float]:
-    """What is told of the spots' detectors, by a file and by options, which go before."""
+    """Detector properties from a file and from options, which take precedence."""
     about = {} if options.taps_about is None else read_about(options.taps_about, TAPS_ABOUT)
-    reported = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
-    return about | {name: value for name, value in reported.items() if value is not None}
+    given = {name: getattr(options, f"taps_{name}") for name in TAPS_ABOUT}
+    return about | {name: value for name, value in given.items() if value is not None}
 
 
 def _check_options(options: argparse.Namespace) -> None:
-    """Raise InputError for an option that says nothing without others."""
+    """Raise InputError for an option without those it needs."""
     for name, others in NEEDS:
         if getattr(options, name) is not None and all(
             getattr(options, other) is None for other in others

@@ -1,17 +1,17 @@
-"""Results for programs that know nothing of this one: depth images, clouds, poses, ROS 2."""
+"""Exports for other programs: depth images, point clouds, poses, ROS 2."""
 
-from .export import EXPORTS, USUAL, Export, check_export, export_format, write_export
-from .poses import Placed, read_poses
+from .export import DEFAULT_EXPORT, EXPORTS, Export, check_export, export_format, write_export
+from .poses import TimestampedPose, read_poses
 from .shot import Shot
-from .shots import Place, frames_in, shots_of
+from .shots import PoseSource, frames_in, shots_of
 
 __all__ = [
+    "DEFAULT_EXPORT",
     "EXPORTS",
-    "USUAL",
     "Export",
-    "Place",
-    "Placed",
+    "PoseSource",
     "Shot",
+    "TimestampedPose",
     "check_export",
     "export_format",
     "frames_in",

@@ -1,4 +1,4 @@
-"""Formats of other programs by name, and files and folders of them that are whole or not there."""
+"""Export formats by name, and outputs that are written whole or not at all."""
 
 import secrets
 import shutil
@@ -13,29 +13,31 @@ from ..base.folders import locked_name
 from ..base.registry import Registry
 from .shot import Shot
 
-USUAL = "rgbd"
-"""Where the name of the output tells no other."""
+DEFAULT_EXPORT = "rgbd"
+"""Format of outputs without a known extension."""
 KIND = "export"
-"""Of all files, as their marks tell it."""
+"""Kind in the marks of all exported files."""
 MAX_FILES = 1_000_000
-"""In a folder that is looked through."""
+"""Maximum number of files in a folder to replace."""
 
 
-def _nothing() -> None:
-    """There is nothing to check."""
+def _no_requirements() -> None:
+    """Check nothing."""
 
 
 @dataclass(frozen=True)
 class Export:
-    """A format. ``write`` takes shots and writes them into an empty folder or, with a ``suffix``,
-    a new file; InputError where they lack what the format needs. ``check`` raises InputError where
-    a library is missing.
+    """An export format.
+
+    ``write`` writes shots into an empty folder or, with a ``suffix``, a new file; it raises
+    InputError if they lack what the format needs. ``check`` raises InputError if a library is
+    missing.
     """
 
     title: str
     write: Callable[[Iterable[Shot], Path], None]
     suffix: str = ""
-    check: Callable[[], None] = _nothing
+    check: Callable[[], object] = _no_requirements
 
 
 EXPORTS: Registry[Export] = Registry(
@@ -47,30 +49,38 @@ EXPORTS: Registry[Export] = Registry(
 
 
 def export_format(name: str | None, output: Path) -> Export:
-    """The format of this name, or else of the output's ending; InputError where there is none.
+    """Select an export format.
 
-    And where both tell of different ones.
+    Raises InputError if the format is unknown, or contradicts the extension.
+
+    Parameters
+    ----------
+    name : str or None
+        Name of the format; None to derive it from the output's extension.
+    output : Path
+        Folder or file to write.
     """
     by_suffix = {form.suffix: form for _, form in EXPORTS.loadable() if form.suffix}
     if name is not None:
         form = EXPORTS[name]
         if by_suffix.get(output.suffix.lower(), form) is not form:
-            raise InputError(f"{output} has the ending of another format than --format {name}")
+            raise InputError(f"{output} has the extension of another format than --format {name}")
         return form
     if output.suffix.lower() in by_suffix:
         return by_suffix[output.suffix.lower()]
     if output.suffix and not output.is_dir():
         candidate = nearest(output.suffix, [*by_suffix, "none (a folder)"])
-        raise InputError(f"{output}: unknown ending {output.suffix!r} of an export: {candidate}")
-    return EXPORTS[USUAL]
+        raise InputError(f"{output}: unknown export extension {output.suffix!r}: {candidate}")
+    return EXPORTS[DEFAULT_EXPORT]
 
 
 def check_export(
     form: Export, output: Path, inputs: Iterable[Path] = (), *, overwrite: bool = False
 ) -> None:
-    """Raise InputError unless an export can be written, harming neither inputs nor files of others.
+    """Check that an export can be written without harming inputs or files of others.
 
-    An earlier export may be replaced; a folder is only where all that is in it is of one.
+    An earlier export may be replaced, a folder only if it holds nothing else. Raises InputError
+    otherwise.
     """
     form.check()
     if form.suffix:
@@ -80,12 +90,9 @@ def check_export(
 
 
 def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
-    """Raise InputError unless a folder is new, empty, or holds an earlier export and nothing else.
-
-    Nor may it hold any of the ``inputs``.
-    """
-    nameless = folder.name in ("", "..")
-    if nameless or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
+    """Raise InputError unless a folder is new, empty, or an earlier export without ``inputs``."""
+    unnamed = folder.name in ("", "..")
+    if unnamed or folder.is_symlink() or (folder.exists() and not folder.is_dir()):
         raise InputError(f"{folder} is not a folder; the name of a new one is needed")
     require_folder(folder)
     for path in inputs:
@@ -94,14 +101,14 @@ def check_folder(folder: Path, inputs: Iterable[Path] = ()) -> None:
     for number, path in enumerate(sorted(folder.rglob("*")) if folder.exists() else ()):
         ours = path.is_dir() or (path.is_file() and is_marked(path, KIND))
         if path.is_symlink() or not ours or number > MAX_FILES:
-            raise InputError(f"{path} is not of an earlier export; choose an empty folder")
+            raise InputError(f"{path} is not part of an earlier export; choose an empty folder")
 
 
 def write_export(form: Export, shots: Iterable[Shot], output: Path) -> None:
     """Write shots under a temporary name, then in place of an earlier export.
 
-    Raises InputError, as the format does, and where there is no shot; OSError where it cannot be
-    written. Then, and when interrupted, an earlier export stays as it is.
+    An earlier export survives errors and interrupts. Raises InputError, as the format does and if
+    there is no shot, and OSError if the output cannot be written.
     """
     with_stage(output, lambda stage: form.write(shots, stage), folder=not form.suffix)
 
@@ -109,7 +116,7 @@ def write_export(form: Export, shots: Iterable[Shot], output: Path) -> None:
 def with_stage(output: Path, write: Callable[[Path], None], *, folder: bool) -> None:
     """Let ``write`` make a file or fill a folder under a temporary name, then rename it.
 
-    Raises InputError where another process does so under the same name.
+    Raises InputError if another process is writing the same output.
     """
     output = Path(output)
     stage = output.with_name(f".{output.name}.{secrets.token_hex(4)}.tmp")

@@ -1,4 +1,4 @@
-"""MCAP files (mcap.dev) of messages of ROS 2, as rosbag2 plays them."""
+"""MCAP files (mcap.dev) of ROS 2 messages, as rosbag2 plays them."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,7 +12,7 @@ from .export import KIND
 from .ros import Message, frame_messages, map_messages, static_messages
 from .shot import Shot
 
-LATCHED = """- history: keep_last
+LATCHED_QOS = """- history: keep_last
   depth: 1
   reliability: reliable
   durability: transient_local
@@ -22,10 +22,10 @@ LATCHED = """- history: keep_last
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
-"""How rosbag2 is told to publish for those too that come later."""
+"""Quality of service with which rosbag2 also serves late subscribers."""
 MAP_PERIOD_NS = 95_000_000
 """Minimum time between frames whose image, depth map and cloud are written: ten a second, with room
-for jitter. Noise does not compress: those of every frame would take 10 MB a second."""
+for jitter. Noise does not compress; all frames would take 10 MB a second."""
 MISSING = (
     "MCAP files need mcap, zstandard and rosbags ({name} is missing): "
     "pip install './reconstruction[ros]' or 'spisim[ros]'"
@@ -33,7 +33,7 @@ MISSING = (
 
 
 class Libraries(NamedTuple):
-    """What writes the container, and what knows and encodes messages."""
+    """Writer of the container, its compression, and message types."""
 
     writer: Any
     compression: Any
@@ -41,9 +41,9 @@ class Libraries(NamedTuple):
 
 
 def libraries() -> Libraries:
-    """The libraries; InputError where they are not installed."""
+    """Import the libraries; raises InputError if they are not installed."""
     try:
-        import zstandard  # noqa: F401 -- with which the writer compresses
+        import zstandard  # noqa: F401 -- used by the writer
         from mcap.writer import CompressionType, Writer
         from rosbags.typesys import Stores, get_typestore
     except ModuleNotFoundError as error:
@@ -51,16 +51,10 @@ def libraries() -> Libraries:
     return Libraries(Writer, CompressionType.ZSTD, get_typestore(Stores.ROS2_JAZZY))
 
 
-def check_libraries() -> None:
-    """Raise InputError where they are not installed."""
-    libraries()
-
-
 class McapFile:
-    """A file that is written message by message; definitions of their types go along.
+    """A file written message by message, with the definitions of ROS 2 Jazzy.
 
-    Types are those of ROS 2 Jazzy. Raises InputError without the libraries, OSError where the file
-    cannot be written.
+    Raises InputError without the libraries, OSError if the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,12 +64,12 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._channels: dict[str, int] = {}
         self._sequence: dict[str, int] = {}
-        self._map_ns: int | None = None  # stamp of the last frame with its maps
+        self._map_ns: int | None = None  # stamp of the last frame with maps
         self._writer.start(profile="ros2", library="spisim")
         self._writer.add_metadata(mark(KIND), {})
 
     def write_frame(self, shot: Shot, log_ns: int, *, begins: bool) -> None:
-        """Add the messages of a frame; of one that begins a recording its static ones too.
+        """Write the messages of a frame, and at the beginning of a recording its static ones.
 
         Image, depth map and cloud are left out within `MAP_PERIOD_NS` of the last ones, unless a
         recording begins.
@@ -89,7 +83,7 @@ class McapFile:
             self._map_ns = shot.stamp_ns
 
     def write(self, messages: Iterable[Message], log_ns: int) -> None:
-        """Add messages that came at a time, in nanoseconds since 1970 or since the beginning."""
+        """Write messages received at a time, in nanoseconds since 1970 or since the beginning."""
         for message in messages:
             channel = self._channel(message)
             sequence = self._sequence[message.topic] = self._sequence.get(message.topic, -1) + 1
@@ -98,7 +92,7 @@ class McapFile:
             self._writer.add_message(channel, log_ns, data, log_ns, sequence)
 
     def close(self) -> None:
-        """Write the index, and close it."""
+        """Write the index and close the file."""
         if not self._file.closed:
             try:
                 self._writer.finish()
@@ -112,27 +106,27 @@ class McapFile:
             self._schemas[message.type] = schema
         if message.topic not in self._channels:
             schema = self._schemas[message.type]
-            quality = {"offered_qos_profiles": LATCHED if message.latched else ""}
+            quality = {"offered_qos_profiles": LATCHED_QOS if message.latched else ""}
             channel = self._writer.register_channel(message.topic, "cdr", schema, quality)
             self._channels[message.topic] = channel
         return self._channels[message.topic]
 
 
 def _made(types: Any, kind: str, fields: Mapping[str, Any]) -> Any:
-    """A message of the library's own classes."""
+    """Build a message of the library's classes."""
     _, definitions = types.fielddefs[kind]
     values = {name: _value(types, kind, fields[name]) for name, kind in definitions}
     return types.types[kind](**values)
 
 
 def _value(types: Any, definition: Any, value: Any) -> Any:
-    """A field; its definition is (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
-    node, reported = int(definition[0]), definition[1]
+    """Build a field, defined by (1, (base, _)), (2, name), or (3 or 4, (definition, length))."""
+    node, detail = int(definition[0]), definition[1]
     if node == 1:
         return value
     if node == 2:
-        return _made(types, reported, value)
-    inner = reported[0]
+        return _made(types, detail, value)
+    inner = detail[0]
     if int(inner[0]) == 2:
         return [_made(types, inner[1], each) for each in value]
     if isinstance(value, bytes):

@@ -11,33 +11,33 @@ from ..base.errors import InputError
 
 COLUMNS = ("timestamp", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
 UNIT_TOLERANCE = 0.01
-"""Quaternions may be off unit length by rounding."""
-LARGEST = 1e10
-"""Of all numbers; times may count from 1970."""
+"""Tolerance of a quaternion's length, for rounding."""
+MAX_MAGNITUDE = 1e10
+"""Maximum magnitude of all numbers; times may count from 1970."""
 MAX_BYTES = 2**28
 
 OPTICAL_IN_BODY = np.array([[0.0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
-"""The optical frame (right, down, forward) in a body's (forward, left, up; ROS REP 103)."""
+"""The optical frame (right, down, forward) in the body's (forward, left, up; ROS REP 103)."""
 
 
-class Placed(NamedTuple):
-    """When, if known, and where a frame was taken: ``pose`` (4, 4) is world from optical frame."""
+class TimestampedPose(NamedTuple):
+    """Time of a frame, if known, and its pose (4, 4), from the optical frame to the world."""
 
     time_s: float | None
     pose: Floats
 
 
-def read_poses(path: Path) -> list[Placed]:
-    """Poses of the optical frame, in the format of the TUM RGB-D benchmark.
+def read_poses(path: Path) -> list[TimestampedPose]:
+    """Read poses of the optical frame in the format of the TUM RGB-D benchmark.
 
-    Lines ``timestamp tx ty tz qx qy qz qw``; those that begin with # are comments. Raises
-    InputError, naming file and line, for what is no such line, and times that do not rise.
+    Lines are ``timestamp tx ty tz qx qy qz qw``, or comments that begin with #. Raises InputError,
+    naming file and line, for other lines and times that do not rise.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file of poses")
     if path.stat().st_size > MAX_BYTES:
         raise InputError(f"{path}: {path.stat().st_size} bytes; at most {MAX_BYTES} of poses")
-    placed: list[Placed] = []
+    poses: list[TimestampedPose] = []
     last_s = -math.inf
     text = path.read_text(encoding="utf-8", errors="replace")
     for number, line in enumerate(text.splitlines(), 1):
@@ -46,12 +46,12 @@ def read_poses(path: Path) -> list[Placed]:
         time_s, pose = _row(f"{path}, line {number}", line.split())
         if time_s <= last_s:
             raise InputError(
-                f"{path}, line {number}: time {time_s:.15g} should be later than the one before, "
+                f"{path}, line {number}: time {time_s:.15g} must be later than the one before, "
                 f"{last_s:.15g}"
             )
         last_s = time_s
-        placed.append(Placed(time_s, pose))
-    return placed
+        poses.append(TimestampedPose(time_s, pose))
+    return poses
 
 
 def _row(where: str, words: list[str]) -> tuple[float, Floats]:
@@ -65,15 +65,15 @@ def _row(where: str, words: list[str]) -> tuple[float, Floats]:
             number = float(word)
         except ValueError:
             number = math.nan
-        if not abs(number) <= LARGEST:
+        if not abs(number) <= MAX_MAGNITUDE:
             raise InputError(
-                f"{where}: {name} should be a number within ±{LARGEST:g}; found {word[:80]!r}"
+                f"{where}: {name} must be a number within ±{MAX_MAGNITUDE:g}; found {word[:80]!r}"
             )
         numbers.append(number)
     quaternion = np.array(numbers[4:])
     length = float(np.linalg.norm(quaternion))
     if abs(length - 1) > UNIT_TOLERANCE:
-        raise InputError(f"{where}: qx qy qz qw should be of length 1, not {length:.4g}")
+        raise InputError(f"{where}: qx qy qz qw must have length 1, not {length:.4g}")
     pose = np.eye(4)
     pose[:3, :3] = rotation(quaternion / length)
     pose[:3, 3] = numbers[1:4]
@@ -93,10 +93,10 @@ def rotation(quaternion: Floats) -> Floats:
 
 
 def quaternion_of(matrix: Floats) -> Floats:
-    """Unit quaternion x, y, z, w, with w not negative, of a rotation (3, 3).
+    """Unit quaternion x, y, z, w of a rotation (3, 3), with w not negative.
 
-    By the largest of its four squared components, so that none is a small difference of large
-    numbers (Shepperd, J. Guid. Control 1, 223 (1978)).
+    Computed from the largest squared component, which avoids cancellation (Shepperd, J. Guid.
+    Control 1, 223 (1978)).
     """
     trace = np.trace(matrix)
     squares = np.array([*np.diag(matrix), trace])

@@ -1,4 +1,4 @@
-"""Results that were written, as shots."""
+"""Result files as shots."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -14,11 +14,9 @@ from ..outputs.result_file import FORMAT, read_result
 from ..result import Result
 from .shot import Shot
 
-GROUPS = {"image": "images", "ranging": "rangings", "depth": "depths"}
-
 
 def is_result(path: Path) -> bool:
-    """Whether a file says that it is a result."""
+    """Whether a file declares itself a result."""
     if not path.is_file():
         return False
     with suppress(InputError), hdf5.surveyed(path) as (file, datasets):
@@ -27,19 +25,15 @@ def is_result(path: Path) -> bool:
 
 
 def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> Shot:
-    """What a result shows, by the first method named of each station, else by its default one.
+    """Shot of a result file, with the first method named per station, else its default one.
 
-    It tells neither where its spots point nor when it was taken: its ranges are left out. Raises
-    InputError, naming the file, for what is damaged or lacks a method.
+    Ranges are left out, as the file has neither directions of its spots nor a time. Raises
+    InputError, naming the file, if it is damaged or lacks a method.
     """
     result = read_result(path)
-    picked = {
-        station: _picked(getattr(result, group), methods.get(station), station, path)
-        for station, group in GROUPS.items()
-        if station != "ranging"
-    }
-    return Shot(stamp_ns, picked["image"], picked["depth"], _optics(result),
-                warnings=result.warnings)  # fmt: skip
+    image = _picked(result.images, methods.get("image"), "image", path)
+    depth_m = _picked(result.depths, methods.get("depth"), "depth", path)
+    return Shot(stamp_ns, image, depth_m, _optics(result), warnings=result.warnings)
 
 
 def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> Any:
@@ -52,7 +46,7 @@ def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> 
 
 
 def _optics(result: Result) -> Optics | None:
-    """Tangents of the half angles, of the lengths of the pixels' rays, √(1 + x² + y²)."""
+    """Half-angle tangents from the lengths of the pixels' rays, √(1 + x² + y²)."""
     if result.range_over_depth is None:
         return None
     height, width = result.range_over_depth.shape
@@ -60,8 +54,8 @@ def _optics(result: Result) -> Optics | None:
     v = (2 * np.arange(height) + 1 - height) / height
     squares = np.stack(np.meshgrid(u**2, v**2), axis=-1).reshape(-1, 2)
     lengths = np.asarray(result.range_over_depth, float).ravel()
-    outcome = np.linalg.lstsq(squares, lengths**2 - 1, rcond=None)[0]
-    across, down = (float(np.sqrt(value)) if value > 0 else 0.0 for value in outcome)
+    solution = np.linalg.lstsq(squares, lengths**2 - 1, rcond=None)[0]
+    across, down = (float(np.sqrt(value)) if value > 0 else 0.0 for value in solution)
     if not (across > 0 or down > 0):
         return None
     return Optics(across or down, down or across)

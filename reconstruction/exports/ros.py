@@ -1,9 +1,9 @@
-"""Shots as messages of ROS 2, in plain words: nested mappings, for whatever sends or stores them.
+"""Shots as ROS 2 messages: nested mappings, for any sender or store.
 
-Frames are those of REP 103 (x forward, y left, z up; optical ones x right, y down, z forward) and
-REP 105: map, odom, base_link where poses are known, and from base_link on camera_link,
-camera_optical_frame, and spot_0 to spot_3, along whose x axes the ranges are. Depth images are as
-REP 118 says: 32FC1, metres along the optical axis, nan where there is none.
+Frames follow REP 103 (x forward, y left, z up; optical ones x right, y down, z forward) and REP
+105: map, odom, base_link if poses are known, and from base_link on camera_link,
+camera_optical_frame, and spot_0 to spot_3, whose x axes are the directions of the ranges. Depth
+images follow REP 118: 32FC1, metres along the optical axis, nan if unknown.
 """
 
 from collections.abc import Iterator, Mapping
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..ranging import RANGED
-from .clouds import POINT, organised
+from .pictures import POINT, organised
 from .poses import OPTICAL_IN_BODY, quaternion_of
 from .shot import Shot
 
@@ -26,16 +26,16 @@ FLOAT32 = 7
 OK, WARN, ERROR, STALE = range(4)
 """level of diagnostic_msgs/DiagnosticStatus."""
 BEAM_SIGMAS = 4.0
-"""The full width of a Gaussian beam to 1/e² of its peak, in standard deviations."""
-AMISS = (
+"""Full width of a Gaussian beam at 1/e² of its peak, in standard deviations."""
+FAULT_COUNTS = (
     *("lost", "late", "corrupted", "refused", "strangers", "dropped", "failed"),
     *("method_failures", "sink_failures"),
 )
-"""Counts of a stream that had better not rise."""
+"""Counts of a stream that should not rise."""
 
 
 class Message(NamedTuple):
-    """A message on a topic; one that is ``latched`` is for those too that come later."""
+    """A message on a topic; a ``latched`` one also reaches late subscribers."""
 
     topic: str
     type: str
@@ -44,21 +44,21 @@ class Message(NamedTuple):
 
 
 def static_messages(shot: Shot) -> Iterator[Message]:
-    """Where camera and spots are on the drone, which is the same for all frames of a recording."""
+    """Poses of camera and spots on the drone, constant within a recording."""
     frames = [
         _transform(shot.stamp_ns, BASE, CAMERA, np.eye(4)),
         _transform(shot.stamp_ns, CAMERA, OPTICAL, OPTICAL_IN_BODY),
     ]
     if shot.spots is not None:
         frames += [
-            _transform(shot.stamp_ns, OPTICAL, spot_frame(k), along(direction))
+            _transform(shot.stamp_ns, OPTICAL, f"spot_{k}", along(direction))
             for k, direction in enumerate(shot.spots.directions)
         ]
     yield Message("/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}, latched=True)
 
 
 def frame_messages(shot: Shot) -> Iterator[Message]:
-    """What a frame says in numbers: poses, ranges, diagnostics."""
+    """Numbers of a frame: pose, ranges, diagnostics."""
     if shot.pose is not None:
         body = shot.pose @ OPTICAL_IN_BODY.T
         frames = [
@@ -73,7 +73,7 @@ def frame_messages(shot: Shot) -> Iterator[Message]:
 
 
 def map_messages(shot: Shot) -> Iterator[Message]:
-    """What a frame shows pixel by pixel: image, depth map, cloud, and the camera they are of."""
+    """Maps of a frame: image, depth map, cloud, and their camera."""
     yield Message("/camera/image", "sensor_msgs/msg/Image", _image(shot, shot.image))
     if shot.optics is not None:
         info = _camera_info(shot)
@@ -88,22 +88,17 @@ def map_messages(shot: Shot) -> Iterator[Message]:
 def state_message(
     stamp_ns: int, numbers: Mapping[str, Any], before: Mapping[str, Any] | None
 ) -> Message:
-    """How a stream is, by the names of `reconstruction.live.State`, now and ``before``."""
+    """State of a stream, by the names of `reconstruction.live.State`, now and ``before``."""
     risen = [
-        name for name in AMISS if numbers[name] > (0 if before is None else before[name])
+        name for name in FAULT_COUNTS if numbers[name] > (0 if before is None else before[name])
     ]  # fmt: skip
-    level, reported = OK, "frames come"
+    level, text = OK, "frames come"
     if risen or numbers["trouble"]:
-        level, reported = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
+        level, text = WARN, numbers["trouble"] or f"more frames are {', '.join(risen)}"
     if not np.isfinite(numbers["age_s"]):
-        level, reported = STALE, numbers["trouble"] or "no frame yet"
+        level, text = STALE, numbers["trouble"] or "no frame yet"
     values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
-    return _diagnostics(stamp_ns, _status("spisim: stream", level, reported, values))
-
-
-def spot_frame(number: int) -> str:
-    """Name of the frame of a spot."""
-    return f"spot_{number}"
+    return _diagnostics(stamp_ns, _status("spisim: stream", level, text, values))
 
 
 def along(direction: Floats) -> Floats:
@@ -122,7 +117,7 @@ def _header(stamp_ns: int, frame: str) -> dict[str, Any]:
 
 
 def _transform(stamp_ns: int, parent: str, child: str, pose: Floats) -> dict[str, Any]:
-    """The child's pose (4, 4) in the parent."""
+    """Pose (4, 4) of the child in the parent."""
     translation = dict(zip("xyz", pose[:3, 3].tolist(), strict=True))
     rotation = dict(zip("xyzw", quaternion_of(pose[:3, :3]).tolist(), strict=True))
     return {
@@ -184,9 +179,9 @@ def _cloud(shot: Shot) -> dict[str, Any]:
 
 
 def _range(shot: Shot, spot: int) -> dict[str, Any]:
-    """Of a spot that has none nan, for no signal in fog is no free way (cf. REP 117).
+    """Range message of a spot: nan without a range, as no signal in fog does not mean free space.
 
-    Too close is -inf; a variance of 0 is one that is not known.
+    "too close" is -inf (cf. REP 117); a variance of 0 means unknown.
     """
     assert shot.ranges is not None
     status = shot.ranges.status[spot]
@@ -197,7 +192,7 @@ def _range(shot: Shot, spot: int) -> dict[str, Any]:
         range_m = -np.inf
     divergence = np.nan if shot.spots is None else shot.spots.beam_divergence_rad
     return {
-        "header": _header(shot.stamp_ns, spot_frame(spot)),
+        "header": _header(shot.stamp_ns, f"spot_{spot}"),
         "radiation_type": INFRARED,
         "field_of_view": float(BEAM_SIGMAS * divergence) if np.isfinite(divergence) else 0.0,
         "min_range": 0.0,
@@ -208,13 +203,13 @@ def _range(shot: Shot, spot: int) -> dict[str, Any]:
 
 
 def ranging_status(shot: Shot) -> dict[str, Any]:
-    """Which spots have a range and why the others have none; fog; what else is to be known."""
+    """Diagnostics of the ranging: status of the spots, fog, warnings."""
     values: dict[str, str] = {}
     level, message = OK, "no time of flight"
     if shot.ranges is not None:
-        seen = int(shot.ranges.valid.sum())
-        message = f"{seen} of {len(shot.ranges.status)} spots have a range"
-        level = OK if seen == len(shot.ranges.status) else WARN if seen else ERROR
+        ranged = int(shot.ranges.valid.sum())
+        message = f"{ranged} of {len(shot.ranges.status)} spots have a range"
+        level = OK if ranged == len(shot.ranges.status) else WARN if ranged else ERROR
         values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}
         if shot.ranges.fog is not None:
             values["fog: extinction, 1/m"] = f"{shot.ranges.fog.extinction_per_m:.6g}"
@@ -224,11 +219,11 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
     return _status("spisim: ranging", level, message, values)
 
 
-def _status(name: str, level: int, reported: str, values: Mapping[str, str]) -> dict[str, Any]:
+def _status(name: str, level: int, text: str, values: Mapping[str, str]) -> dict[str, Any]:
     return {
         "level": level,
         "name": name,
-        "message": reported,
+        "message": text,
         "hardware_id": "spisim",
         "values": [{"key": key, "value": value} for key, value in values.items()],
     }

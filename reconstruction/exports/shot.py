@@ -1,4 +1,4 @@
-"""One frame as other programs take it."""
+"""A frame as export formats need it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from ..result import Result
 
 
 class Intrinsics(NamedTuple):
-    """Of a pinhole camera in pixels, (0, 0) being the centre of the first one, as OpenCV has it."""
+    """Pinhole camera in pixels; (0, 0) is the centre of the first, as in OpenCV."""
 
     fx: float
     fy: float
@@ -25,7 +25,7 @@ class Intrinsics(NamedTuple):
 
     @classmethod
     def of(cls, optics: Optics, shape: tuple[int, int]) -> Self:
-        """Of the projector, as whose camera the pixels (rows, columns) are seen."""
+        """Intrinsics of the projector, treated as a camera of ``shape`` (rows, columns)."""
         height, width = shape
         return cls(
             fx=width / (2 * optics.tan_half_width),
@@ -36,18 +36,17 @@ class Intrinsics(NamedTuple):
 
     @property
     def matrix(self) -> Floats:
-        """(3, 3), from directions to pixels (column, row, 1)."""
+        """Matrix (3, 3) from directions to pixels (column, row, 1)."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1.0]])
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """What one frame shows, and from where.
+    """A frame with its image, depth and pose.
 
-    ``image`` (H, W) in any unit; ``depth_m`` (H, W) along the optical axis, nan where there is
-    none; ``stamp_ns`` of any clock; ``pose`` (4, 4) takes the optical frame (x right, y down, z
-    forward) to the world (z up), None where it is not known. ``ranges`` of the four ``spots``, with
-    time of flight.
+    ``image`` (H, W) in any unit; ``depth_m`` (H, W) along the optical axis, nan if unknown;
+    ``stamp_ns`` of any clock; ``pose`` (4, 4) takes the optical frame (x right, y down, z forward)
+    to the world (z up), None if unknown. ``ranges`` belong to the four ``spots`` of time of flight.
     """
 
     stamp_ns: int
@@ -61,7 +60,7 @@ class Shot:
 
     @classmethod
     def of(cls, result: Result, setup: Setup, stamp_ns: int, pose: Floats | None = None) -> Self:
-        """What the default methods found in a frame of a recording."""
+        """Shot of the default methods of a result."""
         return cls(
             stamp_ns=stamp_ns,
             image=result.image,
@@ -81,24 +80,24 @@ class Shot:
 
     @property
     def stamp_s(self) -> float:
-        """The same in seconds."""
+        """Time stamp in seconds."""
         return self.stamp_ns / 1e9
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Of the projector, as whose camera the pixels are seen; InputError if not known."""
+        """Intrinsics of the projector; raises InputError if unknown."""
         return Intrinsics.of(self.complete_optics, self.shape)
 
     @property
     def complete_optics(self) -> Optics:
-        """The optics; InputError where the capture does not tell them."""
+        """The optics; raises InputError if unknown."""
         if self.optics is None:
-            raise InputError("the capture tells no optics, without which there is no camera")
+            raise InputError("the capture states no optics, which the camera model needs")
         return self.optics
 
     @property
     def points_m(self) -> Floats:
-        """(H, W, 3) in the optical frame, nan where there is no depth."""
+        """Points (H, W, 3) in the optical frame, nan without depth."""
         depth_m: NDArray[Any] = np.full(self.shape, np.nan)
         if self.depth_m is not None:
             depth_m = self.depth_m

@@ -13,19 +13,19 @@ from ..base.errors import InputError, naming
 from ..capture import CaptureFile, open_capture
 from ..chosen_methods import Names
 from ..reconstructor import Reconstructor
-from .poses import Placed
+from .poses import TimestampedPose
 from .results import is_result, shot_of_result
 from .shot import Shot
 
-Place = Callable[[CaptureFile | None, int], Placed | None]
-"""When and where a frame of a capture, or a result, was taken; None: not known."""
+PoseSource = Callable[[CaptureFile | None, int], TimestampedPose | None]
+"""Time and pose of a frame of a capture, or of a result; None if unknown."""
 
 UNKNOWN_PERIOD_S = 1.0
-"""Between frames of which nobody knows when they were recorded."""
+"""Period of frames without known times."""
 
 
 def frames_in(captures: Sequence[Path]) -> int:
-    """How many frames captures and results have altogether; InputError for what is neither."""
+    """Number of frames in captures and results; raises InputError for other files."""
     frames = 0
     for path in captures:
         if is_result(path):
@@ -38,43 +38,53 @@ def frames_in(captures: Sequence[Path]) -> int:
 
 def shots_of(
     captures: Sequence[Path],
-    position: Place = lambda capture, frame: None,
+    pose_source: PoseSource = lambda capture, frame: None,
     methods: Mapping[str, Names] | None = None,
     weather: str | float | None = None,
 ) -> Iterator[Shot]:
-    """Reconstruct all frames of captures, by methods and with the weather of a `Reconstructor`.
+    """Reconstruct all frames of captures.
 
-    Results are taken as they are, a second apart.
+    Raises InputError, which names the capture that cannot be reconstructed.
 
-    Times are those of ``position``, or else of the middle of each frame, counted from when its
-    capture was made (from 1970 where it does not tell); no capture begins before the last one ends.
-    Raises InputError, naming the capture, for what cannot be reconstructed.
+    Parameters
+    ----------
+    captures : sequence of Path
+        Captures, or results, which are taken as they are, a second apart.
+    pose_source : callable
+        Time and pose by capture, None for a result, and frame number. Without a time, a frame has
+        that of its middle, counted from the creation of its capture (or from 1970); captures do not
+        overlap.
+    methods : mapping, optional
+        Methods of each station, as for a `Reconstructor`.
+    weather : str or float, optional
+        Stated weather, as for a `Reconstructor`.
     """
     next_ns = 0
     for path in captures:
         if is_result(path):
             if weather is not None:
-                raise InputError(f"{path} holds a result; a stated weather goes with captures")
-            placed = position(None, 0)
+                raise InputError(f"{path} is a result; a stated weather needs captures")
+            known = pose_source(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
-            if placed is not None and placed.time_s is not None:
-                stamp_ns = round(1e9 * placed.time_s)
+            if known is not None and known.time_s is not None:
+                stamp_ns = round(1e9 * known.time_s)
             shot = shot_of_result(path, stamp_ns, methods or {})
-            yield replace(shot, pose=None if placed is None else placed.pose)
+            yield replace(shot, pose=None if known is None else known.pose)
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
-            chosen = dict[str, Any](methods or {}, weather=weather)
-            reconstruct = Reconstructor(capture.setup, **chosen)
+            reconstruct = Reconstructor(
+                capture.setup, **dict[str, Any](methods or {}), weather=weather
+            )
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):
-                placed = position(capture, number)
+                known = pose_source(capture, number)
                 stamp_ns = begun_ns + number * period_ns + period_ns // 2
-                if placed is not None and placed.time_s is not None:
-                    stamp_ns = round(1e9 * placed.time_s)
+                if known is not None and known.time_s is not None:
+                    stamp_ns = round(1e9 * known.time_s)
                 result = reconstruct(capture.frame(number))
-                pose = None if placed is None else placed.pose
+                pose = None if known is None else known.pose
                 yield Shot.of(result, capture.setup, stamp_ns, pose)
                 next_ns = stamp_ns + period_ns // 2
 

@@ -1,4 +1,4 @@
-"""Frames as they come, from a rig or a file, and results as they go (docs/live.md)."""
+"""Live streams: frames from a rig or a file, and results as they come (docs/live.md)."""
 
 from .counts import Counts
 from .framing import Kind, Message, Parser, pack

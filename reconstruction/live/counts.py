@@ -1,4 +1,4 @@
-"""What has become of the frames of a stream, and how long they took."""
+"""Counts of a stream's frames, and their latencies."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -6,23 +6,22 @@ from dataclasses import dataclass
 import numpy as np
 
 ROLLING = 1024
-"""Frames whose latencies are looked at."""
+"""Number of latest frames in the latencies."""
 
 
 @dataclass
 class Counts:
     """Numbers since the beginning.
 
-    Frames are ``received`` whole and in turn; ``lost`` are those that were not there in time, of
-    which ``late`` ones came after all (and are then no longer lost); ``reordered`` ones came after
-    a later one and were put in turn; ``duplicated`` ones came again; ``corrupted`` ones have a
-    payload that is not what its checksum says; ``refused`` ones, and setups, cannot be used; of
-    ``strangers`` the setup is not known. ``dropped`` were too many for this machine, ``failed``
-    have no result. In other frames there were ``method_failures``, and their results lack what
-    these methods tell; ``sink_failures`` are frames, results and states that a sink has not taken.
-    ``discarded_bytes`` belong to no sound message, ``ignored_bytes`` came from others than who is
-    heard; ``given_up`` messages began and did not come on; ``foreign`` ones are of another version;
-    ``restarts`` of the sender and ``connections`` to it.
+    Frames are ``received`` whole and in order; ``lost`` if they did not come in time, of which
+    ``late`` ones came after all (and are no longer lost); ``reordered`` came after a later one;
+    ``duplicated`` came twice; ``corrupted`` fail their checksum; ``refused`` ones, and setups, are
+    invalid; ``strangers`` have an unknown setup; ``dropped`` were too many for this machine;
+    ``failed`` have no result. ``method_failures`` are frames whose results lack those of a method,
+    ``sink_failures`` frames, results and states that a sink did not take. ``discarded_bytes``
+    belong to no sound message, ``ignored_bytes`` came from other senders; ``given_up`` messages
+    began but did not end; ``foreign`` ones have another version; ``restarts`` of the sender and
+    ``connections`` to it.
     """
 
     received: int = 0
@@ -53,9 +52,9 @@ class Latencies:
         self._seconds: deque[float] = deque(maxlen=ROLLING)
 
     def add(self, seconds: float) -> None:
-        """Of one more frame."""
+        """Add a frame."""
         self._seconds.append(seconds)
 
     def percentile(self, fraction: float) -> float:
-        """Seconds that so many per cent of the frames stay below; nan without any."""
+        """Percentile in seconds; nan without frames."""
         return float(np.percentile(self._seconds, fraction)) if self._seconds else float("nan")

@@ -1,4 +1,4 @@
-"""The window of a live stream: reads results in the framing from its standard input."""
+"""Window of a live stream, which reads results from its standard input."""
 
 import os
 import select
@@ -16,21 +16,21 @@ from .tables import Value, unpacked
 
 EVERY_S = 0.05
 OLD_S = 0.5
-"""From this age on a result is shown as old."""
+"""Age from which on a result is faded."""
 ASKED = "use --to FOLDER, or --to tcp-listen://:5801 and look from another machine"
 
 
 def main() -> int:
-    """Draw what comes, until it ends or the window is closed."""
+    """Draw results until they end or the window is closed."""
     try:
         import matplotlib as mpl
     except ModuleNotFoundError:
         print(
-            f"it needs Matplotlib: pip install './reconstruction[window]', or {ASKED}", flush=True
+            f"Matplotlib is missing: pip install './reconstruction[window]', or {ASKED}", flush=True
         )
         return 2
     if mpl.get_backend().lower() == "agg":
-        print(f"there is no display to open it on; {ASKED}", flush=True)
+        print(f"there is no display; {ASKED}", flush=True)
         return 2
     try:
         from matplotlib import pyplot as plt
@@ -51,12 +51,12 @@ def main() -> int:
 
 
 def printable_line(error: Exception) -> str:
-    """What went wrong in one line."""
+    """Error message on one line."""
     return " ".join(str(error).split()) or type(error).__name__
 
 
 class Incoming:
-    """The latest result and state that came in."""
+    """The latest result and state received."""
 
     def __init__(self, descriptor: int = 0) -> None:
         self.result: dict[str, Value] = {}
@@ -69,11 +69,11 @@ class Incoming:
 
     @property
     def age_s(self) -> float:
-        """Since the latest result came."""
+        """Seconds since the latest result."""
         return time.monotonic() - self._came_s
 
     def look(self, timeout_s: float) -> None:
-        """Take what is there, waiting for it a moment."""
+        """Take available bytes, waiting up to ``timeout_s``."""
         while not self.over and select.select([self._descriptor], [], [], timeout_s)[0]:
             content = os.read(self._descriptor, 2**16)
             self.over = not content
@@ -81,7 +81,7 @@ class Incoming:
             timeout_s = 0.0
 
     def take(self, content: bytes) -> None:
-        """Take some bytes."""
+        """Take bytes."""
         for message in self._parser.feed(content):
             if message.payload is not None and message.kind == Kind.RESULT:
                 self.result, self.frame = unpacked(message.payload), message.number
@@ -91,7 +91,7 @@ class Incoming:
 
 
 class Window:
-    """Image and depth map side by side, with the ranges and the state of the stream."""
+    """Image and depth map side by side, with ranges and state of the stream."""
 
     def __init__(self, figure: Any) -> None:
         self.figure = figure
@@ -101,18 +101,18 @@ class Window:
         for axis, title in zip(axes, ("image", "depth / m"), strict=True):
             axis.set_title(title)
             axis.set_axis_off()
-        self._reported = figure.text(0.02, 0.02, "waiting for a frame", family="monospace")
+        self._text = figure.text(0.02, 0.02, "waiting for a frame", family="monospace")
 
     def show(self, source: Incoming) -> None:
-        """Draw the latest result and how old it is."""
+        """Draw the latest result and its age."""
         for name, axis in self._axes.items():
             if name in source.result:
                 self._draw(name, axis, source.result[name])
         old = source.age_s > OLD_S
-        for displayed in self._maps.values():
-            displayed.set_alpha(0.4 if old else 1.0)
-        self._reported.set_color("crimson" if old else "black")
-        self._reported.set_text("\n".join(reported(source)))
+        for artist in self._maps.values():
+            artist.set_alpha(0.4 if old else 1.0)
+        self._text.set_color("crimson" if old else "black")
+        self._text.set_text("\n".join(status_lines(source)))
 
     def _draw(self, name: str, axis: Any, values: Value) -> None:
         finite = values[np.isfinite(values)]
@@ -129,7 +129,7 @@ class Window:
         self._maps[name].set_clim(low, max(high, low + 1e-9))
 
 
-def reported(source: Incoming) -> list[str]:
+def status_lines(source: Incoming) -> list[str]:
     """Lines of text: ranges, age, counts."""
     lines = []
     if "range_m" in source.result:

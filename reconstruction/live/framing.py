@@ -1,4 +1,4 @@
-"""Messages in a stream of bytes (docs/live.md): packed, and found again among garbage."""
+"""Messages in a stream of bytes (docs/live.md): packed, and found among garbage."""
 
 import struct
 import zlib
@@ -15,11 +15,11 @@ HEADER = struct.Struct("<4sBBHIIQII")
 CRC = struct.Struct("<I")
 MAX_PAYLOAD_BYTES = 2**24
 MAX_BEGUN = 16
-"""Headers that are followed at a time, one within what the other announces."""
+"""Maximum number of nested headers that are followed at once."""
 
 
 class Kind(IntEnum):
-    """What a message is."""
+    """Kind of a message."""
 
     SETUP = 1
     FRAME = 2
@@ -30,9 +30,9 @@ class Kind(IntEnum):
 
 
 class Message(NamedTuple):
-    """One message; its ``payload`` is None where it is damaged, or of another version.
+    """A message; ``payload`` is None if it is damaged or of another version.
 
-    ``run`` tells starts of the sender apart, ``number`` counts its frames, ``time_ns`` is its
+    ``run`` identifies the start of the sender, ``number`` counts its frames, ``time_ns`` is its
     clock, ``setup`` the CRC-32 of the setup's payload.
     """
 
@@ -46,31 +46,30 @@ class Message(NamedTuple):
 
 
 def pack(message: Message) -> bytes:
-    """The bytes of a message. Raises InputError for one that is too long."""
+    """Encode a message; raises InputError if its payload exceeds MAX_PAYLOAD_BYTES."""
     payload = message.payload or b""
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise InputError(
-            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: fewer pixels, or "
-            "fewer readings of each frame"
+            f"a message of {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES}: use fewer pixels, "
+            "or fewer readings per frame"
         )
     return b"".join((header(message, len(payload)), payload, CRC.pack(zlib.crc32(payload))))
 
 
 def header(message: Message, length: int) -> bytes:
-    """The header of a message whose payload has so many bytes."""
-    reported = (message.run, message.number, length, message.time_ns, message.setup)
-    head = HEADER.pack(MAGIC, message.version, message.kind, *reported, 0)[: -CRC.size]
+    """Header of a message with a payload of so many bytes."""
+    fields = (message.run, message.number, length, message.time_ns, message.setup)
+    head = HEADER.pack(MAGIC, message.version, message.kind, *fields, 0)[: -CRC.size]
     return head + CRC.pack(zlib.crc32(head))
 
 
 class Parser:
     """Finds messages in bytes as they come, in pieces of any size.
 
-    Never raises, whatever the bytes, and holds no more than one message and a piece. ``fits`` sees
-    each header, as a message without its payload, and how long that is: what it refuses is no
-    message. Nobody is made to wait by a header alone: a sound message within one that is not whole
-    yet shows that the latter was false, or broke off. These are ``given_up``;
-    ``discarded_bytes`` belong to no sound message.
+    Never raises, whatever the bytes, and holds at most one message and a piece. ``fits`` sees each
+    header, as a message without payload, and its payload's length, and may reject it. A false
+    header delays nobody: a sound message within an incomplete one shows that the latter was false
+    or broke off. Such messages are ``given_up``; ``discarded_bytes`` belong to no sound message.
     """
 
     def __init__(self, fits: Callable[[Message, int], bool] = lambda message, length: True) -> None:
@@ -92,7 +91,7 @@ class Parser:
 
     @property
     def waits(self) -> bool:
-        """Whether a message has begun and is not whole."""
+        """Whether a message is incomplete."""
         return bool(self._begun)
 
     def reset(self) -> None:
@@ -103,13 +102,13 @@ class Parser:
         self._discard(len(self._bytes))
 
     def _complete(self, messages: list[Message]) -> bool:
-        """Take the first of the messages that have begun and are whole; whether there is one."""
+        """Take the first complete message; False if there is none."""
         whole = next((each for each in self._begun if each.end <= len(self._bytes)), None)
         if whole is None:
             return False
         payload = bytes(memoryview(self._bytes)[whole.at + HEADER.size : whole.end - CRC.size])
         if CRC.pack(zlib.crc32(payload)) != self._bytes[whole.end - CRC.size : whole.end]:
-            self._begun.remove(whole)  # what is within it is looked through all the same
+            self._begun.remove(whole)  # its content is searched all the same
             messages.append(whole.message)
             return True
         self.given_up += self._begun.index(whole)
@@ -121,30 +120,30 @@ class Parser:
         return True
 
     def _search(self, messages: list[Message]) -> bool:
-        """Look for the next header; whether more may follow."""
-        result = self._bytes.find(MAGIC, self._searched)
-        if result < 0:
+        """Search the next header; False if more bytes are needed."""
+        start = self._bytes.find(MAGIC, self._searched)
+        if start < 0:
             self._searched = max(self._searched, len(self._bytes) - _beginning(self._bytes))
             return False
-        self._searched = result
-        if len(self._bytes) - result < HEADER.size:
+        self._searched = start
+        if len(self._bytes) - start < HEADER.size:
             return False
         self._searched += len(MAGIC)
-        head = _header(self._bytes, result)
+        head = _header(self._bytes, start)
         if head is None:
             return True
         message, length = head
         if message.version != VERSION:
             messages.append(message)
         elif self._fits(message, length):
-            self._begun.append(_Begun(result, result + HEADER.size + length + CRC.size, message))
+            self._begun.append(_Begun(start, start + HEADER.size + length + CRC.size, message))
             if len(self._begun) > MAX_BEGUN:
                 del self._begun[0]
                 self.given_up += 1
         return True
 
     def _discard(self, size: int) -> None:
-        """Forget bytes at the beginning that belong to no sound message."""
+        """Forget leading bytes that belong to no sound message."""
         self.discarded_bytes += size
         self._forget(size)
 
@@ -155,7 +154,7 @@ class Parser:
 
 
 class _Begun(NamedTuple):
-    """A message without its payload, from its header on to where it would end."""
+    """An incomplete message, from its header to where it would end."""
 
     at: int
     end: int
@@ -166,7 +165,7 @@ class _Begun(NamedTuple):
 
 
 def _header(content: bytearray, at: int) -> tuple[Message, int] | None:
-    """A message without its payload, whose length is told too; None where there is no header."""
+    """Message without payload, and the payload's length; None if there is no header."""
     _, version, kind, run, number, length, time_ns, setup, crc = HEADER.unpack_from(content, at)
     if zlib.crc32(memoryview(content)[at : at + HEADER.size - CRC.size]) != crc:
         return None
@@ -176,5 +175,5 @@ def _header(content: bytearray, at: int) -> tuple[Message, int] | None:
 
 
 def _beginning(content: bytearray) -> int:
-    """How many of the last bytes may be the beginning of a magic."""
+    """Number of last bytes that may begin a magic."""
     return next((n for n in (3, 2, 1) if content.endswith(MAGIC[:n])), 0)

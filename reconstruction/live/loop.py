@@ -1,4 +1,4 @@
-"""From frames as they come to results, with a reconstructor that is compiled once for a setup."""
+"""From received frames to results, with a reconstructor compiled once per setup."""
 
 import logging
 import time
@@ -19,22 +19,31 @@ logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
 FAST_DEPTH = "anchored"
-"""The depth method that leaves time for the rest of a frame at video rate."""
+"""Depth method fast enough for video rate."""
 
 
 def fast_depth(setup: Setup) -> Names:
-    """Return `FAST_DEPTH`, or None, the default one, where the setup does not suit it."""
+    """`FAST_DEPTH`, or None for the default method if the setup does not suit it."""
     return None if lacks(DEPTH_METHODS[FAST_DEPTH], setup) else FAST_DEPTH
 
 
 class Loop:
-    """Reconstructs what a reception gives, and tells ``results`` and ``states`` of it.
+    """Reconstructs received frames and passes on ``results`` and ``states``.
 
-    Methods are named as for a `Reconstructor`, but depth is by `fast_depth` unless it is named;
-    ``min_free`` is that of one, too. Whatever a method raises costs its own part of a frame, and
-    what a setup or a frame raises costs these alone: it is counted and reported. Raises InputError
-    for unknown methods, for those that the first setup of a file or pipe does not suit, and where
-    the reception has failed.
+    An error of a method costs its part of a frame, an error of a setup or a frame costs these; all
+    are counted and reported. Raises InputError for unknown methods, for methods that do not suit
+    the first setup of a file or pipe, and if the reception has failed.
+
+    Parameters
+    ----------
+    reception : Reception
+        Source of frames.
+    image, ranging, depth, weather, min_free
+        As for a `Reconstructor`; depth defaults to `fast_depth`.
+    results, states : sequence of callable
+        Receivers of outcomes and states.
+    clock : callable
+        Monotonic seconds.
     """
 
     def __init__(
@@ -70,12 +79,12 @@ class Loop:
         self._trouble: str | None = None
         self._logged = ""
         self._last_s = float("nan")
-        self._reported_s = clock()
-        self._reported_frames = 0
-        self._reported_dropped = 0
+        self._state_s = clock()
+        self._state_frames = 0
+        self._state_dropped = 0
 
     def run(self, maximum: int | None = None) -> None:
-        """Go on until the stream is over, or there are so many results."""
+        """Run until the stream ends, or there are ``maximum`` results."""
         counts = self._reception.counts
         while not self._reception.queue.over and (
             maximum is None or counts.reconstructed < maximum
@@ -83,20 +92,20 @@ class Loop:
             self.step(POLL_S)
         if self._reception.failure is not None:
             raise self._reception.failure
-        self._tell()
+        self._publish_state()
 
     def step(self, timeout_s: float) -> None:
-        """Take one frame, if one comes in time, and tell the state where it is time to."""
+        """Take a frame, if one comes in time, and publish the state when due."""
         arrival = self._reception.queue.get(timeout_s)
         if arrival is not None:
             self._frame(arrival)
         elif self._reception.stream is not None:
             self._compile(self._reception.stream)
-        if self._clock() - self._reported_s >= STATE_EVERY_S:
-            self._tell()
+        if self._clock() - self._state_s >= STATE_EVERY_S:
+            self._publish_state()
 
     def _compile(self, stream: StreamSetup) -> None:
-        """For another setup than the last; what the first one of a file lacks is an error."""
+        """Compile for a new setup; an unsuitable first setup of a file is an error."""
         if stream is self._stream:
             return
         first, self._stream, self._reconstruct = self._stream is None, stream, None
@@ -127,15 +136,15 @@ class Loop:
         latency_s = self._clock() - arrival.received_s
         self.latencies.add(latency_s)
         outcome = Outcome(arrival.stream, result, arrival.message.time_ns, latency_s)
-        for tell in self._results:
-            tell(outcome)
+        for publish in self._results:
+            publish(outcome)
 
     def _method_failed(self, method: str, error: Exception) -> None:
         self._reception.counts.method_failures += 1
         self._trouble = f"{method}: {self._in_words(error)}"
 
     def _in_words(self, error: Exception) -> str:
-        """An error that nobody else will hear of; in the log once, however often it comes again."""
+        """Describe an unexpected error, and log it once however often it recurs."""
         words = in_words(error)
         if not isinstance(error, InputError) and words != self._logged:
             self._logged = words
@@ -143,24 +152,24 @@ class Loop:
         return words
 
     def state(self) -> State:
-        """How the stream is."""
+        """Current state of the stream."""
         now_s, counts = self._clock(), self._reception.counts
         awaited, since_s = self._reception.awaited
-        period_s = max(now_s - self._reported_s, 1e-9)
+        period_s = max(now_s - self._state_s, 1e-9)
         return State(
             counts=counts,
             age_s=now_s - self._last_s,
             latency_s=self.latencies.percentile(50),
             latency_99_s=self.latencies.percentile(99),
-            frames_per_s=(counts.reconstructed - self._reported_frames) / period_s,
+            frames_per_s=(counts.reconstructed - self._state_frames) / period_s,
             trouble=self._trouble or self._reception.trouble or self._overload(),
             waiting_for=awaited,
             waiting_s=now_s - since_s,
         )
 
     def _overload(self) -> str:
-        """What to do where frames come faster than they are reconstructed; empty where not."""
-        dropped = self._reception.counts.dropped - self._reported_dropped
+        """Advice if frames come faster than they are reconstructed, else empty."""
+        dropped = self._reception.counts.dropped - self._state_dropped
         if not dropped:
             return ""
         return (
@@ -168,9 +177,9 @@ class Loop:
             "depth anchored and weather clear take less time than others"
         )
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         state, counts = self.state(), self._reception.counts
-        self._reported_s = self._clock()
-        self._reported_frames, self._reported_dropped = counts.reconstructed, counts.dropped
-        for tell in self._states:
-            tell(state)
+        self._state_s = self._clock()
+        self._state_frames, self._state_dropped = counts.reconstructed, counts.dropped
+        for publish in self._states:
+            publish(state)

@@ -1,4 +1,4 @@
-"""What waits between threads: a bounded number, of which the oldest gives way."""
+"""Bounded queue between threads, which drops its oldest items."""
 
 import threading
 from collections import deque
@@ -8,11 +8,11 @@ Item = TypeVar("Item")
 
 
 MAX_BYTES = 2**25
-"""Of what waits, however few there may be of it."""
+"""Maximum size of all queued items."""
 
 
-class Waiting(Generic[Item]):
-    """At most so many ``items`` that wait; ``dropped`` gave way to newer ones."""
+class BoundedQueue(Generic[Item]):
+    """Queue of at most ``items``; ``dropped`` counts those that gave way to newer ones."""
 
     def __init__(self, items: int) -> None:
         self.dropped = 0
@@ -23,7 +23,7 @@ class Waiting(Generic[Item]):
         self._changed = threading.Condition()
 
     def put(self, item: Item, size: int = 0) -> None:
-        """One more, of so many bytes; where there is too much, the oldest is dropped."""
+        """Append an item of so many bytes, dropping the oldest if the queue is full."""
         with self._changed:
             while self._items and self._full(size):
                 self._taken()
@@ -31,13 +31,13 @@ class Waiting(Generic[Item]):
             self._put(item, size)
 
     def put_in_turn(self, item: Item, size: int = 0) -> None:
-        """One more, as soon as there is room for it or nobody takes any."""
+        """Append an item as soon as there is room, or the queue is closed."""
         with self._changed:
             self._changed.wait_for(lambda: not (self._items and self._full(size)) or self._closed)
             self._put(item, size)
 
     def get(self, timeout_s: float) -> Item | None:
-        """The oldest; None where there is none for so long, or none any more."""
+        """Take the oldest item; None after the timeout, or if the queue is closed and empty."""
         with self._changed:
             self._changed.wait_for(lambda: self._items or self._closed, timeout_s)
             if not self._items:
@@ -47,7 +47,7 @@ class Waiting(Generic[Item]):
             return item
 
     def clear(self) -> None:
-        """Drop all that waits."""
+        """Drop all items."""
         with self._changed:
             self.dropped += len(self._items)
             while self._items:
@@ -55,14 +55,14 @@ class Waiting(Generic[Item]):
             self._changed.notify_all()
 
     def close(self) -> None:
-        """Nothing more will come: what waits can still be taken."""
+        """Accept that nothing more will come; queued items can still be taken."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     @property
     def empty(self) -> bool:
-        """Whether nothing waits."""
+        """Whether no item is queued."""
         with self._changed:
             return not self._items
 
@@ -73,7 +73,7 @@ class Waiting(Generic[Item]):
             return self._closed and not self._items
 
     def _full(self, size: int) -> bool:
-        """Whether there is no room for one more of so many bytes."""
+        """Whether there is no room for an item of so many bytes."""
         return len(self._items) >= self._maximum or self._bytes + size > MAX_BYTES
 
     def _put(self, item: Item, size: int) -> None:

@@ -1,4 +1,4 @@
-"""From a source to frames in turn, whatever becomes of the source meanwhile."""
+"""From a source to frames in order, whatever happens to the source."""
 
 import logging
 import threading
@@ -8,27 +8,26 @@ from typing import NamedTuple
 
 from ..base.errors import InputError, in_words
 from ..capture import Frames
-from .allowance import Allowance
 from .counts import Counts
 from .framing import VERSION, Kind, Message
 from .links import Ended, Source
-from .queues import Waiting
-from .senders import Senders
+from .queues import BoundedQueue
+from .senders import Allowance, Senders
 from .sequence import Sequence as InTurn
-from .setups import StreamSetup, misfit
+from .setups import StreamSetup, length_error
 
 logger = logging.getLogger(__name__)
 
 POLL_S = 0.05
-"""Most that a source is waited for at a time."""
+"""Maximum wait for a source."""
 FIRST_DELAY_S, MAX_DELAY_S = 0.1, 5.0
-"""Until a broken source is tried again: twice as long after each time in vain."""
+"""Delay before a broken source is tried again, doubled after each failure."""
 ENDING_S = 1.0
-"""After an end that may be forged, nothing of use comes for so long if it is true."""
+"""Silence that confirms an end that may be forged."""
 
 
 class Arrival(NamedTuple):
-    """A frame and the message that it came in, at ``received_s`` of the monotonic clock."""
+    """A frame and its message, received at ``received_s`` of the monotonic clock."""
 
     stream: StreamSetup
     frame: Frames
@@ -39,10 +38,25 @@ class Arrival(NamedTuple):
 class Reception:
     """Receives frames into a queue, in a thread of its own or step by step.
 
-    ``counts`` tell what has become of them, ``troubles`` what is wrong at present, `awaited` what
-    it waits for. The queue drops its oldest frames where the source does not wait. Raises
-    InputError for a source that can never be opened; `run` ends, with ``failure``, where a file or
-    pipe speaks another language. From a link nothing ends it but the end that its sender tells.
+    ``counts`` are of the frames, ``trouble`` is the current problem, `awaited` what it waits for.
+    The queue drops its oldest frames if the source does not wait. `run` ends, with ``failure``, if
+    a file or pipe has another format; a link is only ended by its sender. Raises InputError if the
+    source can never be opened.
+
+    Parameters
+    ----------
+    source : Source
+        Where bytes come from.
+    waiting : int
+        Maximum number of queued frames.
+    window : int
+        Frames held while an earlier one is missing.
+    recorders : sequence of callable
+        Receivers of each arrival, before it is queued.
+    clock, wait : callable
+        Monotonic seconds, and sleep.
+    counts : Counts, optional
+        Counts to continue.
     """
 
     def __init__(
@@ -58,7 +72,7 @@ class Reception:
     ) -> None:
         source.check()
         self.counts = counts or Counts()
-        self.queue: Waiting[Arrival] = Waiting(waiting)
+        self.queue: BoundedQueue[Arrival] = BoundedQueue(waiting)
         self.stream: StreamSetup | None = None
         self.trouble: str | None = f"waiting for {source.address}"
         self.failure: Exception | None = None
@@ -77,11 +91,11 @@ class Reception:
         self._ended_s: float | None = None
 
     def run(self) -> None:
-        """Receive until the stream has ended, or `stop`."""
+        """Receive until the stream has ended, or `stop` is called."""
         try:
             while not self._stopped.is_set():
                 self.step()
-        except Exception as error:  # of a thread that nobody else would hear of
+        except Exception as error:  # nobody else sees errors of this thread
             self.failure = error
         finally:
             self._stopped.set()
@@ -92,7 +106,7 @@ class Reception:
             self._source.close()
 
     def stop(self) -> None:
-        """End, from any thread."""
+        """Stop, from any thread."""
         self._stopped.set()
         self.queue.close()
         self._source.close()
@@ -104,16 +118,16 @@ class Reception:
 
     @property
     def final(self) -> bool:
-        """Whether what its source gives is all there will be, as of a file or pipe."""
+        """Whether the source is a file or pipe, which gives all there will be."""
         return self._source.patient
 
     @property
     def awaited(self) -> tuple[str, float]:
-        """What is waited for, and since when by the monotonic clock."""
+        """What is awaited, and since when by the monotonic clock."""
         return self._awaited
 
     def step(self) -> None:
-        """Open the source where it is not open, or take what comes within `POLL_S`."""
+        """Open the source, or take what comes within `POLL_S`."""
         if not self._open:
             self._connect()
             return
@@ -129,7 +143,7 @@ class Reception:
             self._break(error)
 
     def take(self, piece: bytes) -> None:
-        """Take some bytes."""
+        """Take bytes."""
         now_s = self._clock()
         if piece:
             for message in self._senders.feed(self._source.sender, piece, now_s):
@@ -137,7 +151,7 @@ class Reception:
         if not self._source.patient:
             self._senders.give_up(now_s)
             if self._senders.quiet(now_s) and self._source.wanted:
-                self._break(TimeoutError(f"{self._sender} is quiet, and somebody else calls"))
+                self._break(TimeoutError(f"{self._sender} is quiet, and another sender calls"))
             if self._ended_s is not None and now_s - self._ended_s > ENDING_S:
                 self._stopped.set()
         self._count()
@@ -145,12 +159,12 @@ class Reception:
 
     @property
     def _sender(self) -> str:
-        """Who sent what came last."""
+        """Sender of what came last."""
         return self._source.sender or self._source.address
 
     @property
     def _heard(self) -> str:
-        """Who is listened to."""
+        """Sender that is heard."""
         return self._senders.heard or self._sender
 
     def _count(self) -> None:
@@ -180,7 +194,7 @@ class Reception:
         logger.info("%s is open", self._source.address)
 
     def _break(self, error: Exception) -> None:
-        """Try again later, sooner if it was open; what ends when all does is no trouble."""
+        """Schedule a retry, sooner if the source was open."""
         if self._stopped.is_set():
             return
         now_s = self._clock()
@@ -195,15 +209,15 @@ class Reception:
         self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
 
     def _fits(self, message: Message, length: int) -> bool:
-        """Whether a message may be as its header says: what cannot be of use is not waited for."""
-        why = misfit(message, length, self.stream)
+        """Whether a message can be what its header says; others are not waited for."""
+        why = length_error(message, length, self.stream)
         if why is not None:
             self.counts.refused += 1
             self.trouble = f"{self._sender}: {why}"
         return why is None
 
     def _contained(self, message: Message, now_s: float) -> None:
-        """Take a message; what nobody has foreseen of it costs it alone."""
+        """Handle a message; an unexpected error costs this message only."""
         try:
             self._message(message, now_s)
         except InputError:
@@ -248,7 +262,7 @@ class Reception:
         self._give(self._turn.take(message.run, message.number, arrival, now_s))
 
     def _arrival(self, message: Message, now_s: float) -> Arrival | None:
-        """A frame, None where it cannot be used."""
+        """A frame, None if it is unusable."""
         if message.payload is None:
             self.counts.corrupted += 1
             return None
@@ -265,12 +279,12 @@ class Reception:
         return Arrival(self.stream, frame, message, now_s)
 
     def _accept(self, now_s: float) -> None:
-        """Hear who has sent something of use, which has not ended."""
+        """Hear this sender, whose stream has not ended."""
         self._senders.accept(now_s)
         self._ended_s = None
 
     def _end(self, now_s: float) -> None:
-        """Nobody ends a stream that is another's."""
+        """End the stream, unless it belongs to another sender."""
         if not self._source.patient and self._senders.heard != self._source.sender:
             self.counts.strangers += 1
         elif self._source.forgeable:
@@ -290,7 +304,7 @@ class Reception:
         self.counts.dropped = self.queue.dropped
 
     def _refuse(self, why: str) -> None:
-        """What is not understood at all: nothing better comes from a file, but from others."""
+        """Reject an unintelligible message: fatal for a file, not for a link."""
         text = f"{self._sender}: {why}"
         if self.stream is None and self._source.patient:
             raise InputError(text)

@@ -1,4 +1,4 @@
-"""What becomes of a frame, and the state of a stream, as tables of a message."""
+"""Results and state of a stream, as tables of a message."""
 
 from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple, get_args
@@ -13,13 +13,13 @@ from .setups import StreamSetup
 from .tables import Value
 
 STATUSES = get_args(Status)
-"""Of a spot, by the numbers that stand for them."""
+"""Status of a spot, by its number in a message."""
 
 
 class Outcome(NamedTuple):
-    """The result of a frame, with its number and time as the sender tells them.
+    """Result of a frame, with the number and time of its sender.
 
-    ``latency_s``: from the frame's last byte to the result.
+    ``latency_s`` is from the frame's last byte to the result.
     """
 
     stream: StreamSetup
@@ -30,11 +30,11 @@ class Outcome(NamedTuple):
 
 @dataclass(frozen=True)
 class State:
-    """How a stream is, at present: ``age_s`` since the last frame with a result came, nan before.
+    """State of a stream: ``age_s`` since the last frame with a result, nan before.
 
     ``latency_s`` and ``latency_99_s`` are median and 99th percentile of the latest frames,
-    ``frames_per_s`` is since the last state, ``trouble`` a sentence, or empty; ``waiting_for`` is
-    what has been waited for these ``waiting_s``.
+    ``frames_per_s`` is since the last state, ``trouble`` a sentence, or empty; ``waiting_for`` has
+    been awaited for ``waiting_s``.
     """
 
     counts: Counts
@@ -48,7 +48,7 @@ class State:
 
     @property
     def numbers(self) -> dict[str, Any]:
-        """All of it by name."""
+        """All values by name."""
         return {
             **asdict(self.counts),
             **{each.name: getattr(self, each.name) for each in fields(self)[1:]},
@@ -56,7 +56,7 @@ class State:
 
 
 def result_entries(outcome: Outcome) -> dict[str, Any]:
-    """Images (H, W) as float32, ranges (4,) as float64; what there is not is left out."""
+    """Maps (H, W) as float32, ranges (4,) as float64; missing values are left out."""
     result = outcome.result
     entries: dict[str, Any] = {
         "image": result.image,
@@ -84,7 +84,7 @@ def _ranges(ranges: Ranges) -> dict[str, Any]:
 
 
 def state_entries(state: State) -> dict[str, Any]:
-    """Counts as integers of 64 bits, the others as float64."""
+    """Counts as 64-bit integers, other numbers as float64."""
     return {
         name: np.int64(value) if isinstance(value, int) else value
         for name, value in state.numbers.items()
@@ -92,5 +92,5 @@ def state_entries(state: State) -> dict[str, Any]:
 
 
 def text_of(value: Value) -> str:
-    """A text of a table; what is none in UTF-8 is shown as an escape."""
+    """Text of a table entry; bytes that are not UTF-8 are escaped."""
     return bytes(value.item()).decode(errors="backslashreplace")

@@ -1,4 +1,4 @@
-"""Captures as streams: what a rig would send."""
+"""Captures as streams, as a rig would send them."""
 
 import zlib
 from collections.abc import Callable, Iterator
@@ -11,11 +11,11 @@ from .links import Ended, Source
 from .setups import frame_payload, frame_period_s, setup_payload
 
 SETUP_EVERY_S = 1.0
-"""After which a setup is sent again, for those who came later."""
+"""Period with which the setup is repeated, for late receivers."""
 
 
 class Sender:
-    """Messages of one start of a sender, which ``run`` tells from others; 0 does not tell."""
+    """Messages of a sender, identified by ``run``; 0 does not identify it."""
 
     def __init__(self, setup: Setup, provenance: Provenance | None = None, run: int = 0) -> None:
         self.number = 0
@@ -24,17 +24,17 @@ class Sender:
         self._id = zlib.crc32(self._payload)
 
     def setup(self, time_ns: int = 0) -> bytes:
-        """What the frames have in common: before the first, and again from time to time."""
+        """Setup message: send it before the first frame, and repeat it from time to time."""
         return self._message(Kind.SETUP, self._payload, time_ns)
 
     def frame(self, frame: Frames, time_ns: int = 0) -> bytes:
-        """The next frame; ``time_ns`` is when it was recorded, by any clock."""
+        """Message of the next frame, recorded at ``time_ns`` of any clock."""
         message = self._message(Kind.FRAME, frame_payload(frame), time_ns)
         self.number = (self.number + 1) % 2**32
         return message
 
     def end(self, time_ns: int = 0) -> bytes:
-        """That no more will come."""
+        """End of the stream."""
         return self._message(Kind.END, b"", time_ns)
 
     def _message(self, kind: Kind, payload: bytes, time_ns: int) -> bytes:
@@ -42,9 +42,9 @@ class Sender:
 
 
 class CaptureSource(Source):
-    """A capture file, sent as fast as it is read, and on where it is ``followed``.
+    """A capture file, sent as fast as it is read; if ``followed``, on as it grows.
 
-    One that grows is one that a longer one replaces.
+    A growing capture is one that is replaced by a longer one.
     """
 
     patient = True
@@ -94,6 +94,6 @@ class CaptureSource(Source):
 
 
 def _stamp(setup: Setup, number: int) -> int:
-    """When a frame was recorded, from the first one on; 0 where it is not told."""
+    """Time of a frame since the first one; 0 if unknown."""
     period_s = frame_period_s(setup)
     return round(1e9 * number * period_s) if period_s > 0 else 0

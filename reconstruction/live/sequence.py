@@ -1,4 +1,4 @@
-"""Frames in turn: which are lost, late, out of order or there twice."""
+"""Frames in order: lost, late, reordered and duplicated ones."""
 
 from typing import Generic, TypeVar
 
@@ -6,22 +6,22 @@ from .counts import Counts
 
 MODULUS = 2**32
 REMEMBERED = 64
-"""Numbers back to which a frame that was lost may be late."""
+"""Frames back to which a lost frame may be late."""
 ASTRAY = 16
-"""So many usable frames in a row, each farther back than that, show the last number to be wrong."""
+"""So many usable frames in a row, each farther back, show the last number to be wrong."""
 HOLD_S = 0.1
-"""After so long a frame that came too early is waited for no more."""
+"""Maximum time that an early frame is held."""
 
 Item = TypeVar("Item")
 
 
 class Sequence(Generic[Item]):
-    """Gives frames in the turn of their numbers, which go from 2^32 - 1 on to 0.
+    """Restores the order of frames by their numbers, which wrap from 2^32 - 1 to 0.
 
-    One that comes too early is held until those before it have come, or more than ``window`` are
-    held, or for `HOLD_S`: then those before it are lost. What cannot be used keeps its place. A
-    sender begins anew where its ``run`` is another, or `ASTRAY` numbers in a row are more than
-    `REMEMBERED` back; of one that does not tell its run, 0, where a single one is.
+    An early frame is held until those before it have come, more than ``window`` are held, or for
+    `HOLD_S`: then those before it are lost. Unusable frames keep their turn. A sender restarts if
+    its ``run`` changes, or `ASTRAY` numbers in a row are more than `REMEMBERED` back; without a
+    run, 0, if a single one is.
     """
 
     def __init__(self, counts: Counts, window: int) -> None:
@@ -35,7 +35,7 @@ class Sequence(Generic[Item]):
         self._astray = 0
 
     def take(self, run: int, number: int, item: Item | None, now_s: float) -> list[Item]:
-        """Frames whose turn it is after this one has come, None for one that cannot be used."""
+        """Frames that are due once this one has come, None for an unusable one."""
         ahead = self._ahead(number)
         given: list[Item] = []
         self._astray = self._astray + (item is not None) if ahead < -REMEMBERED else 0
@@ -62,7 +62,7 @@ class Sequence(Generic[Item]):
         return given
 
     def overdue(self, now_s: float) -> list[Item]:
-        """Frames that have been held for too long."""
+        """Frames held for too long."""
         late = bool(self._held) and now_s - self._since_s > HOLD_S
         return self._give_up(now_s) if late else []
 
@@ -74,11 +74,11 @@ class Sequence(Generic[Item]):
         return given
 
     def _ahead(self, number: int) -> int:
-        """Places after the next one."""
+        """Distance from the next number."""
         return (number - self._next + MODULUS // 2) % MODULUS - MODULUS // 2
 
     def _behind(self, number: int, *, usable: bool) -> None:
-        """One whose turn is over."""
+        """Handle a frame whose turn is over."""
         if number in self._missing:
             self._counts.lost -= self._missing[number]
             self._counts.late += usable
@@ -90,7 +90,7 @@ class Sequence(Generic[Item]):
             self._counts.duplicated += 1
 
     def _due(self) -> list[Item]:
-        """Frames that are held and whose turn it is."""
+        """Held frames whose turn it is."""
         given: list[Item] = []
         while self._next in self._held:
             item = self._held.pop(self._next)
@@ -102,7 +102,7 @@ class Sequence(Generic[Item]):
         return given
 
     def _give_up(self, now_s: float) -> list[Item]:
-        """The first that are held, without those before them."""
+        """The first held frames, without those missing before them."""
         first = min(self._held, key=self._ahead)
         missing = self._ahead(first)
         self._counts.lost += missing

@@ -1,4 +1,4 @@
-"""What a stream tells before its frames, and frames as its messages hold them (docs/live.md)."""
+"""Setups of a stream, and payloads of its frames (docs/live.md)."""
 
 import math
 import zlib
@@ -11,30 +11,29 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
+from ..capture.file import READING_PARTS
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 
-READ = ("buckets", "spots", "pattern_taps")
-"""Parts that hold readings."""
 MAX_FRAME_BYTES = 2**20
 MAX_PIXELS = 2**14
-"""Of an image: 128 × 128."""
+"""Maximum number of pixels of an image: 128 × 128."""
 MAX_WEIGHTS = 2**23
-"""Pixels of all patterns together, or of those that are left out where these are fewer: methods
-compile matrices of so many numbers, and take a few times their 64 MiB."""
+"""Maximum pixels of all patterns together, or of those left out if these are fewer: methods compile
+matrices of this size and need a few times their 64 MiB."""
 FLAGS = "saturated"
-REPORTED = {"source": "hardware", "software": "", "provenance/instrument": ""}
-"""Texts that a setup may hold beside a capture's datasets, and what they are without."""
+TEXT_DEFAULTS = {"source": "hardware", "software": "", "provenance/instrument": ""}
+"""Texts that a setup may hold besides a capture's datasets, and their defaults."""
 
 Part = TypeVar("Part")
 
 
 class StreamSetup:
-    """What the frames of a stream have in common, and how their payloads are made.
+    """What the frames of a stream share, and how their payloads are read.
 
-    ``entries``: what the message holds, datasets of a capture of no frames. Those whose first axis
-    is that of the frames, and so 0, make up the payload of a frame one after the other. ``id`` is
-    the CRC-32 of the message's payload. Raises InputError for what is no setup.
+    The message holds the datasets of a capture of no frames. Those whose first axis is that of the
+    frames, and so has length 0, make up a frame's payload in their order. ``id`` is the CRC-32 of
+    the message's payload. Raises InputError for an invalid setup.
     """
 
     def __init__(self, payload: bytes) -> None:
@@ -51,8 +50,8 @@ class StreamSetup:
         self.setup = read_setup(tables)
         _check_patterns(self.setup)
         texts = {
-            name: tables.text(name) if name in entries else usual
-            for name, usual in REPORTED.items()
+            name: tables.text(name) if name in entries else default
+            for name, default in TEXT_DEFAULTS.items()
         }
         if texts["source"] not in ("hardware", "simulation"):
             raise InputError(f"source is {texts['source']!r}; allowed: hardware, simulation")
@@ -65,19 +64,19 @@ class StreamSetup:
 
     @property
     def frame_period_s(self) -> float:
-        """From one frame to the next; nan where it is not told."""
+        """Seconds from one frame to the next; nan if unknown."""
         return frame_period_s(self.setup)
 
     def frames(self, payload: bytes, number: int) -> Frames:
-        """The frame of this number; InputError unless its readings can be of this setup."""
+        """The frame of a number; raises InputError unless its readings fit this setup."""
         if len(payload) != self.frame_bytes:
-            raise InputError(f"a frame of {len(payload)} bytes; its setup tells {self.frame_bytes}")
+            raise InputError(f"a frame of {len(payload)} bytes; its setup has {self.frame_bytes}")
         values: dict[str, Value] = {}
         at = 0
-        for name, none in self._readings.items():
-            shape = (1, *none.shape[1:])
-            values[name] = np.frombuffer(payload, none.dtype, math.prod(shape), at).reshape(shape)
-            at += _frame_bytes(none)
+        for name, empty in self._readings.items():
+            shape = (1, *empty.shape[1:])
+            values[name] = np.frombuffer(payload, empty.dtype, math.prod(shape), at).reshape(shape)
+            at += _frame_bytes(empty)
         setup = self.setup
         frames = Frames(
             number,
@@ -91,26 +90,26 @@ class StreamSetup:
         return frames
 
 
-def misfit(message: Message, length: int, stream: StreamSetup | None) -> str | None:
-    """Why a message of a ``stream`` cannot be so long, by its header; None if it can."""
+def length_error(message: Message, length: int, stream: StreamSetup | None) -> str | None:
+    """Why a message of a ``stream`` cannot have this length, None if it can."""
     setup, frame = message.kind == Kind.SETUP, message.kind == Kind.FRAME
     if stream is not None and message.setup == stream.id and (setup or frame):
-        reported = len(stream.payload) if setup else stream.frame_bytes
-        if length != reported:
+        expected = len(stream.payload) if setup else stream.frame_bytes
+        if length != expected:
             return (
-                f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {reported}"
+                f"a {Kind(message.kind).name.lower()} of {length} bytes; it should have {expected}"
             )
     maximum = MAX_PAYLOAD_BYTES if setup else MAX_FRAME_BYTES
     return f"a message of {length} bytes; at most {maximum}" if length > maximum else None
 
 
 def frame_period_s(setup: Setup) -> float:
-    """From one frame of a recording to the next; nan where it is not told."""
+    """Seconds from one frame of a recording to the next; nan if unknown."""
     return setup.buckets.pattern_period_s * setup.plan.exposures
 
 
 def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
-    """The payload of a setup's message."""
+    """Payload of a setup message."""
     entries: dict[str, Any] = {}
     if provenance is not None:
         entries["source"], entries["software"] = provenance.source, provenance.software
@@ -120,10 +119,10 @@ def setup_payload(setup: Setup, provenance: Provenance | None = None) -> bytes:
 
 
 def frame_payload(frame: Frames) -> bytes:
-    """The payload of a frame, of the setup whose payload `setup_payload` is."""
-    parts = [part for group in READ if (part := getattr(frame, group)) is not None]
+    """Payload of a frame of the setup of `setup_payload`."""
+    parts = [part for group in READING_PARTS if (part := getattr(frame, group)) is not None]
     return b"".join(
-        _bytes(stored.retained(name, getattr(part, name)))
+        _bytes(stored.converted(name, getattr(part, name)))
         for part in parts
         for name, stored in stored_fields(type(part))
         if stored.by_frame
@@ -143,7 +142,7 @@ def _check_readings(entries: Mapping[str, Value], frame_bytes: int) -> None:
 
 
 def _check_pixels(entries: Mapping[str, Value]) -> None:
-    """Before anything is made of them; what is no shape at all is told later."""
+    """Check the size before anything is built; other errors of the shape come later."""
     sides = entries.get("patterns/shape")
     if sides is not None and sides.dtype.kind in "iuf" and sides.size == 2:
         height, width = (float(side) for side in sides.ravel())
@@ -155,23 +154,23 @@ def _check_pixels(entries: Mapping[str, Value]) -> None:
 
 
 def _check_patterns(setup: Setup) -> None:
-    """Of each plan as many as methods have room for."""
+    """Check the number of patterns of each plan."""
     for plan in setup.plans:
         weights = min(plan.sampled, abs(plan.pixels - plan.sampled)) * plan.pixels
         if weights > MAX_WEIGHTS:
             raise InputError(
-                f"patterns/index has {plan.sampled} patterns of {plan.pixels} pixels; of so many "
-                f"pixels a stream has at most {MAX_WEIGHTS // plan.pixels}, or all but so many"
+                f"patterns/index has {plan.sampled} patterns of {plan.pixels} pixels; a stream may "
+                f"have {MAX_WEIGHTS // plan.pixels} of that size, or all but as many"
             )
 
 
-def _frame_bytes(none: Value) -> int:
-    """What one frame has of an array of none."""
-    return math.prod(none.shape[1:]) * none.dtype.itemsize
+def _frame_bytes(empty: Value) -> int:
+    """Bytes per frame of an array without frames."""
+    return math.prod(empty.shape[1:]) * empty.dtype.itemsize
 
 
 def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
-    """A part without readings, with those of one frame; what is not told is not saturated."""
+    """Fill a part with the readings of a frame; missing flags mean not saturated."""
     filled: dict[str, Any] = {}
     for name, stored in stored_fields(type(part)):
         if stored.by_frame:
@@ -180,18 +179,18 @@ def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
             value = values.get(where)
             if value is None:
                 value = np.zeros((1, *empty.shape[1:]), empty.dtype)
-            filled[name] = stored.retained(where, value)
+            filled[name] = stored.converted(where, value)
     return replace(part, **filled)  # type: ignore[type-var]
 
 
 def _with_flags(entries: Mapping[str, Value]) -> dict[str, Value]:
-    """The same, and flags of saturation where none are told."""
-    reported = dict(entries)
+    """Add flags of saturation where they are missing."""
+    complete = dict(entries)
     for group, readings in (("buckets", "counts"), ("spots", ""), ("pattern_taps", "taps")):
         flags = f"{group}/{FLAGS}"
         names = [f"{group}/{readings}"] if readings else ["spots/taps", "spots/counts"]
         for name in names:
-            if name in reported and flags not in reported:
-                shape = reported[name].shape
-                reported[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
-    return reported
+            if name in complete and flags not in complete:
+                shape = complete[name].shape
+                complete[flags] = np.zeros(shape[:2] if name == "spots/counts" else shape, np.uint8)
+    return complete

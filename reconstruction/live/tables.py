@@ -1,4 +1,4 @@
-"""Named arrays and texts as bytes: what setups, results and the state of a stream are told in."""
+"""Named arrays and texts as bytes, for setups, results and states of a stream."""
 
 import math
 import re
@@ -19,21 +19,21 @@ TYPES = {
     name: np.dtype(f"<{name}")
     for name in ("u1", "i1", "u2", "i2", "u4", "i4", "u8", "i8", "f4", "f8")
 } | {TEXT: np.dtype("S1")}
-"""By the two letters that stand for each."""
+"""Types by their two-letter codes."""
 MAX_ENTRIES = 1024
 MAX_AXES = 4
 _NAME = re.compile(rb"[A-Za-z0-9_/.\-]{1,255}")
 
 
 class Arrays(hdf5.Tables):
-    """Arrays by name, read as the datasets of a file are; of units there are none but the usual."""
+    """Arrays by name, read like the datasets of a file, without units."""
 
     def __init__(self, arrays: Mapping[str, Value]) -> None:
         super().__init__(arrays)
         self._arrays = arrays
 
     def dataset(self, name: str, units: str) -> "hdf5.Readable":
-        """One of them; InputError if it is missing."""
+        """An array; raises InputError if it is missing."""
         if name not in self._arrays:
             raise InputError(f"{name} is missing")
         return _Array(self._arrays[name])
@@ -62,29 +62,29 @@ def _entry(name: str, value: Any) -> bytes:
         array = array.astype(np.uint8) if array.dtype.kind == "b" else array
         kind, shape = array.dtype.str[1:], array.shape
         content = array.astype(TYPES[kind]).tobytes()
-    reported = name.encode()
-    head = struct.pack(f"<B{len(reported)}s2sB", len(reported), reported, kind.encode(), len(shape))
+    encoded = name.encode()
+    head = struct.pack(f"<B{len(encoded)}s2sB", len(encoded), encoded, kind.encode(), len(shape))
     return head + struct.pack(f"<{len(shape)}I", *shape) + content
 
 
 def unpacked(content: bytes) -> dict[str, Value]:
-    """Arrays by name, those of numbers on the bytes themselves, texts as single byte strings.
+    """Arrays by name, those of numbers as views of the bytes, texts as single byte strings.
 
-    Raises InputError for bytes that are no such table.
+    Raises InputError for anything but such a table.
     """
-    result: dict[str, Value] = {}
+    entries: dict[str, Value] = {}
     at = 0
     while at < len(content):
         try:
             name, value, at = _read(content, at)
         except struct.error:
-            raise InputError(f"ends within an entry, after {len(result)} of them") from None
-        if name in result:
+            raise InputError(f"ends within an entry, after {len(entries)} of them") from None
+        if name in entries:
             raise InputError(f"{name} comes twice")
-        if len(result) >= MAX_ENTRIES:
+        if len(entries) >= MAX_ENTRIES:
             raise InputError(f"more than {MAX_ENTRIES} entries")
-        result[name] = value
-    return result
+        entries[name] = value
+    return entries
 
 
 def _read(content: bytes, at: int) -> tuple[str, Value, int]:
@@ -92,7 +92,7 @@ def _read(content: bytes, at: int) -> tuple[str, Value, int]:
     name, kind, axes = struct.unpack_from(f"<{length}s2sB", content, at + 1)
     at += 1 + length + 3
     if not _NAME.fullmatch(name):
-        raise InputError(f"{name!r} is no name of an entry: letters, digits and _ / . - are")
+        raise InputError(f"{name!r} is not a valid name; allowed: letters, digits and _ / . -")
     dtype = TYPES.get(kind.decode("latin-1"))
     if dtype is None:
         raise InputError(f"{name.decode()} has the type {kind!r}; allowed: {', '.join(TYPES)}")

@@ -1,4 +1,4 @@
-"""What a reconstruction leaves behind: the result as a file, pictures, a point cloud."""
+"""Files of a reconstruction: the result, pictures, a point cloud."""
 
 from .folder import outputs_in, write_outputs
 from .result_file import read_result

@@ -1,4 +1,4 @@
-"""What a reconstruction leaves in a folder: pictures, point cloud, and the result itself."""
+"""Files of a reconstruction in a folder: pictures, point cloud, and the result itself."""
 
 import re
 from collections.abc import Iterable
@@ -18,15 +18,15 @@ from .result_file import result_bytes
 
 
 class Recorded(Protocol):
-    """A recording, or whatever else has a setup."""
+    """A recording, or anything else with a setup."""
 
     @property
     def setup(self) -> Setup:
-        """What its frames have in common."""
+        """What its frames share."""
 
 
 def outputs_in(directory: str | Path) -> list[Output]:
-    """All files that a reconstruction may leave in a folder, by whatever methods."""
+    """All files that a reconstruction may write into a folder, by any method."""
     folder = Path(directory)
     with_dictionary = [f"{name}:{atoms}" for name in IMAGE_METHODS for atoms in DICTIONARIES]
     pictures = {"image": [*IMAGE_METHODS, *with_dictionary]}
@@ -43,14 +43,30 @@ def outputs_in(directory: str | Path) -> list[Output]:
 
 
 def write_outputs(result: Result, recording: Recorded, directory: str | Path) -> dict[str, Path]:
-    """Write result.h5, cloud.ply, and a picture of each image and depth map; return their paths.
+    """Write result.h5, cloud.ply, and a picture of each image and depth map.
 
-    image.png and depth.png show what the default methods found, others have the method in their
-    names. Of methods that can tell there are depth-deviation.png and nothing.png too. Everything is
-    made before the first file is written; each appears whole or not at all, and pictures and clouds
-    of an earlier result that have no successor are removed. Other files of these names are
-    replaced: that there are none is what `require_outputs` of `outputs_in` tells. Raises InputError
-    where the folder cannot be written into, OSError where a file cannot be written.
+    image.png and depth.png are of the default methods; others have the method in their names.
+    Methods that estimate them add depth-deviation.png and nothing.png. Everything is made before
+    the first file is written, each file appears whole or not at all, and pictures and clouds of an
+    earlier result are removed. Other files of these names are replaced; check `outputs_in` with
+    `require_outputs` before.
+
+    Parameters
+    ----------
+    recording : Recorded
+        Its capture, or anything with the same setup.
+
+    Returns
+    -------
+    dict of str to Path
+        Paths by file name.
+
+    Raises
+    ------
+    InputError
+        If the folder cannot be written into.
+    OSError
+        If a file cannot be written.
     """
     setup = recording.setup
     contents = _pictures(result, setup)

@@ -1,5 +1,9 @@
 """Pictures of images and depth maps, as PNG."""
 
+import base64
+import zlib
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,31 +13,31 @@ from ..base.png import png
 from ..capture import Setup
 from ..depth import pixel_of
 from ..ranging import RANGED, Ranges
-from .glyphs import HEIGHT, written
+from .letters import HEIGHT, LETTERS, PACKED, WIDTHS
 from .scale import GREY, VIRIDIS, Scale
 
 SIDE = 512
-"""The longer side of an image is enlarged to this by a whole number, or stays as it is."""
+"""Longer side to which an image is enlarged by a whole factor, unless it is larger."""
 MIN_SIDE = 220
-"""Of what stands beside the numbers of a scale."""
+"""Minimum length of a colour scale."""
 MARGIN, BAR, GAP = 16, 18, 8
-"""Width of the margin, of the scale, and of what is left free between things."""
+"""Widths of margin, colour scale, and gaps."""
 NUMBER_SPACING = 60
-"""Between the numbers of a scale, about."""
+"""Approximate spacing of the numbers of a scale."""
 CROSS = 6
 """Half the size of the cross on a spot."""
 NO_DEPTH = 128
 """Grey of pixels without a depth."""
 
 NO_RETURN = (198, 219, 239)
-"""Pale blue of pixels without a depth where nothing within reach is likelier than something."""
+"""Pale blue of pixels without a depth where no return within range is likelier than one."""
 
 Canvas = NDArray[np.uint8]
 
 
 def image_picture(image: NDArray[np.float32], title: str, unit: str) -> bytes:
-    """An image in grey with its scale."""
-    # Single bright pixels do not dim the rest.
+    """Grey image with its scale."""
+    # Percentiles: single bright pixels must not dim the rest.
     low, high = (float(end) for end in np.percentile(image, (0.5, 99.5)))
     scale = Scale(low, _above(high, low, 1e-12), GREY)
     enlarged = _enlarged(scale.paint(image))
@@ -47,9 +51,9 @@ def depth_picture(
     ranges: Ranges | None,
     no_return: NDArray[np.float32] | None = None,
 ) -> bytes:
-    """A depth map with its scale, and the spots with their depths where there are any.
+    """Depth map with its scale, and the spots with their depths.
 
-    ``no_return`` (H, W) is the probability of nothing within reach.
+    ``no_return`` (H, W) is the probability of no return within range.
     """
     finite = np.isfinite(depth_m)
     low, high = np.percentile(depth_m[finite], (1, 99)).tolist() if finite.any() else (0.0, 1.0)
@@ -76,14 +80,14 @@ def sigma_picture(sigma: NDArray[np.float32], title: str) -> bytes:
 
 
 def no_return_picture(no_return: NDArray[np.float32], title: str) -> bytes:
-    """Probabilities of nothing within reach, from black to white."""
+    """Probabilities of no return within range, from black to white."""
     scale = Scale(0.0, 1.0, GREY)
     enlarged = _enlarged(scale.paint(no_return))
     return png(_framed(enlarged, title, scale, "probability of nothing"), mark("nothing"))
 
 
 def _above(high: float, low: float, minimum: float) -> float:
-    """The upper end of a scale, so that it has some length."""
+    """Upper end of a scale of non-zero length."""
     return max(high, low + max(minimum, 1e-6 * abs(low)))
 
 
@@ -98,10 +102,10 @@ def _framed(picture: Canvas, title: str, scale: Scale, label: str) -> Canvas:
     inner = max(height, MIN_SIDE)
     top, right = MARGIN + HEIGHT + GAP, MARGIN + width + 2 * GAP
     values, numbers, factor = scale.numbers(max(2, inner // NUMBER_SPACING))
-    texts = [written(number) for number in numbers]
-    name = np.rot90(written(f"{label} {factor}".strip()))
+    texts = [rendered_text(number) for number in numbers]
+    name = np.rot90(rendered_text(f"{label} {factor}".strip()))
     column = right + BAR + GAP // 2 + max(text.shape[1] for text in texts) + GAP
-    heading = written(title)
+    heading = rendered_text(title)
     size = (
         max(top + inner, top + name.shape[0]) + MARGIN,
         max(column + name.shape[1], MARGIN + heading.shape[1]) + MARGIN,
@@ -123,7 +127,7 @@ def _framed(picture: Canvas, title: str, scale: Scale, label: str) -> Canvas:
 
 
 def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
-    """Crosses where the spots are, and the depth of each or why it has none."""
+    """Mark the spots with crosses, and with their depth or status."""
     assert setup.spots is not None
     if setup.optics is None:
         return
@@ -138,12 +142,12 @@ def _mark_spots(picture: Canvas, setup: Setup, ranges: Ranges) -> None:
 
 
 def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
-    """Draw a white cross on black, and a text beside it, white on half black."""
+    """Draw a white cross on black, with text beside it, white on half black."""
     for half_width, grey in ((1, 0), (0, 255)):
         for tall, wide in ((half_width, CROSS), (CROSS, half_width)):
             rows = slice(max(row - tall, 0), row + tall + 1)
             picture[rows, max(column - wide, 0) : column + wide + 1] = grey
-    cover = written(text)
+    cover = rendered_text(text)
     height, width = cover.shape
     left = column + 2 * CROSS
     if left + width > picture.shape[1]:
@@ -154,7 +158,22 @@ def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
 
 
 def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) -> None:
-    """Draw what covers the canvas in a grey, in place; what lies beyond its edges is cut off."""
+    """Draw coverage in a grey, in place, clipped at the edges."""
     part = canvas[top : top + cover.shape[0], left : left + cover.shape[1]]
     fraction = cover[: part.shape[0], : part.shape[1], None]
     part[:] = np.round((1 - fraction) * part + fraction * colour).astype(np.uint8)
+
+
+@cache
+def _glyphs() -> dict[str, Floats]:
+    packed = np.frombuffer(zlib.decompress(base64.b85decode(PACKED)), np.uint8)
+    levels = np.stack([packed >> 4, packed & 15], axis=-1).reshape(HEIGHT, -1)
+    ends = np.cumsum([int(width, 16) for width in WIDTHS])
+    parts = np.split(levels[:, : ends[-1]] / 15, ends[:-1], axis=1)
+    return dict(zip(LETTERS, parts, strict=True))
+
+
+def rendered_text(text: str) -> Floats:
+    """Coverage of each pixel by a line of text, 0..1: (HEIGHT, width)."""
+    glyphs = _glyphs()
+    return np.hstack([glyphs[" "][:, :0], *(glyphs.get(each, glyphs["?"]) for each in text)])

@@ -1,4 +1,4 @@
-"""The result as a file, result.h5."""
+"""The result file, result.h5."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -28,20 +28,20 @@ RANGES = {
     "background_electrons": "electron",
 }
 ALTERNATIVES = {"range_m": "m", "sigma_m": "m", "weight": "1"}
-"""Of each spot a row, likeliest first, nan behind the last; not there if no spot has any."""
+"""A row per spot, likeliest first, padded with nan; missing if no spot has any."""
 SPOTS = 4
 GROUPS = ("images", "rangings", "depths")
 
 
 def result_bytes(result: Result) -> bytes:
-    """The bytes of a result.h5."""
+    """Bytes of a result.h5."""
     return hdf5.content(lambda file: _write(file, result), FORMAT.kind)
 
 
 def read_result(path: str | Path) -> Result:
-    """Read a result.h5. Raises InputError if it is missing, damaged or not a result."""
+    """Read a result.h5; raises InputError if it is missing, damaged or not a result."""
     if not Path(path).is_file():
-        raise InputError(f"{path}: no result there; run spisim reconstruct CAPTURE -o DIR")
+        raise InputError(f"{path}: no such result; run spisim reconstruct CAPTURE -o DIR")
     with hdf5.opened(path, FORMAT) as file:
         names = {group: _names(file, group) for group in GROUPS}
         if not names["images"]:
@@ -49,14 +49,14 @@ def read_result(path: str | Path) -> Result:
         first = f"images/{names['images'][0]}"
         unit: Unit = "count" if file.units(first) == "count" else "electron"
         shape = file.shape(first, unit)
-        stretched = "range_over_depth" in file
+        has_rays = "range_over_depth" in file
         timings = file.names_in("timings_s")
         return Result(
             images={name: _map(file, f"images/{name}", unit, shape) for name in names["images"]},
             sigmas=_maps(file, "deviations", names["images"], unit, shape),
             rangings={name: _ranges(file, f"rangings/{name}") for name in names["rangings"]},
             depths={name: _map(file, f"depths/{name}", "m", shape) for name in names["depths"]},
-            range_over_depth=_map(file, "range_over_depth", "1", shape) if stretched else None,
+            range_over_depth=_map(file, "range_over_depth", "1", shape) if has_rays else None,
             timings_s={n: file.number(f"timings_s/{n}", "s") for n in timings},
             unit=unit,
             recording=file.text("recording"),
@@ -84,7 +84,7 @@ def _names(file: hdf5.Contents, group: str) -> list[str]:
 def _maps(
     file: hdf5.Contents, group: str, methods: Iterable[str], units: str, shape: tuple[int, ...]
 ) -> dict[str, NDArray[Any]]:
-    """Of those methods that have one."""
+    """Maps of the methods that have one."""
     names = {method: f"{group}/{method}" for method in methods}
     return {
         method: _map(file, name, units, shape) for method, name in names.items() if name in file
@@ -92,14 +92,14 @@ def _maps(
 
 
 def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> NDArray[Any]:
-    result = file.shape(name, units)
-    if len(result) != 2 or result != shape:
-        raise InputError(f"dataset {name} has shape {result}, the image {shape}")
+    found = file.shape(name, units)
+    if len(found) != 2 or found != shape:
+        raise InputError(f"dataset {name} has shape {found}, the image {shape}")
     return file.numbers(name, units)
 
 
 def _corridor(file: hdf5.Contents, methods: Iterable[str]) -> dict[str, Any]:
-    """Probabilities that the corridor is free; files that state none, or elsewhere, have none."""
+    """Probabilities of a free corridor; none if missing or at other distances."""
     if "free_distance_m" not in file:
         return {}
     distances_m = file.numbers("free_distance_m", "m")

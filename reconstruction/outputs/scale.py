@@ -1,4 +1,4 @@
-"""Scales of colour and the numbers beside them."""
+"""Colour scales and their numbers."""
 
 from dataclasses import dataclass
 
@@ -11,22 +11,22 @@ VIRIDIS = (
     *("27ad80", "1e9e88", "208f8c", "26808e", "2c718e", "33618d"),
     *("3b518a", "423e85", "472b7a", "471669", "440154"),
 )
-"""Near yellow, far violet; S. van der Walt, N. Smith, public domain, at 17 equal steps."""
+"""Yellow is near, violet far; S. van der Walt, N. Smith, public domain, 17 equal steps."""
 STEPS = (1, 2, 2.5, 5, 10, 20)
-"""Round steps between numbers of a scale, in powers of ten."""
+"""Round steps of a scale, in powers of ten."""
 EXPONENTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
 class Scale:
-    """From ``low`` to ``high`` by ``colours`` at equal steps, as hexadecimal RGB."""
+    """Scale from ``low`` to ``high`` with ``colours`` at equal steps, as hexadecimal RGB."""
 
     low: float
     high: float
     colours: tuple[str, ...]
 
     def paint(self, values: NDArray[np.floating]) -> NDArray[np.uint8]:
-        """Colours (..., 3) of finite values (...), those beyond the ends as the ends."""
+        """Colours (..., 3) of finite values (...), clipped to the scale."""
         table = np.array([list(bytes.fromhex(colour)) for colour in self.colours], np.float64)
         fraction = (np.asarray(values, np.float64) - self.low) / (self.high - self.low)
         at = np.clip(fraction, 0, 1) * (len(table) - 1)
@@ -34,7 +34,7 @@ class Scale:
         return np.stack(painted, axis=-1).round().astype(np.uint8)
 
     def numbers(self, maximum: int) -> tuple[list[float], list[str], str]:
-        """At most so many round numbers: their values, how they read, and the factor they lack."""
+        """Up to ``maximum`` round numbers: values, texts, and their common factor."""
         exponent = self._exponent
         low, high = self.low / 10.0**exponent, self.high / 10.0**exponent
         step = _step(low, high, maximum)
@@ -45,14 +45,14 @@ class Scale:
 
     @property
     def _exponent(self) -> int:
-        """Power of ten that is told apart, 0 where numbers are handy."""
+        """Power of ten of the common factor, 0 for handy numbers."""
         largest = max(abs(self.low), abs(self.high))
         power = int(np.floor(np.log10(largest))) if largest > 0 else 0
         return 0 if -3 <= power < 5 else power
 
 
 def _step(low: float, high: float, maximum: int) -> float:
-    """The least round step with at most so many multiples between two numbers."""
+    """Minimum round step with at most so many multiples between two numbers."""
     power = 10.0 ** np.floor(np.log10((high - low) / maximum))
     return next(
         step
@@ -62,5 +62,5 @@ def _step(low: float, high: float, maximum: int) -> float:
 
 
 def _multiples(low: float, high: float, step: float) -> tuple[float, float]:
-    """The first multiple of a step between two numbers, and the one after the last."""
+    """First multiple of a step between two numbers, and the one after the last."""
     return float(np.ceil(low / step - 1e-9)), float(np.floor(high / step + 1e-9) + 1)

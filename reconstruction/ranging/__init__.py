@@ -1,8 +1,7 @@
-"""From time-of-flight readings to ranges of the four spots: methods, and what they share."""
+"""Ranges of the four spots from time-of-flight readings: methods and what they share."""
 
 from .brightness import Brightness, brightness_at
 from .consistency import range_consistency
-from .geometry import range_from_path
 from .method import RangingMethod, RangingSolver
 from .methods import RANGING_METHODS, measure_ranges, ranging_method, reads, usual_rangings
 from .ranges import (
@@ -13,6 +12,7 @@ from .ranges import (
     Paths,
     Ranges,
     Status,
+    range_from_path,
     ranges_from_paths,
 )
 from .unwrap import path_from_phases, unambiguous_path_m

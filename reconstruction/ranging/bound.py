@@ -1,12 +1,12 @@
-"""How well ranges in fog can be known at all: the Cramer-Rao bound of targets and fog together.
+"""Cramér–Rao bound of ranges in fog, for targets and fog together.
 
-The mean of a reading is rho A(z) + beta G(z) + steady light, with A and G what unit reflectance
-at z and unit backscattering in front of it leave (see `reconstruction.ranging.fog`). Unknown are
-range, reflectance and steady light of every spot, and the extinction and backscattering that all
-share. What is known of those two beforehand adds to the information (H. L. Van Trees, "Detection,
-Estimation, and Modulation Theory", part I, Wiley 1968, section 2.4). The variance of readings is
-taken as known, for what it tells of the light is little. Fog that is even, and light that is
-scattered once, is assumed; a method that errs in neither cannot do better without bias.
+The mean of a reading is rho A(z) + beta G(z) + steady light, with A and G the readings of unit
+reflectance at z and of unit backscattering in front of it (see `reconstruction.ranging.fog`).
+Unknown are range, reflectance and steady light of every spot, and the shared extinction and
+backscattering, whose prior adds to the information (H. L. Van Trees, "Detection, Estimation, and
+Modulation Theory", part I, Wiley 1968, section 2.4). The variance of the readings is taken as
+known, as it says little about the light. The fog is homogeneous and scatters once; no unbiased
+method does better.
 """
 
 from collections.abc import Callable
@@ -22,31 +22,31 @@ from ..capture.readings.cw import CwSpots
 from ..capture.readings.dtof import HistogramSpots
 from ..capture.readings.pulsed import PulsedSpots
 from ..capture.spots import SpotOptics
-from .fog.algebra import inverse
 from .fog.modes import LOG_SIGMA
+from .fog.numerics import inverse
 from .fog.overlap import overlap, require_optics
 from .fog.templates import EXTINCTIONS_PER_M
 from .histogram import coates
 
-NEAREST_M, STEP_M = 0.01, 0.01
-"""Where the fog's integral begins, and its steps beyond 1 m; nearer ones are in proportion."""
+MIN_RANGE_M, STEP_M = 0.01, 0.01
+"""Start of the fog integral, and its step beyond 1 m; below 1 m steps are proportional."""
 NEAR, OVERLAPS = 400, 300
-"""Steps below 1 m; ranges at which the overlap is computed, for between them it is smooth."""
+"""Steps below 1 m, and number of ranges at which the smooth overlap is computed."""
 DIFFERENCE_M = 2e-4
-"""Of the ranges whose readings give the slope."""
+"""Half the range difference from which slopes are computed."""
 PRIOR = float(np.log(EXTINCTIONS_PER_M).std()), LOG_SIGMA
-"""Standard deviations of ln extinction and of ln (backscattering / extinction)."""
+"""Prior standard deviations of ln extinction and of ln (backscattering / extinction)."""
 
 Bound = Callable[["Targets", Floats], Floats]
-"""From targets and the mean readings (spots, n) of a frame to standard deviations (spots,), m."""
+"""Maps targets and mean readings (spots, n) of a frame to standard deviations (spots,) in m."""
 
 
 @dataclass(frozen=True, eq=False)
 class Targets:
-    """What the lasers meet: ranges and reflectances (spots,), and fog of these coefficients.
+    """Targets of the lasers, with ranges and reflectances (spots,), and the fog's coefficients.
 
-    ``reflectance`` includes the cosine of the angle of incidence. ``backscatter`` is scattering
-    times phase function at 180 degrees, 1 / (m sr).
+    ``reflectance`` includes the cosine of the angle of incidence. ``backscatter`` is the scattering
+    coefficient times the phase function at 180 degrees, 1 / (m sr).
     """
 
     range_m: Floats
@@ -55,25 +55,34 @@ class Targets:
     backscatter: float = 0.0
 
 
-def make_bound(spots: Spots, longest_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
-    """Bound for targets up to a range, with readings of which ``spots`` may hold none.
+def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
+    """Bound of the range errors of a recording.
 
-    ``prior`` as BEFOREHAND; infinite for what is not known at all. Raises InputError where
-    the recording does not tell what `fog.overlap` needs, or the laser's light in each reading.
+    Raises InputError if the recording lacks what `fog.overlap` needs, or the laser light in each
+    reading.
+
+    Parameters
+    ----------
+    spots : Spots
+        Optics and settings; readings are ignored.
+    max_range_m : float
+        Maximum range of targets.
+    prior : tuple of float
+        Standard deviations as in `PRIOR`; infinite for no prior.
     """
     require_optics(spots)
-    lights = _lights(spots, longest_m)
+    lights = _lights(spots, max_range_m)
     if any(np.isnan(light.table[:, -1]).any() for light in lights):
         raise InputError(
-            "the laser's light in each reading is not known (nan), and the bound needs it"
+            "the laser's light in each reading is unknown (nan), but the bound needs it"
         )
     steady, precision = _steady(spots), _precision(spots)
     size = 2 + steady.shape[1]
-    fog = size * len(lights)  # where its two coefficients are, behind those of the spots
+    fog = size * len(lights)  # index of its coefficients, after those of the spots
 
     def bound(targets: Targets, readings: Floats) -> Floats:
         information = np.zeros((fog + 2, fog + 2))
-        information[-2:, -2:] = _given_prior(*prior)
+        information[-2:, -2:] = _prior_information(*prior)
         weights = precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
@@ -87,7 +96,7 @@ def make_bound(spots: Spots, longest_m: float, prior: tuple[float, float] = PRIO
 
 @dataclass(frozen=True, eq=False)
 class _Light:
-    """What one laser's light leaves in n readings, by the range that it was sent back from."""
+    """Readings (n,) of one laser's light by the range of the scatterer."""
 
     range_m: Floats  # (R,)
     path_m: Floats  # (R,)
@@ -96,14 +105,14 @@ class _Light:
     kernel: Callable[[Floats], Floats]  # (n, ...) for a detector that gets all, by path (...)
 
     def collected(self, range_m: Floats, extinction_per_m: float) -> tuple[Floats, Floats]:
-        """Share that a detector gets of a diffuser of unit radiance, and the path to it, (...)."""
+        """Fraction collected of a diffuser of unit radiance, and path to it, (...)."""
         path_m = np.interp(range_m, self.range_m, self.path_m)
         weight = np.interp(range_m, self.range_m, self.weight) / range_m**2
         return weight * np.exp(-extinction_per_m * path_m), path_m
 
 
 def smooth_overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
-    """As `fog.overlap` at many ranges (R,), in less time: weights in sr, paths in m, (spots, R)."""
+    """As `fog.overlap` for many ranges (R,), faster: weights in sr, paths in m, (spots, R)."""
     coarse_m = np.geomspace(range_m.min() / 2, 2 * range_m.max(), OVERLAPS)
     slowly = overlap(optics, coarse_m)[0] * coarse_m**2
     weights = [np.interp(range_m, coarse_m, each) / range_m**2 for each in slowly]
@@ -112,9 +121,9 @@ def smooth_overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]
     return np.array(weights), range_m + back_m
 
 
-def _lights(spots: Spots, longest_m: float) -> list[_Light]:
-    near = np.geomspace(NEAREST_M, 1.0, NEAR)
-    range_m = np.concatenate([near, np.arange(1 + STEP_M, longest_m + 2 * STEP_M, STEP_M)])
+def _lights(spots: Spots, max_range_m: float) -> list[_Light]:
+    near = np.geomspace(MIN_RANGE_M, 1.0, NEAR)
+    range_m = np.concatenate([near, np.arange(1 + STEP_M, max_range_m + 2 * STEP_M, STEP_M)])
     kernel = _kernel(spots)
     return [
         _Light(range_m, path_m, weight * range_m**2, kernel(path_m), kernel)
@@ -123,7 +132,8 @@ def _lights(spots: Spots, longest_m: float) -> list[_Light]:
 
 
 def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]:
-    """Change of readings with range and ln reflectance, and with ln of the fog's two, (n, 2)."""
+    """Slopes (n, 2) of readings along range and ln reflectance, and along ln of fog
+    coefficients."""
     z, radiance = float(targets.range_m[spot]), float(targets.reflectance[spot]) / np.pi
     extinction, beta = targets.extinction_per_m, targets.backscatter
     fraction, path_m = light.collected(z + DIFFERENCE_M * np.array([-1.0, 0.0, 1.0]), extinction)
@@ -142,14 +152,14 @@ def _slopes(light: _Light, targets: Targets, spot: int) -> tuple[Floats, Floats]
 
 
 def _sigmas(information: Floats) -> Floats:
-    """Standard deviations of all parameters; infinite of those that nothing tells of."""
-    reported = np.flatnonzero(np.diagonal(information) > 0)
-    result = np.full(len(information), np.inf)
-    result[reported] = np.sqrt(np.diagonal(inverse(information[None, reported][:, :, reported])[0]))
-    return result
+    """Standard deviations of all parameters; infinite without information."""
+    informed = np.flatnonzero(np.diagonal(information) > 0)
+    sigmas = np.full(len(information), np.inf)
+    sigmas[informed] = np.sqrt(np.diagonal(inverse(information[None, informed][:, :, informed])[0]))
+    return sigmas
 
 
-def _given_prior(log_extinction: float, log_ratio: float) -> Floats:
+def _prior_information(log_extinction: float, log_ratio: float) -> Floats:
     """Information (2, 2) about ln extinction and ln backscattering."""
     together = np.array([[1.0, -1.0], [-1.0, 1.0]])
     return np.diag([log_extinction**-2, 0.0]) + together * log_ratio**-2
@@ -173,7 +183,7 @@ def _kernel(spots: Spots) -> Callable[[Floats], Floats]:
 
 
 def _steady(spots: Spots) -> Floats:
-    """What steady light of unknown size leaves (n, m)."""
+    """Readings (n, m) of steady light, up to scale."""
     if isinstance(spots, HistogramSpots):
         return np.ones((spots.counts.shape[-1], 1))
     assert isinstance(spots, CwSpots | PulsedSpots)

@@ -1,4 +1,4 @@
-"""What the patterns' image shows where the lasers meet the scene."""
+"""Brightness of the reconstructed image at the spots."""
 
 from typing import NamedTuple
 
@@ -9,23 +9,27 @@ from ..capture import Optics, Spots
 from ..capture.spots import SpotOptics
 
 NEIGHBOURS = 1
-"""Pixels on each side of a spot that are averaged."""
+"""Pixels averaged on each side of a spot."""
 
 
 class Brightness(NamedTuple):
-    """Electrons of a pixel, fully on, at the four spots, (4,), and their standard deviations.
-
-    Both are nan at a spot outside the image.
-    """
+    """Electrons of a pixel, fully on, at the spots, (4,), and sigmas; nan outside the image."""
 
     electrons: Floats
     sigma: Floats
 
 
 def brightness_at(positions: Floats, image: Floats, sigma: Floats) -> Brightness:
-    """Means of an image (H, W) and its standard deviation around positions (4, 2), row and column.
+    """Brightness of an image at the spots.
 
-    Errors of neighbouring pixels are alike, so that the mean is no surer than one of them.
+    Errors of neighbouring pixels are correlated, so the mean is no more certain than one pixel.
+
+    Parameters
+    ----------
+    positions : array, (4, 2)
+        Row and column of each spot.
+    image, sigma : array, (H, W)
+        Electrons and their standard deviations.
     """
     electrons, electrons_sigma = np.full(4, np.nan), np.full(4, np.nan)
     for spot, (row, column) in enumerate(np.rint(positions).astype(int)):
@@ -40,9 +44,9 @@ def brightness_at(positions: Floats, image: Floats, sigma: Floats) -> Brightness
 
 
 def bucket_optics(optics: Optics | None, spots: Spots) -> tuple[SpotOptics, ...]:
-    """The bucket detector's photodiodes as they see the patterns along the spots' rays.
+    """Optics of the bucket detector's photodiodes along the spots' rays.
 
-    None at all where the recording does not state what they see, or how bright the pixels are.
+    Empty if the recording does not state their fields or the brightness of the pixels.
     """
     if (
         optics is None

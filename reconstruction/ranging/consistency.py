@@ -1,4 +1,4 @@
-"""Ranges that light which came another way may have biased, by what the readings tell of it."""
+"""Consistency check of ranges that may be biased by fog or further echoes."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,56 +11,68 @@ from ..capture.readings.cw import CwSpots
 from .methods.cw import demodulate, quadrature_weights
 from .ranges import MIN_SIGNAL, Ranges
 
-MIN_M = 0.05
-"""Ranges that differ by less may do so by calibration."""
+MIN_DIFFERENCE_M = 0.05
+"""Smaller range differences may come from calibration."""
 NO_REASONS = ("",) * 4
 
 
 def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
-    """A few words about each method whose ranges fog or further echoes may have biased.
+    """Warn about methods whose ranges may be biased by fog or further echoes.
 
-    Of methods that take their echo for the only one. It is not, where one that knows better tells
-    another range, and where the ranges of several frequencies differ; each by more than MIN_SIGNAL
-    standard deviations and LEAST_M. A single frequency alone tells nothing.
+    Checks methods that assume a single echo. Their ranges are doubtful if a method that models
+    other light disagrees, or if the ranges of single frequencies disagree, by more than MIN_SIGNAL
+    standard deviations and MIN_DIFFERENCE_M. A single frequency alone shows nothing.
+
+    Parameters
+    ----------
+    rangings : mapping of str to Ranges
+        Ranges by method.
+    spots : Spots
+        Readings of the frame.
+
+    Returns
+    -------
+    dict of str to str
+        Warning by method.
     """
     result = {}
     for name, ranges in rangings.items():
-        if _knows_better(ranges):
+        if _models_other_light(ranges):
             continue
-        others = {other: each for other, each in rangings.items() if _knows_better(each)}
+        others = {other: each for other, each in rangings.items() if _models_other_light(each)}
         apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else NO_REASONS
-        reported = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
-        doubted = [f"{spot} ({why})" for spot, why in enumerate(reported) if why]
-        if doubted:
+        reasons = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
+        affected = [f"{spot} ({why})" for spot, why in enumerate(reasons) if why]
+        if affected:
             result[name] = (
-                "perhaps biased by fog or further echoes, beyond its sigma, at "
-                f"spot{'s' * (len(doubted) > 1)} {', '.join(doubted)}"
+                "possibly biased by fog or further echoes, beyond its sigma, at "
+                f"spot{'s' * (len(affected) > 1)} {', '.join(affected)}"
             )
     return result
 
 
-def _knows_better(ranges: Ranges) -> bool:
+def _models_other_light(ranges: Ranges) -> bool:
     return ranges.fog is not None or any(ranges.alternatives)
 
 
 def _by_others(spot: int, ranges: Ranges, others: Mapping[str, Ranges]) -> str:
-    """What a method that knows better tells of a spot; nothing where that is the same."""
+    """Range of a spot by a method that models other light, empty if it agrees."""
     for name, other in others.items():
         if ranges.valid[spot] and other.valid[spot]:
             sigma_m = np.hypot(ranges.sigma_m[spot], other.sigma_m[spot])
-            if abs(ranges.range_m[spot] - other.range_m[spot]) > _limit_m(sigma_m):
+            if abs(ranges.range_m[spot] - other.range_m[spot]) > _min_difference_m(sigma_m):
                 return f"{other.range_m[spot]:.2f} m by {name}"
     return ""
 
 
 def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
-    """What each frequency tells of each spot by itself; nothing where they tell the same."""
+    """Ranges of each spot by single frequencies, empty if they agree."""
     frequencies = np.unique(spots.tap_frequencies_hz)
     if frequencies.size < 2:
         return NO_REASONS
     electrons = spots.electrons(spots.taps[0])
     variance = spots.variance(electrons)
-    tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+    tap_phases = spots.phases_rad
     ends = ranges.range_m[:, None] * spots.directions - spots.detector_positions_m
     paths_m = ranges.range_m + np.linalg.norm(ends, axis=1)
     off_m, sigma_m = [], []
@@ -81,12 +93,12 @@ def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
 
 
 def _apart(range_m: float, off_m: Floats, sigma_m: Floats) -> str:
-    """The nearest and the farthest range of the frequencies (J,), if they are not the same."""
+    """Minimum and maximum range of the frequencies (J,), if they differ."""
     near, far = int(off_m.argmin()), int(off_m.argmax())
-    if not off_m[far] - off_m[near] > _limit_m(np.hypot(sigma_m[near], sigma_m[far])):
+    if not off_m[far] - off_m[near] > _min_difference_m(np.hypot(sigma_m[near], sigma_m[far])):
         return ""
     return f"{range_m + off_m[near]:.2f} to {range_m + off_m[far]:.2f} m by its frequencies"
 
 
-def _limit_m(sigma_m: float) -> float:
-    return max(MIN_SIGNAL * sigma_m, MIN_M)
+def _min_difference_m(sigma_m: float) -> float:
+    return max(MIN_SIGNAL * sigma_m, MIN_DIFFERENCE_M)

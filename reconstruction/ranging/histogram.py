@@ -1,10 +1,10 @@
-"""A Gaussian pulse on a constant background in a histogram of first arrivals, by likelihood.
+"""Maximum-likelihood fit of a Gaussian pulse on a constant background in a first-arrival histogram.
 
-Of the n cycles that have had no arrival before a bin, those with one in it are binomial with
-probability 1 - exp(-lambda), lambda the mean number of arrivals in the bin per cycle. Solved for
-lambda that is the correction of P. B. Coates, J. Phys. E 1, 878 (1968). The likelihood of a whole
-histogram is the product of these binomials, pile-up included; its Fisher information about
-parameters theta is sum_i n_i / (exp(lambda_i) - 1) (d lambda_i / d theta)^2.
+Of the n cycles without an arrival before a bin, those with one in it are binomial with probability
+1 - exp(-lambda), lambda the mean number of arrivals in the bin per cycle. Solved for lambda this is
+the correction of P. B. Coates, J. Phys. E 1, 878 (1968). The likelihood of a histogram is the
+product of these binomials, pile-up included; its Fisher information about parameters theta is sum_i
+n_i / (exp(lambda_i) - 1) (d lambda_i / d theta)^2.
 """
 
 from dataclasses import dataclass
@@ -15,19 +15,18 @@ from scipy.special import ndtr
 from ..base.arrays import Floats
 
 BLOCKS = 16
-"""Parts of a histogram whose median is the first guess of its background."""
-REACH = 6.0
-"""Bins within so many widths of the pulse tell about it and its background."""
-STEPS = 50
-"""Most steps of Fisher scoring."""
+"""Blocks of a histogram whose median is the initial background."""
+MAX_WIDTHS = 6.0
+"""Half width of the fitted window, in widths of the pulse."""
+MAX_STEPS = 50
+"""Maximum number of Fisher scoring steps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pulses:
-    """Pulses found, each (...,): times and widths in bins, arrivals per cycle.
+    """Fitted pulses, each (...,): times and widths in bins, arrivals per cycle.
 
-    ``delay`` of the centre from the first bin's lower edge; standard deviations from the Fisher
-    information, the Cramer-Rao bound.
+    ``delay`` is the centre from the first bin's lower edge; sigmas are the Cramér–Rao bound.
     """
 
     delay: Floats
@@ -39,24 +38,24 @@ class Pulses:
 
 
 def coates(counts: Floats, cycles: int) -> tuple[Floats, Floats]:
-    """Mean arrivals per bin and cycle of histograms (..., B), and the cycles that saw each bin."""
+    """Mean arrivals per bin and cycle of histograms (..., B), and cycles that reach each bin."""
     watched = cycles - np.cumsum(counts, axis=-1) + counts
-    left = np.maximum(watched - counts, 0.5)  # where every cycle had its arrival, none is left
+    left = np.maximum(watched - counts, 0.5)  # every cycle may have ended
     return np.log(np.maximum(watched, left) / left), watched
 
 
 def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
-    """The strongest pulse of each histogram (T, B); ``width`` rms in bins, fitted where None.
+    """Fit the strongest pulse of each histogram (T, B); ``width`` rms in bins, fitted if None.
 
-    Where the matched filter is largest, delay, arrivals, background, and the width if need be, are
-    refined together by Fisher scoring. The background is that around the pulse; where it falls
-    steeply there, as the echo of near fog does, the pulse appears nearer than it is.
+    Starts where the matched filter peaks and refines delay, arrivals, background, and possibly the
+    width by Fisher scoring. The background is local; where it falls steeply, as the echo of near
+    fog, the pulse appears nearer than it is.
     """
     rate, watched = coates(counts, cycles)
     start = _matched(rate, width)
     bins = counts.shape[-1]
-    reach = min(bins, int(np.ceil(REACH * start[3].max())) + 2)
-    nearest = np.floor(start[0]).astype(int)[:, None] + np.arange(-reach, reach + 1)
+    half_window = min(bins, int(np.ceil(MAX_WIDTHS * start[3].max())) + 2)
+    nearest = np.floor(start[0]).astype(int)[:, None] + np.arange(-half_window, half_window + 1)
     inside = (nearest >= 0) & (nearest < bins)
     at = np.clip(nearest, 0, bins - 1)
     seen = np.take_along_axis(counts, at, axis=-1) * inside
@@ -65,33 +64,33 @@ def find_pulses(counts: Floats, cycles: int, width: float | None) -> Pulses:
 
     fitted = slice(3 if width is not None else 4)
     minimum = 1e-3 / cycles
-    narrowest, widest = (0.1, float(bins)) if width is None else (width, width)
-    lowest = np.array([-1.0, minimum, minimum / bins, narrowest])
-    highest = np.array([bins + 1.0, 50.0, 50.0, widest])
+    min_width, max_width = (0.1, float(bins)) if width is None else (width, width)
+    lowest = np.array([-1.0, minimum, minimum / bins, min_width])
+    highest = np.array([bins + 1.0, 50.0, 50.0, max_width])
     theta = np.clip(np.stack(start, axis=-1), lowest, highest)
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         score, information = _score(theta, edges, seen, watched)
-        # A pulse within one bin says nothing of its place there: this keeps the step finite.
+        # A pulse within one bin does not show its position there: this keeps the step finite.
         information[:, 0, 0] += 1 / (theta[:, 3] ** 2 + 1 / 12)
         step = np.zeros_like(theta)
         step[:, fitted] = (_inverse(information[:, fitted, fitted]) @ score[:, fitted, None])[
             ..., 0
         ]
-        longest = theta[:, 3:] * [0.5, np.inf, np.inf, 0.5]
+        max_step = theta[:, 3:] * [0.5, np.inf, np.inf, 0.5]
         before = theta
-        theta = np.clip(theta + np.clip(step, -longest, longest), lowest, highest)
+        theta = np.clip(theta + np.clip(step, -max_step, max_step), lowest, highest)
         if (np.abs(theta - before)[:, [0, 3]] < 1e-5 * theta[:, 3:]).all():
             break
     _, information = _score(theta, edges, seen, watched)
     variance = np.diagonal(_inverse(information[:, fitted, fitted]), axis1=1, axis2=2)
     delay, arrivals, background, widths = theta.T
-    # Even one arrival tells the delay as well as pulse and bin are wide.
+    # A single arrival locates the pulse to the width of pulse and bin.
     delay_sigma = np.minimum(np.sqrt(variance[:, 0]), np.sqrt(widths**2 + 1 / 12))
     return Pulses(delay, delay_sigma, widths, arrivals, np.sqrt(variance[:, 1]), background)
 
 
 def _matched(rate: Floats, width: float | None) -> list[Floats]:
-    """Delay, arrivals, background and width where a filter like the pulse answers most, (T,)."""
+    """Delay, arrivals, background and width at the peak of the matched filter, (T,)."""
     from scipy.signal import fftconvolve  # slow to import
 
     bins = rate.shape[-1]
@@ -119,7 +118,7 @@ def _matched(rate: Floats, width: float | None) -> list[Floats]:
 
 
 def _score(theta: Floats, edges: Floats, seen: Floats, watched: Floats) -> tuple[Floats, Floats]:
-    """Gradient (T, 4) of the log likelihood by delay, arrivals, background, width; information."""
+    """Gradient (T, 4) and information of delay, arrivals, background and width."""
     delay, arrivals, background, width = theta.T[..., None]
     at = (edges - delay) / width
     density = np.exp(-(at**2) / 2) / np.sqrt(2 * np.pi)
@@ -140,7 +139,7 @@ def _score(theta: Floats, edges: Floats, seen: Floats, watched: Floats) -> tuple
 
 
 def _inverse(information: Floats) -> Floats:
-    """Inverse of matrices (T, P, P), finite even where a histogram tells nothing of a parameter."""
+    """Inverse of matrices (T, P, P), finite even without information about a parameter."""
     scale = np.sqrt(np.diagonal(information, axis1=1, axis2=2)) + 1e-9
     both = scale[:, :, None] * scale[:, None, :]
     return np.asarray(np.linalg.inv(information / both + 1e-9 * np.eye(scale.shape[-1])) / both)

@@ -1,4 +1,4 @@
-"""What a method of ranging is."""
+"""Interface of a ranging method."""
 
 from typing import Protocol
 
@@ -8,27 +8,32 @@ from .ranges import Ranges
 
 
 class RangingSolver(Protocol):
-    """From the readings of one frame to the ranges of the four spots."""
+    """Maps the readings of a frame to the ranges of the four spots."""
 
     def __call__(self, spots: Spots, brightness: Brightness | None = None) -> Ranges:
-        """Ranges; ``brightness`` is what the frame's image shows at the spots, if it is known."""
+        """Ranges; ``brightness`` is that of the frame's image at the spots, if known."""
 
 
 class RangingMethod(Protocol):
-    """A way from readings to ranges; everything that frames share is done by `compile`."""
+    """A ranging method; `compile` does the work that frames share."""
 
     title: str
-    """A few words for plots and tables."""
+    """Short title for plots and tables."""
     reads: type[Spots] | tuple[type[Spots], ...]
-    """The kinds of readings that it understands."""
+    """Kinds of readings that the method understands."""
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver of readings of this recording, of which ``spots`` holds none.
+        """Solver for the readings of a recording.
 
-        ``optics`` are those of projector and bucket detector, if they are known.
+        Raises InputError if the recording lacks what the method needs.
 
-        Raises InputError where the recording does not tell what the method needs.
+        Parameters
+        ----------
+        spots : Spots
+            Optics and settings of the recording, without readings.
+        optics : Optics, optional
+            Projector and bucket detector.
         """
 
     def unambiguous_range_m(self, spots: Spots) -> float:
-        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        """Range beyond which a spot appears nearer than it is; infinite if none does."""

@@ -1,4 +1,4 @@
-"""What every method of ranging gives, and when a spot counts as seen."""
+"""Ranges as every ranging method gives them, and when a spot counts as detected."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -8,25 +8,24 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..capture import Spots
-from .geometry import range_from_path
 
 Status = Literal[
     "ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak", "weather prior"
 ]
 RANGED: tuple[Status, ...] = ("ok", "weather prior")
-"""With a range: the readings alone give it, or these and a prior over the weather."""
+"""Statuses with a range: from the readings alone, or with a prior of the weather."""
 
 MIN_SIGNAL = 3.0
-"""A spot counts as seen when its signal exceeds its own standard deviation this many times."""
-LONGEST_IN_FOG_M = 150.0
-"""Farther targets are not looked for in fog: where it matters, a drone's laser shows none there."""
+"""Minimum signal of a detected spot, in standard deviations."""
+MAX_FOG_RANGE_M = 150.0
+"""Maximum range of targets in fog: where fog matters, a drone's laser shows none beyond."""
 
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """What a method finds of the four spots, each (4,): path lengths, or why there is none.
+    """Path lengths of the four spots, each (4,), or the reasons for none.
 
-    ``sigma_m`` is the standard deviation of ``path_m``; the last three are true or false.
+    ``sigma_m`` is the standard deviation of ``path_m``.
     """
 
     path_m: Floats
@@ -39,9 +38,9 @@ class Paths:
 
 
 class Alternative(NamedTuple):
-    """One of the ranges that a spot may have, with its standard deviation.
+    """A possible range of a spot and its standard deviation.
 
-    ``weight`` is its probability, or of several echoes that are there at once, its share of them.
+    ``weight`` is its probability, or for simultaneous echoes its fraction of their light.
     """
 
     range_m: float
@@ -50,10 +49,7 @@ class Alternative(NamedTuple):
 
 
 class FogOptics(NamedTuple):
-    """What ranging found of the fog: the mean of its extinction, and its backscattering.
-
-    ``log_sigma`` is the standard deviation of the latter's logarithm.
-    """
+    """Estimated fog: mean extinction, and backscattering with the sigma of its logarithm."""
 
     extinction_per_m: float
     backscatter_per_m_sr: float
@@ -62,23 +58,23 @@ class FogOptics(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """Ranges of the four spots of one frame, each (4,).
+    """Ranges of the four spots of a frame, each (4,).
 
-    ``range_m`` from the projector's pinhole along the spot's direction, ``sigma_m`` its standard
-    deviation. Of methods that know of no fog it is that of shot and electronics noise, without the
-    bias of light that came another way, such as the echo of fog. ``status`` is "ok", or "weather
-    prior" where sigma holds what the readings leave open of the fog (see `reconstruction.ranging.
-    fog.underdetermined`). Elsewhere both are nan: "saturated", "no signal", "too close" (the path
-    is no longer than the way from laser to detector), "ambiguous" (frequencies that contradict each
-    other, a pulse outside of windows or bins, several ranges nearly as likely), "weak" (a target
-    that may as well be noise or fog) or "fog" (one that fog leaves too uncertain).
+    ``range_m`` is measured from the projector's pinhole along the spot's direction, ``sigma_m`` its
+    standard deviation. Methods without a fog model include shot and electronics noise in it, but
+    not the bias of other light such as the fog's echo. ``status`` is "ok", or "weather prior" if
+    sigma includes what the readings leave open about the fog (see
+    `reconstruction.ranging.fog.underdetermined`). Otherwise both are nan: "saturated", "no signal",
+    "too close" (the path is not longer than from laser to detector), "ambiguous" (contradictory
+    frequencies, a pulse outside windows or bins, several likely ranges), "weak" (a target that may
+    be noise or fog) or "fog" (too uncertain in fog).
 
     ``signal_electrons`` and ``background_electrons`` are A and B of a tap of the first frequency
-    (cw), the whole pulse and the background of one window (pulsed), or arrivals of the pulse and
-    background arrivals per bin (dtof).
+    (cw), the whole pulse and the background of a window (pulsed), or pulse arrivals and background
+    arrivals per bin (dtof).
 
-    ``alternatives`` are all ranges that a spot may have, likeliest first, also where ``status`` is
-    not "ok"; none of methods that know of one only. ``fog`` is None where a method does not tell.
+    ``alternatives`` are all possible ranges of a spot, likeliest first, whatever its ``status``;
+    empty for methods that only find one. ``fog`` is None if a method does not estimate it.
     """
 
     range_m: Floats
@@ -91,10 +87,9 @@ class Ranges:
 
     @property
     def likeliest(self) -> tuple[Floats, Floats]:
-        """Ranges and their standard deviations, each (4,), also of spots that are not valid.
+        """Ranges and sigmas, each (4,), also of spots that are not valid.
 
-        Of several alternatives their mean, with their spread in its deviation; nan where nothing is
-        known.
+        Several alternatives are averaged, and sigma includes their spread; nan if there is none.
         """
         mean, sigma = self.range_m.copy(), self.sigma_m.copy()
         for spot, given in enumerate(self.alternatives):
@@ -107,12 +102,36 @@ class Ranges:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Where there is a range (4,)."""
+        """Mask (4,) of spots with a range."""
         return np.isin(self.status, RANGED)
 
 
+def range_from_path(
+    path_m: Floats, directions: Floats, detector_positions_m: Floats
+) -> tuple[Floats, Floats]:
+    """Range along a ray from the length of the path, and its derivative.
+
+    Solves r + |r d - b| = L: r = (L^2 - |b|^2) / 2 (L - d.b), dr/dL = (L - r) / (L - d.b), for L >
+    |b|.
+
+    Parameters
+    ----------
+    path_m : array, (...,)
+        Path lengths L.
+    directions : array, (..., 3)
+        Unit vectors d.
+    detector_positions_m : array, (..., 3)
+        Positions b.
+    """
+    squared = (detector_positions_m**2).sum(axis=-1)
+    along = (directions * detector_positions_m).sum(axis=-1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = (path_m**2 - squared) / (2 * (path_m - along))
+        return range_m, (path_m - range_m) / (path_m - along)
+
+
 def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:
-    """Ranges along the spots' directions; where there is none, the status is the first reason."""
+    """Ranges along the spots' directions; the status of the others is the first reason."""
     range_m, slope = range_from_path(paths.path_m, spots.directions, spots.detector_positions_m)
     reasons = {
         "saturated": paths.saturated,

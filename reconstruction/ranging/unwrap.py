@@ -1,10 +1,10 @@
-"""From phases at one or several modulation frequencies to one path length.
+"""Path length from phases at one or several modulation frequencies.
 
-A phase tells the path but for a multiple of its wavelength c / f. Of all multiples within the range
-in which the phases do not repeat together, the one is taken under which the paths of all
-frequencies agree best, in the weighted least-squares sense (D. Droeschel, D. Holz, S. Behnke,
-"Multi-frequency phase unwrapping for time-of-flight cameras", IROS 2010; M. Hansard et al.,
-"Time-of-Flight Cameras", Springer 2012, ch. 2), by trying each.
+A phase determines the path up to a multiple of its wavelength c / f. Of all multiples within the
+unambiguous range of all phases, the one is chosen whose paths agree best in weighted least squares,
+by exhaustive search (D. Droeschel, D. Holz, S. Behnke, "Multi-frequency phase unwrapping for
+time-of-flight cameras", IROS 2010; M. Hansard et al., "Time-of-Flight Cameras", Springer 2012, ch.
+2).
 """
 
 from functools import lru_cache
@@ -17,25 +17,35 @@ from ..base.constants import c
 from .ranges import MIN_SIGNAL
 
 PHASE_ERROR_RAD = 0.05
-"""Systematic error that a phase may have beside its noise: harmonics, echoes of fog."""
-LONGEST_PATH_M = 20_000.0
-"""Paths beyond this are not considered where several frequencies could tell them: no laser of a
-drone shows anything there."""
+"""Systematic phase error besides noise: harmonics, echoes of fog."""
+MAX_PATH_M = 20_000.0
+"""Maximum path considered with several frequencies; no drone laser shows anything beyond."""
 RESOLVED = 1e-9, 1e9
-"""Standard deviations of phases: without signal they are infinite."""
+"""Bounds of the phases' standard deviations, which are infinite without signal."""
 TRIED_AT_A_TIME = 2**20
-"""Phases times wraps, which bounds the memory."""
+"""Phases times wraps per batch, which bounds the memory."""
 
 
 def path_from_phases(
     phases: Floats, sigmas: Floats, frequencies_hz: Floats
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """Path length in metres, its standard deviation, and whether it is ambiguous, each (...,).
+    """Path length from phases 2 pi f L / c.
 
-    ``phases`` 2 pi f L / c and their standard deviations are (J, ...), the J frequencies (J,)
-    differ. A path is ambiguous where the frequencies contradict each other, or agree on another
-    path nearly as well: by MIN_SIGNAL standard deviations, noise and PHASE_ERROR_RAD together. So
-    it is within MIN_SIGNAL of its own standard deviations of where all phases repeat, or of 0.
+    A path is ambiguous if the frequencies contradict each other or agree nearly as well on another
+    path, to MIN_SIGNAL standard deviations of noise and PHASE_ERROR_RAD together, or if it is
+    within MIN_SIGNAL of its own sigmas of 0 or of where all phases repeat.
+
+    Parameters
+    ----------
+    phases, sigmas : array, (J, ...)
+        Phases and their standard deviations.
+    frequencies_hz : array, (J,)
+        Distinct modulation frequencies.
+
+    Returns
+    -------
+    path_m, sigma_m, ambiguous : array, (...,)
+        Path length, its standard deviation, and whether it is ambiguous.
     """
     limit_m = unambiguous_path_m(frequencies_hz)
     if frequencies_hz.size == 1:
@@ -62,7 +72,7 @@ def path_from_phases(
 def _of_one(
     phases: Floats, sigmas: Floats, limit_m: float
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """`path_from_phases` of a single frequency, which nothing contradicts."""
+    """`path_from_phases` of a single frequency."""
     metres_per_radian = limit_m / (2 * np.pi)
     path = np.mod(phases, 2 * np.pi) * metres_per_radian
     sigma = np.clip(sigmas, *RESOLVED) * metres_per_radian
@@ -70,14 +80,14 @@ def _of_one(
 
 
 def _repeated(path: Floats, sigma: Floats, limit_m: float) -> NDArray[np.bool_]:
-    """Where a path may be as near to 0 as to where all phases repeat."""
+    """Where a path is as compatible with 0 as with the repetition of all phases."""
     return np.asarray(np.abs(path - limit_m / 2) > limit_m / 2 - MIN_SIGNAL * sigma)
 
 
 def _of_some(
     phases: Floats, sigmas: Floats, frequencies_hz: Floats, limit_m: float, wraps: int
 ) -> tuple[Floats, Floats, NDArray[np.bool_]]:
-    """`path_from_phases` of phases (J, n), trying so many wraps of the highest frequency."""
+    """`path_from_phases` of phases (J, n) with so many wraps of the highest frequency."""
     metres_per_radian = (c / (2 * np.pi * frequencies_hz))[:, None]
     finest = int(np.argmax(frequencies_hz))
     turns = 2 * np.pi * np.arange(wraps)[:, None]
@@ -105,10 +115,11 @@ def _of_some(
 
 
 def unambiguous_path_m(frequencies_hz: Floats) -> float:
-    """Path length at which the phases of all frequencies repeat, in metres.
+    """Path length in metres at which the phases of all frequencies repeat.
 
-    That is c / f of a single one. Of several it is the first multiple of the shortest wavelength at
-    which no phase differs by more than `path_from_phases` could tell, LONGEST_PATH_M at most.
+    That is c / f of a single frequency. For several it is the first multiple of the shortest
+    wavelength at which no phase differs by more than `path_from_phases` resolves, at most
+    MAX_PATH_M.
     """
     return _repeated_after_m(tuple(np.unique(frequencies_hz).tolist()))
 
@@ -116,8 +127,8 @@ def unambiguous_path_m(frequencies_hz: Floats) -> float:
 @lru_cache(maxsize=16)  # the same for all frames of a recording
 def _repeated_after_m(frequencies_hz: tuple[float, ...]) -> float:
     shortest = c / max(frequencies_hz)
-    out_of_distribution = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
-    paths = shortest * np.arange(1, int(LONGEST_PATH_M / shortest) + 2)
+    max_difference = MIN_SIGNAL * np.sqrt(2) * PHASE_ERROR_RAD / (2 * np.pi)
+    paths = shortest * np.arange(1, int(MAX_PATH_M / shortest) + 2)
     cycles = np.multiply.outer(paths, np.array(frequencies_hz) / c)
-    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < out_of_distribution
-    return float(paths[repeats.argmax()]) if repeats.any() else LONGEST_PATH_M
+    repeats = np.abs(cycles - np.round(cycles)).max(axis=1) < max_difference
+    return float(paths[repeats.argmax()]) if repeats.any() else MAX_PATH_M

@@ -1,4 +1,4 @@
-"""What a user states of the weather, which two numbers of a spot cannot tell."""
+"""Weather stated by the user, which two readings per spot cannot show."""
 
 import math
 from contextlib import suppress
@@ -10,16 +10,16 @@ from ..capture import Setup
 from ..capture.spots import SpotOptics
 
 WORDS = {"unknown": math.nan, "clear": 1.0, "fog": 0.0}
-"""Probabilities that the air is clear."""
+"""Probability of clear air."""
 VISIBILITIES_M = 1.0, 50_000.0
 KOSCHMIEDER = -math.log(0.02)
-"""Extinction times visibility, by the contrast of 2 % (H. Koschmieder, 1924)."""
+"""Extinction times visibility, for a contrast of 2 % (H. Koschmieder, 1924)."""
 
 
 class Weather(NamedTuple):
-    """Prior of ranging in fog: nan where nothing is stated.
+    """Prior of fog ranging, nan if unstated.
 
-    ``clear_probability`` that fog is too thin to matter; ``visibility_m`` of fog that is there.
+    ``clear_probability`` that fog is too thin to matter; ``visibility_m`` in fog otherwise.
     """
 
     clear_probability: float = math.nan
@@ -27,7 +27,7 @@ class Weather(NamedTuple):
 
     @classmethod
     def parsed(cls, stated: "str | float") -> "Weather":
-        """Of "clear", "fog", "unknown" or a visibility in metres; InputError of all else."""
+        """Parse "clear", "fog", "unknown" or a visibility in metres; may raise InputError."""
         if isinstance(stated, str) and stated.strip() in WORDS:
             return cls(WORDS[stated.strip()])
         with suppress(ValueError, TypeError):
@@ -43,12 +43,12 @@ class Weather(NamedTuple):
 
 
 def weather_of(spots: SpotOptics) -> Weather:
-    """What a recording states."""
+    """Weather stated by a recording."""
     return Weather(spots.clear_probability, spots.visibility_m)
 
 
 def with_weather(setup: Setup, weather: Weather) -> Setup:
-    """The same recording, of which this is stated."""
+    """Copy of a setup with this stated weather."""
     if setup.spots is None:
         return setup
     return replace(setup, spots=replace(setup.spots, **weather._asdict()))

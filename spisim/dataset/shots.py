@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from reconstruction import Capture, Reconstructor
 from reconstruction.base.errors import InputError, naming
 from reconstruction.capture import CaptureFile
-from reconstruction.exports import Placed, Shot
+from reconstruction.exports import Shot, TimestampedPose
 from reconstruction.exports.export import check_folder, with_stage
 from spisim.scene import Drone
 from spisim.scene.load_context import SceneCache
@@ -26,7 +26,7 @@ SECOND_NS = 10**9
 _cache = SceneCache()
 
 
-def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
+def placed(capture: Capture | CaptureFile | None, frame: int) -> TimestampedPose | None:
     """Return the time in a flight and the pose at the middle of a simulated frame.
 
     Returns None for results and for recordings of a real camera. Raises InputError for a capture
@@ -38,7 +38,7 @@ def placed(capture: Capture | CaptureFile | None, frame: int) -> Placed | None:
     buckets = capture.setup.buckets
     middle_s = (frame + 0.5) * buckets.pattern_period_s * capture.setup.plan.exposures
     time_s = None if drone.time_s is None else drone.time_s + middle_s
-    return Placed(time_s, drone.after(middle_s))
+    return TimestampedPose(time_s, drone.after(middle_s))
 
 
 def true_shots(sample: StoredSample) -> Iterator[Shot]:

@@ -114,7 +114,7 @@ def facts_of(capture: Capture) -> dict[str, str]:
 
 def _of_several_frames(setup: Setup) -> dict[str, str]:
     """Return the combined number of patterns of frames with different patterns."""
-    if not setup.later_plans:
+    if not setup.following_plans:
         return {}
     exposed = np.unique(np.concatenate([plan.index for plan in setup.plans])).size
     return {"of several frames": f"{exposed} patterns, distributed over {len(setup.plans)} frames"}

@@ -92,14 +92,14 @@ class Camera:
     def setup(self, motion: Motion) -> Setup:
         """What its frames have in common, by one of any motion."""
         none = self._shoot(motion, 0, None)[0].frame.between(0, 0)
-        plan, *later_plans = self.instrument.pattern_plans
+        plan, *following_plans = self.instrument.pattern_plans
         return Setup(
             plan=plan,
             optics=recorded_optics(self.instrument),
             buckets=none.buckets,
             spots=none.spots,
             pattern_taps=none.pattern_taps,
-            later_plans=tuple(later_plans),
+            following_plans=tuple(following_plans),
         )
 
 

@@ -80,7 +80,7 @@ class FlightRecord:
         numbers = np.array([shot.number - first for shot in self._reported], np.int64)
         return Capture(
             plan=plans[0],
-            later_plans=tuple(plans[1 : len(self._frames)]),
+            following_plans=tuple(plans[1 : len(self._frames)]),
             optics=setup.optics,
             provenance=provenance,
             truth=replace(Truth.of(available), frame=numbers),

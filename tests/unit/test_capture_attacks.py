@@ -145,7 +145,7 @@ def test_lengths_of_strings_are_not_believed(path, length, name):
     path.write_bytes(foreign)
     assert read_capture(path).provenance == full_capture().provenance
     path.write_bytes(attacks.long_string(foreign, length))
-    refused(path, read_capture, f"{name} tells of a string of 4294967040 bytes in a file of")
+    refused(path, read_capture, f"{name} claims a string of 4294967040 bytes in a file of")
 
 
 @pytest.mark.parametrize("version", ["v108", "v110", "latest"])
@@ -187,7 +187,7 @@ def test_other_ways_to_pack_are_named(path, compression):
         del content["buckets/counts"]
         options = {"compression": compression} if compression == "lzf" else {"scaleoffset": True}
         content.create_dataset("buckets/counts", data=values, **options).attrs["units"] = b"count"
-    refused(path, read_capture, "buckets/counts is packed in a way that is not read; allowed: unco")
+    refused(path, read_capture, "buckets/counts has unsupported filters; allowed: none, or gzip")
 
 
 # Integrity
@@ -252,7 +252,7 @@ def test_a_recorder_can_make_the_digest(path, monkeypatch):
 
 def test_a_file_of_this_version_without_its_digest_is_refused(path):
     path.write_bytes(bytes(512) + path.read_bytes()[512:])
-    with pytest.raises(InputError, match=r"version 3\.3, but the digest .* is missing"):
+    with pytest.raises(InputError, match=r"version 3\.3, but without its digest"):
         read_capture(path)
 
 

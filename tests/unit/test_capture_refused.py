@@ -147,8 +147,8 @@ def replace_dataset(path, name, value, units=None):
         ),
         ("buckets/dead_time_s", -1e-9, "must be not negative"),
         ("buckets/excess_noise_factor", 0.0, "must be positive"),
-        ("buckets/exposure_time_s", np.nan, "exposure_time_s must be known"),
-        ("buckets/electrons_per_count", np.nan, "electrons_per_count must be known"),
+        ("buckets/exposure_time_s", np.nan, "requires buckets/exposure_time_s, not nan"),
+        ("buckets/electrons_per_count", np.nan, "requires buckets/electrons_per_count, not nan"),
         ("pattern_taps/taps", np.zeros((2, 19, 6)), r"exposures = 20, pattern taps = 6"),
         ("pattern_taps/tap_frequencies_hz", np.arange(1.0, 7), "at least 3"),
         ("truth/depth_m", np.zeros((2, 8, 4)), "truths = 2, height = 4, width = 8"),
@@ -234,7 +234,9 @@ def test_the_background_window_may_touch_the_others(capture, starts_s):
 
 def test_dead_time_needs_counted_readings(capture):
     plan = replace(capture.plan, polarity=np.zeros(20, dtype=np.int8))
-    with pytest.raises(InputError, match=r"patterns/polarity 0 marks readings as differences"):
+    with pytest.raises(
+        InputError, match=r"differences \(patterns/polarity 0\) cannot be corrected"
+    ):
         replace(capture, plan=plan)
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.special import chdtri, ndtr
 
-from reconstruction.ranging.fog.chances import chi_squared_limit, normal_cdf
+from reconstruction.ranging.fog.numerics import chi_squared_limit, normal_cdf
 
 
 @pytest.mark.parametrize("sigmas", [-8.0, -3.0, -0.1, 0.0, 0.5, 4.0, np.inf])

@@ -213,9 +213,9 @@ def two_frequencies(capture: Capture, off_m: float) -> Capture:
 def test_ranges_of_frequencies_that_differ_are_told_as_perhaps_biased(capture: Capture) -> None:
     assert "ranging cw" not in reconstruct(two_frequencies(capture, 0.0)).notes
     result = reconstruct(two_frequencies(capture, 0.2))
-    assert result.notes["ranging cw"].startswith("perhaps biased by fog or further echoes")
+    assert result.notes["ranging cw"].startswith("possibly biased by fog or further echoes")
     assert "at spot 0 (4.2" in result.notes["ranging cw"]
-    assert any(warning.startswith("ranging 'cw' is perhaps biased") for warning in result.warnings)
+    assert any(warning.startswith("ranging 'cw' is possibly biased") for warning in result.warnings)
 
 
 def test_a_range_that_a_better_method_does_not_tell_is_perhaps_biased(capture: Capture) -> None:

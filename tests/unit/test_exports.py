@@ -166,7 +166,10 @@ def test_an_earlier_export_is_replaced_and_nothing_else_is(file, tmp_path, capsy
     assert sorted(path.name for path in out.iterdir()) == [f"00000{n}.pcd" for n in range(3)]
     (out / "mine.txt").write_text("mine")
     assert main(["export", str(file), "-o", str(out)]) == 2
-    assert "mine.txt is not of an earlier export; choose an empty folder" in capsys.readouterr().err
+    assert (
+        "mine.txt is not part of an earlier export; choose an empty folder"
+        in capsys.readouterr().err
+    )
     assert main(["export", str(file), "-o", str(tmp_path)]) == 2
     assert "is read by this command" in capsys.readouterr().err
     assert not list(tmp_path.glob(".*"))
@@ -176,8 +179,8 @@ def test_an_earlier_export_is_replaced_and_nothing_else_is(file, tmp_path, capsy
     ("words", "message"),
     [
         (["--format", "rgdb"], "unknown export format 'rgdb': did you mean 'rgbd'?"),
-        (["-o", "out.pdc"], "unknown ending '.pdc' of an export"),
-        (["--format", "nerf"], "frame 0 has no pose, .* tell them by --poses FILE"),
+        (["-o", "out.pdc"], "unknown export extension '.pdc'"),
+        (["--format", "nerf"], "frame 0 has no pose, .* add --poses FILE"),
         (["--poses", "none.txt"], "none.txt: no such file of poses"),
         (["--depth", "nearst"], "unknown depth method 'nearst': did you mean 'nearest'"),
         (["-o", "flight.h5/out"], "flight.h5 is not a folder"),
@@ -194,11 +197,11 @@ def test_what_cannot_be_exported_is_told(words, message, file, tmp_path, monkeyp
 @pytest.mark.parametrize(
     ("rows", "message"),
     [
-        ("0 0 0 0 0 0 0 1", "1 poses of 3 frames; one for each is needed"),
-        ("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1", "line 2: time 0 should be later than the one before"),
+        ("0 0 0 0 0 0 0 1", "1 poses for 3 frames; one each is needed"),
+        ("0 0 0 0 0 0 0 1\n0 0 0 0 0 0 0 1", "line 2: time 0 must be later than the one before"),
         ("0 0 0 0 0 0 1", "line 1: 7 columns, not 8"),
-        ("0 0 0 nan 0 0 0 1", "line 1: tz should be a number within"),
-        ("0 0 0 0 0 0 0 2", "line 1: qx qy qz qw should be of length 1, not 2"),
+        ("0 0 0 nan 0 0 0 1", "line 1: tz must be a number within"),
+        ("0 0 0 0 0 0 0 2", "line 1: qx qy qz qw must have length 1, not 2"),
     ],
 )
 def test_poses_that_are_none_are_told_with_their_line(rows, message, file, tmp_path, capsys):
@@ -295,5 +298,5 @@ def test_poses_may_be_far_off_and_late_but_not_beyond_what_is_meant(tmp_path):
     (result,) = read_poses(path)
     assert result.time_s == -result.pose[0, 3] == 9_999_999_999
     path.write_text("0 10000000001 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match="tx should be a number within ±1e\\+10"):
+    with pytest.raises(InputError, match="tx must be a number within ±1e\\+10"):
         read_poses(path)

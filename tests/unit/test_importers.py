@@ -236,7 +236,7 @@ def test_several_frames():
     [
         (np.zeros(5), [], r"shape \(5,\); the pattern plan expects 4 per frame"),
         (np.zeros((5, 3)), [], r"shape \(5, 3\)"),
-        (np.ones(4, dtype=bool), [], "true/false"),
+        (np.ones(4, dtype=bool), [], "booleans"),
         (np.zeros(4), [4], r"untrusted reading 4 is outside 0\.\.3"),
         (np.array([1, 2, np.nan, 4]), [], "not finite"),
     ],

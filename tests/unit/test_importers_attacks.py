@@ -47,7 +47,7 @@ BOMBS = {
         lambda: attacks.npz_bomb(GB * 3 // 2),
         "unpacks to 1536 MiB, at most 256: .*uncompressed",
     ),
-    "b.npz": (lambda: attacks.npz_bomb(2**20, zipfile.ZIP_LZMA), "packed in a way"),
+    "b.npz": (lambda: attacks.npz_bomb(2**20, zipfile.ZIP_LZMA), "compressed in a way"),
     "a.npy": (lambda: attacks.npy_header((2**28, 20)), "states 42949672960 bytes of at most"),
     "b.npy": (lambda: attacks.npy_header((2**62, 2**62)), "states [0-9]+ bytes of at most"),
     "c.npy": (lambda: attacks.npy_header((-1, -8)), r"states the shape \(-1, -8\)"),
@@ -81,7 +81,7 @@ def test_pictures_have_so_many_pixels(tmp_path, content):
 def test_long_texts_are_refused_and_another_format_named(tmp_path):
     with (tmp_path / "a.csv").open("wb") as file:
         file.truncate(2**28 + 1)
-    refused(tmp_path / "a.csv", load_array, r"has 256 MiB, at most 256 .* save it as \.npy")
+    refused(tmp_path / "a.csv", load_array, r"has 256 MiB; at most 256 .* save it as \.npy")
     refused(tmp_path / "a.csv", read_columns, "has 256 MiB, at most 64 .* save it as an NPY")
 
 

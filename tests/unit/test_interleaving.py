@@ -126,7 +126,7 @@ def test_frames_are_decoded_by_their_own_plan(recording):
         alone = replace(
             recording,
             plan=recording.setup.plan_of(frame),
-            later_plans=(),
+            following_plans=(),
             buckets=recording.frame(frame).buckets,
         )
         expected = reconstruct(alone)
@@ -142,14 +142,14 @@ def test_frames_of_different_sizes_and_bases_are_refused(recording):
         (make_plan((8, 32), 20, polarity="single-ended"), r"frame 1 have shape \(8, 32\)"),
     ]:
         with pytest.raises(InputError, match=reported):
-            replace(recording, later_plans=(plan,))
+            replace(recording, following_plans=(plan,))
 
 
 def test_a_detector_that_counts_has_no_differences_in_any_frame():
     capture = full_capture()
     signed = replace(capture.plan, polarity=np.zeros_like(capture.plan.polarity))
-    with pytest.raises(InputError, match="polarity 0 marks readings as differences"):
-        replace(capture, later_plans=(signed,))
+    with pytest.raises(InputError, match="polarity 0\\) cannot be corrected"):
+        replace(capture, following_plans=(signed,))
 
 
 def test_fewer_patterns_are_the_first_of_each_frame(recording):

@@ -166,19 +166,19 @@ def test_wrong_streams_end_with_status_2_and_one_line(path, tmp_path, capsys):
             ["live", str(tmp_path / "noise.stream")],
             "noise.stream: no frame was reconstructed: discarded_bytes 500",
         ),
-        (["live", str(tmp_path / "none.stream")], "no such file, neither of a stream nor a capt"),
+        (["live", str(tmp_path / "none.stream")], "no such stream or capture file"),
         (["live", str(tmp_path / "none.h5")], "none.h5: no such capture file"),
         (["live", str(tmp_path)], "is a folder; the name of a capture file is needed"),
         (["live", "tpc://localhost:1"], "did you mean 'tcp'"),
         (["live", source, "--to", str(tmp_path / "mine.jsonl")], "exists and is not an earlier"),
-        (["live", source, "--to", str(tmp_path / "film.mp4")], "no writer"),
+        (["live", source, "--to", str(tmp_path / "film.mp4")], "unknown extension"),
         (["live", source, "--to", source, "--overwrite"], "is read by this command; give its"),
-        (["live", source, "--to", "-", "--to", "-"], "--to - is told twice"),
+        (["live", source, "--to", "-", "--to", "-"], "--to - is given twice"),
         (["live", source, "--image", "zero-fill"], "did you mean 'zero-filled'"),
         (["live", source, "--depth", "dense"], "'dense' needs pattern taps, which"),
         (["replay", source, "--to", str(tmp_path / "new.txt")], "'.txt' is no ending of a stream"),
         (["replay", str(tmp_path / "none.h5"), "--to", new], "no such capture file"),
-        (["replay", source, "--to", "tcp://localhost"], "tells no host and port"),
+        (["replay", source, "--to", "tcp://localhost"], "lacks a host and port"),
     ]:
         assert main([*arguments, *(["--quiet"] if arguments[0] == "live" else [])]) == 2, arguments
         error = capsys.readouterr().err
@@ -205,7 +205,7 @@ def test_a_capture_that_tells_no_time_needs_a_rate(capture, tmp_path, capsys):
     buckets = replace(capture.buckets, pattern_period_s=np.nan)
     write_capture(replace(capture, buckets=buckets), path)
     assert main(["replay", str(path), "--to", "udp://localhost:5899"]) == 2
-    assert "tell the frames a second with --rate" in capsys.readouterr().err
+    assert "state the frame rate with --rate" in capsys.readouterr().err
     assert main(["replay", str(path), "--to", "udp://localhost:5899", "--rate", "inf"]) == 0
     with pytest.raises(SystemExit):
         main(["replay", str(path), "--to", "-", "--rate", "0"])

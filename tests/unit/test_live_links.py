@@ -85,7 +85,7 @@ def test_who_takes_nothing_is_gone(listening, monkeypatch):
     stalled = calling(listening.port)
     listening.open()
     assert not listening.wanted
-    with pytest.raises(TimeoutError, match=r"takes nothing for 0\.1 s"):
+    with pytest.raises(TimeoutError, match=r"has read nothing for 0\.1 s"):
         listening.send(b"x" * 2**24)
     other = calling(listening.port)
     assert listening.wanted
@@ -107,7 +107,7 @@ def test_a_machine_that_vanishes_is_noticed(listening):
 
 def test_a_port_in_use_is_told(listening):
     other = TcpListen("tcp-listen://127.0.0.1:7", "127.0.0.1", listening.port)
-    with pytest.raises(InputError, match=r"cannot listen at port .* in use; end what uses it"):
+    with pytest.raises(InputError, match=r"cannot listen at port .* in use; end its user"):
         other.check()
     first = UdpListen("udp://", "127.0.0.1", 0)
     first.check()
@@ -162,7 +162,7 @@ def test_a_pipe_ends_where_it_ends(monkeypatch):
 
 def test_a_file_ends_or_is_followed(tmp_path):
     path = tmp_path / "flight.stream"
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="no such stream or capture file"):
         source_at(str(path)).check()
     outlet = outlet_to(str(path))
     outlet.open()
@@ -268,22 +268,20 @@ def test_what_is_in_the_way_of_a_serial_port_is_told(device, monkeypatch):
     monkeypatch.setattr(serial_module.os, "access", lambda *_: False)
     device.chmod(0o660)
     monkeypatch.setattr(serial_module, "_group", lambda device: "dialout")
-    with pytest.raises(InputError, match=f"no permission for {device}: join its group, by sudo"):
+    with pytest.raises(InputError, match=f"no permission for {device}: join its group with sudo"):
         link.check()
     device.chmod(0o600)
-    with pytest.raises(InputError, match=r"its group dialout is no way to it: sudo chmod a\+rw"):
+    with pytest.raises(InputError, match=r"its group dialout has no access: sudo chmod a\+rw"):
         link.check()
     device.unlink()
     monkeypatch.setattr(serial_module, "_ports", lambda: [Path("/dev/ttyACM3")])
-    with pytest.raises(
-        InputError, match=r"there is no .*ttyUSB0; ports that are there: /dev/ttyACM3"
-    ):
+    with pytest.raises(InputError, match=r"no such device .*ttyUSB0; available: /dev/ttyACM3"):
         link.check()
 
 
 def test_hosts_may_be_of_either_kind():
-    assert source_at("tcp://[::1]:5800")._place == ("::1", 5800)
-    assert source_at("tcp-listen://:5800")._place == ("", 5800)
+    assert source_at("tcp://[::1]:5800")._endpoint == ("::1", 5800)
+    assert source_at("tcp-listen://:5800")._endpoint == ("", 5800)
     with socket.socket(socket.AF_INET) as taken:
         taken.bind(("", 0))
         with pytest.raises(InputError, match="in use"):

@@ -327,7 +327,7 @@ def test_a_sink_that_raises_anything_is_told_and_tried_again(error):
 
 
 def test_a_sink_that_does_not_end_is_given_up(monkeypatch):
-    monkeypatch.setattr("reconstruction.live.sinks.detached.CLOSING_S", 0.05)
+    monkeypatch.setattr("reconstruction.live.sinks.sink.CLOSING_S", 0.05)
     sink = Stalling()
     detached = Detached(sink, "stalling")
     detached.start()
@@ -336,6 +336,6 @@ def test_a_sink_that_does_not_end_is_given_up(monkeypatch):
     assert sink.stuck.wait(SAFETY_S)
     detached.close()
     assert detached.failed
-    assert "does not come to an end" in detached.why
+    assert "does not finish" in detached.why
     assert detached.dropped == 3
     sink.may.set()

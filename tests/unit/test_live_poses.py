@@ -36,12 +36,12 @@ def test_the_bytes_are_as_the_page_says():
 @pytest.mark.parametrize(
     ("payload", "message"),
     [
-        (b"\0" * 55, "a pose of 55 bytes; it has 56, or none"),
+        (b"\0" * 55, "a pose of 55 bytes; must have 56, or none"),
         (struct.pack("<7d", np.nan, 0, 0, 0, 0, 0, 1), r"position \(nan, 0, 0\) m"),
-        (struct.pack("<7d", 0, 0, -np.inf, 0, 0, 0, 1), "should lie within"),
-        (struct.pack("<7d", 0, 2e6, 0, 0, 0, 0, 1), "should lie within"),
-        (struct.pack("<7d", 0, 0, 0, 0, 0, 0, 0), r"quaternion \(0, 0, 0, 0\); should be of len"),
-        (struct.pack("<7d", 0, 0, 0, np.nan, 0, 0, 1), "should be of length 1"),
+        (struct.pack("<7d", 0, 0, -np.inf, 0, 0, 0, 1), "must lie within"),
+        (struct.pack("<7d", 0, 2e6, 0, 0, 0, 0, 1), "must lie within"),
+        (struct.pack("<7d", 0, 0, 0, 0, 0, 0, 0), r"quaternion \(0, 0, 0, 0\); must have len"),
+        (struct.pack("<7d", 0, 0, 0, np.nan, 0, 0, 1), "must have length 1"),
     ],
 )
 def test_what_is_no_pose_is_told(payload, message):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from reconstruction.live.counts import ROLLING, Counts, Latencies
-from reconstruction.live.queues import Waiting
+from reconstruction.live.queues import BoundedQueue
 from reconstruction.live.sequence import ASTRAY, HOLD_S, REMEMBERED, Sequence
 
 
@@ -117,7 +117,7 @@ def test_memory_does_not_grow():
 
 
 def test_the_oldest_gives_way():
-    waiting = Waiting(3)
+    waiting = BoundedQueue(3)
     for number in range(10):
         waiting.put(number)
     assert waiting.dropped == 7
@@ -125,7 +125,7 @@ def test_the_oldest_gives_way():
 
 
 def test_who_puts_in_turn_waits_for_room_and_not_after_the_end():
-    waiting = Waiting(1)
+    waiting = BoundedQueue(1)
     waiting.put_in_turn(1)
     second = threading.Thread(target=waiting.put_in_turn, args=(2,))
     second.start()
@@ -146,7 +146,7 @@ def test_who_puts_in_turn_waits_for_room_and_not_after_the_end():
 
 def test_what_waits_is_bounded_in_bytes_too(monkeypatch):
     monkeypatch.setattr("reconstruction.live.queues.MAX_BYTES", 1000)
-    waiting = Waiting(100)
+    waiting = BoundedQueue(100)
     for number in range(5):
         waiting.put(number, 400)
     assert waiting.dropped == 3

@@ -52,7 +52,7 @@ def test_setup_and_frames_come_back_bit_for_bit(recording):
 
 def test_plans_that_take_turns_come_back(capture):
     plans = [make_plan((16, 16), 128, f"random:{seed}") for seed in range(3)]
-    dealt = replace(film(capture, 3), plan=plans[0], later_plans=tuple(plans[1:]))
+    dealt = replace(film(capture, 3), plan=plans[0], following_plans=tuple(plans[1:]))
     stream = StreamSetup(setup_payload(dealt.setup))
     assert [stream.setup.digest(n) for n in range(4)] == [dealt.setup.digest(n) for n in range(4)]
 
@@ -129,7 +129,7 @@ def test_patterns_are_as_many_as_methods_have_room_for(side, patterns, fits):
     if fits:
         assert StreamSetup(setup_payload(setup)).setup.plan.sampled == patterns
     else:
-        with pytest.raises(InputError, match=r"at most 512, or all but so many"):
+        with pytest.raises(InputError, match=r"may have 512 of that size, or all but as many"):
             StreamSetup(setup_payload(setup))
 
 
@@ -140,7 +140,7 @@ def test_patterns_are_as_many_as_methods_have_room_for(side, patterns, fits):
         (b"\x01au2\x01\xff\xff\xff\xff", "at most"),
         (b"\x01au2\x01\x02\0\0\0\0", "a has 4 bytes, but 1 are left"),
         (b"\x01au9\x00", "has the type b'u9'; allowed: u1"),
-        (b"\x01\x1bu1\x00\0", "is no name"),
+        (b"\x01\x1bu1\x00\0", "is not a valid name"),
         (b"\x01au1\x00\0" * 2, "a comes twice"),
         (b"\x01au1\x09", "9 axes"),
         (b"", "patterns/basis is missing"),
@@ -154,7 +154,7 @@ def test_what_is_no_table_is_told(content, message):
 def test_a_frame_that_cannot_be_of_its_setup_is_told(recording):
     stream = StreamSetup(setup_payload(recording.setup))
     payload = frame_payload(recording.frame(0))
-    with pytest.raises(InputError, match=rf"a frame of {len(payload) - 1} bytes; its setup tells"):
+    with pytest.raises(InputError, match=rf"a frame of {len(payload) - 1} bytes; its setup has"):
         stream.frames(payload[:-1], 0)
 
 

@@ -9,11 +9,12 @@ from PIL import Image
 
 from reconstruction.base.png import png
 from reconstruction.outputs import pictures
-from reconstruction.outputs.glyphs import HEIGHT, written
 from reconstruction.outputs.pictures import (
+    HEIGHT,
     depth_picture,
     image_picture,
     no_return_picture,
+    rendered_text,
     sigma_picture,
 )
 from reconstruction.outputs.scale import GREY, VIRIDIS, Scale
@@ -55,12 +56,12 @@ def test_colours_go_from_end_to_end_and_no_further():
 
 
 def test_letters_cover_what_they_should():
-    assert written("").shape == (HEIGHT, 0)
-    assert not written("  ").any()
-    assert np.array_equal(written("\N{SNOWMAN}"), written("?"))
-    dash, cross = written("-"), written("×")
+    assert rendered_text("").shape == (HEIGHT, 0)
+    assert not rendered_text("  ").any()
+    assert np.array_equal(rendered_text("\N{SNOWMAN}"), rendered_text("?"))
+    dash, cross = rendered_text("-"), rendered_text("×")
     assert 0 < (dash > 0.5).sum() < (cross > 0.5).sum()
-    assert written("1/f²").shape[1] > written("1/f").shape[1]
+    assert rendered_text("1/f²").shape[1] > rendered_text("1/f").shape[1]
 
 
 def test_pixels_are_enlarged_as_they_are():

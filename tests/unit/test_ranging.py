@@ -20,8 +20,8 @@ from fourspots import (
 from reconstruction.base.errors import InputError
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.geometry import range_from_path
 from reconstruction.ranging.methods.cw import demodulate, quadrature_weights
+from reconstruction.ranging.ranges import range_from_path
 
 FREQUENCY = 15e6
 
@@ -169,7 +169,9 @@ def test_unknown_noise_is_estimated_from_the_tap_to_spare():
 
 
 def test_unknown_noise_that_nothing_tells_is_refused():
-    with pytest.raises(InputError, match=r"noise_electrons is not known .* 0 are to spare"):
+    with pytest.raises(
+        InputError, match=r"noise_electrons is unknown .* readings per frame, not 0"
+    ):
         measure_ranges(spots(ideal(3), 3, noise_electrons=np.nan))
 
 

@@ -282,7 +282,7 @@ def test_geometry_that_is_not_known_is_named(name: str, lost: str) -> None:
     ],
 )
 def test_light_that_is_not_known_is_refused(name: str, lost: str) -> None:
-    with pytest.raises(InputError, match=r"not known .*ranging in fog needs it"):
+    with pytest.raises(InputError, match=r"unknown .*ranging in fog needs it"):
         measure(replace(record(name), **{lost: np.nan}))
 
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from reconstruction.ranging import Alternative
-from reconstruction.ranging.fog.belief import CHANGE, DRIFT, FogBelief
 from reconstruction.ranging.fog.edges import odd_spots
+from reconstruction.ranging.fog.fog_state import CHANGE, DRIFT, FogState
 from reconstruction.ranging.fog.modes import find_modes
 from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
 from reconstruction.ranging.fog.templates import STEP_M, Templates
@@ -16,13 +16,13 @@ RANGE_M = 0.01 + STEP_M * np.arange(800)
 def test_a_frame_later_the_fog_is_a_mixture_of_what_drifted_and_of_another() -> None:
     """Mean and variance of the mixture, by its two parts: how far apart they are is part of it."""
     fraction, prior_fraction = np.array([0.7, 0.3]), np.array([0.2, 0.8])
-    held = FogBelief(fraction, np.array([0.0, 1.0]), np.array([0.1, 0.2]))
-    prior = FogBelief(prior_fraction, np.array([3.0, -2.0]), np.array([0.6, 0.6]))
-    following = held.predict(prior)
+    last = FogState(fraction, np.array([0.0, 1.0]), np.array([0.1, 0.2]))
+    prior = FogState(prior_fraction, np.array([3.0, -2.0]), np.array([0.6, 0.6]))
+    following = last.predict(prior)
     weights = np.stack([(1 - CHANGE) * fraction, CHANGE * prior_fraction])
     weights /= weights.sum(axis=0)
-    mean = np.stack([held.log_median, prior.log_median])
-    variance = np.stack([held.log_sigma**2 + DRIFT**2, prior.log_sigma**2])
+    mean = np.stack([last.log_median, prior.log_median])
+    variance = np.stack([last.log_sigma**2 + DRIFT**2, prior.log_sigma**2])
     expected = (weights * mean).sum(axis=0)
     squares = (weights * (variance + mean**2)).sum(axis=0)
     np.testing.assert_allclose(following.log_median, expected)
@@ -79,5 +79,5 @@ def test_the_range_of_a_mode_has_the_variance_of_its_linear_model() -> None:
 def test_three_readings_of_a_spot_leave_one_to_judge_it_by(misfit: float, odd: bool) -> None:
     """Range and reflectance take two. Chance gives 10.8 or more once in a thousand times of one."""
     spot = SpotPosterior(alternatives=(Alternative(3.0, 0.01, 1.0),), misfit=misfit)
-    given = Posterior((spot,) * 4, FogBelief(*(np.ones(1),) * 3))
+    given = Posterior((spot,) * 4, FogState(*(np.ones(1),) * 3))
     assert odd_spots(given, 3) == (list(range(4)) if odd else [])

@@ -14,10 +14,9 @@ from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.cli import main
-from reconstruction.ranging.calibration import measure_path_offsets, path_check
 from reconstruction.ranging.fog.echo_model import EchoModel
 from reconstruction.ranging.fog.of_charge import echo_combinations
-from reconstruction.ranging.fog.offsets import path_offsets
+from reconstruction.ranging.fog.offsets import measure_path_offsets, path_check, path_offsets
 from spisim.instrument import load_instrument
 
 RANGES = np.array([2.2, 2.8, 3.2, 3.6])
@@ -77,14 +76,14 @@ def test_readings_and_slopes_of_target_and_fog() -> None:
 def test_an_offset_of_one_spot_is_told(offset_m: float) -> None:
     result = measure_path_offsets(record(offset_m, **DENSE))
     assert result.frames == 30
-    assert result.reported.tolist() == [False, True, False, False]
+    assert result.significant.tolist() == [False, True, False, False]
     assert (np.abs(result.offset_m - [0, offset_m, 0, 0]) < 3.5 * result.sigma_m).all()
     assert result.sigma_m.max() < 0.04
 
 
 def test_windows_of_pulses_tell_an_offset_too() -> None:
     result = measure_path_offsets(record(0.2, name="windows", **DENSE))
-    assert result.reported.tolist() == [False, True, False, False]
+    assert result.significant.tolist() == [False, True, False, False]
 
 
 def test_offsets_scatter_as_their_sigma_says() -> None:
@@ -104,7 +103,7 @@ def test_patches_that_stand_still_are_not_told_as_an_offset() -> None:
     density[1, PATHS < 3.0] = 1.5
     density[3, PATHS < 2.0] = 0.7
     result = measure_path_offsets(record(density=density, **DENSE))
-    assert not result.reported.any()
+    assert not result.significant.any()
 
 
 def test_clear_air_tells_nothing() -> None:

@@ -19,8 +19,8 @@ from fourspots import (
 )
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.ranging import MIN_SIGNAL, measure_ranges
-from reconstruction.ranging.geometry import range_from_path
-from reconstruction.ranging.methods.pulsed import fraction_in_second
+from reconstruction.ranging.methods.pulsed import second_window_fraction
+from reconstruction.ranging.ranges import range_from_path
 
 WIDTH_S = 65e-9  # ranges up to 9.7 m
 STARTS_S = np.array([-70e-9, 3e-9, 68e-9])
@@ -75,7 +75,7 @@ def test_sigma_is_the_formula_and_the_scatter_of_20000_trials(background, noise,
 
     trials = np.broadcast_to(mean, (20_000, 4, 3))
     recorded = charge(np.random.default_rng(1), trials, excess, noise)
-    fractions, _, _ = fraction_in_second(recorded, recorded)
+    fractions, _, _ = second_window_fraction(recorded, recorded)
     paths = c * (STARTS_S[1] + fractions * WIDTH_S - DELAY_S)
     ranges, _ = range_from_path(paths, DIRECTIONS, DETECTORS)
     assert_scatter(ranges, RANGES, expected)

@@ -24,9 +24,11 @@ from reconstruction.ranging import (
 from reconstruction.ranging.brightness import bucket_optics
 from reconstruction.ranging.fog.modes import BACKSCATTER_PER_SR, LOG_SIGMA
 from reconstruction.ranging.fog.overlap import overlap
-from reconstruction.ranging.fog.reflectance import LOG_SIGMA as REFLECTANCE_LOG_SIGMA
-from reconstruction.ranging.fog.reflectance import MEDIAN
-from reconstruction.ranging.fog.underdetermined import CLEAR
+from reconstruction.ranging.fog.underdetermined import (
+    CLEAR,
+    REFLECTANCE_LOG_SIGMA,
+    REFLECTANCE_MEDIAN,
+)
 from spisim.instrument import load_instrument
 from spisim.simulation.measurement import recorded_optics
 
@@ -69,7 +71,8 @@ def drawn(count: int, seed: int) -> list[tuple[np.ndarray, Ranges, Ranges]]:
         spots = record(
             ranges_m,
             number,
-            reflectances=MEDIAN * np.exp(REFLECTANCE_LOG_SIGMA * rng.standard_normal(4)),
+            reflectances=REFLECTANCE_MEDIAN
+            * np.exp(REFLECTANCE_LOG_SIGMA * rng.standard_normal(4)),
             extinction_per_m=foggy * np.exp(rng.uniform(np.log(0.003), np.log(0.28))),
             backscatter_per_sr=BACKSCATTER_PER_SR * np.exp(LOG_SIGMA * rng.standard_normal()),
         )

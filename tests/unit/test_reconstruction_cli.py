@@ -34,7 +34,7 @@ from reconstruction.cli import main
 from reconstruction.depth import DISTANCES_M
 from reconstruction.operators import expose
 from reconstruction.outputs import pictures
-from reconstruction.outputs.glyphs import written
+from reconstruction.outputs.pictures import rendered_text
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges
 
@@ -523,9 +523,9 @@ def texts(monkeypatch):
 
     def noted(text):
         drawn.append(text)
-        return written(text)
+        return rendered_text(text)
 
-    monkeypatch.setattr(pictures, "written", noted)
+    monkeypatch.setattr(pictures, "rendered_text", noted)
     return drawn
 
 

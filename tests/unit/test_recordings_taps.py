@@ -69,8 +69,8 @@ def test_a_text_of_taps_alone_is_a_capture_without_an_image(tmp_path, capsys):
     imported(tmp_path, "--taps", tmp_path / "taps.csv", "--frequency", "20e6")
     reported = capsys.readouterr()
     assert "1 frame(s) of continuous wave, 4 taps, 20 MHz" in reported.out
-    assert "directions are not told" in reported.err
-    assert "electrons_per_count of the taps is not told" in reported.err
+    assert "directions are not stated" in reported.err
+    assert "electrons_per_count of the taps is not stated" in reported.err
     assert main([str(tmp_path / "a.h5"), "-o", str(tmp_path / "result")]) == 0
     assert "ranges alone, hardware" in capsys.readouterr().out
     assert [path.name for path in (tmp_path / "result").iterdir()] == ["result.h5"]
@@ -165,7 +165,7 @@ PULSED = ("--windows", "0", "1e-8", "2e-8", "3e-8", "--pulse-width")
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--frequency", "20"), "20 Hz is below 10000 Hz.* in MHz, write 20e6"),
+        (("--frequency", "20"), "20 Hz is below the minimum of 10000 Hz.* in MHz, write 20e6"),
         (("--frequency", "20e6", "30e6"), r"shape \(4, 4\); 4 phases of 2 .* 8 columns.* or 32"),
         ((*CW, "--phases-deg", "0", "90", "180"), "3 columns, a line for each spot"),
         ((*CW, "--phases-deg", "0", "0", "180", "180"), "fewer than 3 different phases"),
@@ -202,7 +202,8 @@ def test_spots_from_python(tmp_path):
     with pytest.raises(InputError, match=r"spots/taps has shape .*frames = 2"):
         capture_from_readings(np.zeros((2, 64)), plan, spots=spots)
     with pytest.raises(
-        InputError, match=r"unknown 'noise_electron'.* did you mean 'noise_electrons'"
+        InputError,
+        match=r"unknown detector property 'noise_electron'.* did you mean 'noise_electrons'",
     ):
         spots_from_taps(cw_taps(20e6), 20e6, about={"noise_electron": 1})
     with pytest.raises(InputError, match=r"directions have shape \(3,\), expected \(S, 3\)"):

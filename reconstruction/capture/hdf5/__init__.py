@@ -1,4 +1,4 @@
-"""HDF5 files that say what they are: a format name, a unit with every dataset, a digest of all."""
+"""Self-describing HDF5 files: a format name, a unit with every dataset, a digest of the content."""
 
 from .formats import Format
 from .opening import opened, surveyed

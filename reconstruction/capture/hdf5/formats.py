@@ -1,4 +1,4 @@
-"""What a file says it is, and in which version."""
+"""Format name and version of a file."""
 
 from typing import NamedTuple
 
@@ -7,13 +7,13 @@ from ...base.errors import InputError
 Version = tuple[int, int]
 
 SEALED_SINCE = (3, 1)
-"""Files of this version and later have a digest."""
+"""First version whose files have a digest."""
 
 
 class Format(NamedTuple):
-    """A format, and the versions of it that are read.
+    """A file format and its readable versions.
 
-    ``kind`` is how messages call it, ``remedy`` what helps where a file is older than ``oldest``.
+    ``kind`` is its name in messages, ``remedy`` the advice for files older than ``oldest``.
     """
 
     name: str
@@ -23,7 +23,7 @@ class Format(NamedTuple):
     remedy: str
 
     def checked_version(self, text: str) -> Version:
-        """Version of a file, as it tells it; InputError if it is not read."""
+        """Parse the version of a file; raises InputError if it is not readable."""
         newest, oldest = dotted(self.version), dotted(self.oldest)
         try:
             major, minor = (int(number) for number in text.split("."))
@@ -43,5 +43,5 @@ class Format(NamedTuple):
 
 
 def dotted(version: Version) -> str:
-    """As in ``3.1``."""
+    """Format a version, as in ``3.1``."""
     return ".".join(map(str, version))

@@ -1,4 +1,4 @@
-"""Files of others are opened here: looked through, and what they are checked, before reading."""
+"""Opening of untrusted files, surveyed and checked before anything is read."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,9 +7,8 @@ from pathlib import Path
 import h5py
 
 from ...base.errors import InputError, naming
-from .damage import undamaged
 from .formats import SEALED_SINCE, Format
-from .reading import Contents
+from .reading import Contents, undamaged
 from .sealing import is_sealed
 from .sizes import check_sizes
 from .survey import survey
@@ -19,8 +18,8 @@ from .survey import survey
 def opened(path: str | Path, form: Format) -> Iterator[Contents]:
     """Open a file of a format.
 
-    Raises InputError naming the file: if its format or version is another, its digest not that of
-    its content, its size beyond the limits, and as `survey` and `Contents` do.
+    Raises InputError, which names the file, if its format, version or digest is wrong, it is too
+    large, or as `survey` and `Contents` raise.
     """
     with naming(path):
         sealed = is_sealed(path)
@@ -33,15 +32,15 @@ def opened(path: str | Path, form: Format) -> Iterator[Contents]:
             contents.version = form.checked_version(version)
             if contents.version >= SEALED_SINCE and not sealed:
                 raise InputError(
-                    f"written in format version {version}, but the digest that it must begin with "
-                    "is missing: damaged, or changed since"
+                    f"written in format version {version}, but without its digest: damaged, or "
+                    "changed since"
                 )
             yield contents
 
 
 @contextmanager
 def surveyed(path: str | Path) -> Iterator[tuple[h5py.File, dict[str, h5py.Dataset]]]:
-    """Open any HDF5 file; its datasets by their paths. Raises InputError as `survey`."""
+    """Open any HDF5 file with its datasets by path; raises InputError as `survey`."""
     with undamaged():
         file = h5py.File(path, "r")
     try:

@@ -1,8 +1,10 @@
 """Datasets by name, each with its unit."""
 
 import math
+import struct
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -12,17 +14,32 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from .chunks import Chunks
-from .damage import undamaged
 from .strings import check_attribute, check_dataset
 
 MAX_ATTRIBUTE_BYTES = 2**16
 
+DAMAGE = (
+    OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError,
+    struct.error,
+)  # fmt: skip
+"""Errors of h5py and NumPy on files that are damaged or not HDF5."""
+
+
+@contextmanager
+def undamaged() -> Iterator[None]:
+    """Turn errors of a damaged file into InputError; the block may only read."""
+    try:
+        yield
+    except (InputError, PermissionError):
+        raise
+    except DAMAGE as error:
+        raise InputError(f"not an HDF5 file, or truncated or damaged ({error})") from error
+
 
 class Dataset:
-    """Numbers or texts in an open file, read when they are asked for.
+    """Numbers or texts in an open file, read on demand.
 
-    Raises InputError, naming it, for anything else, for what is packed in a way that cannot be
-    bounded, and for damage.
+    Raises InputError, naming the dataset, for any other content, unbounded filters or damage.
     """
 
     def __init__(self, name: str, dataset: h5py.Dataset) -> None:
@@ -47,7 +64,7 @@ class Dataset:
         return text_attribute(self._dataset, "units")
 
     def read(self, rows: slice | None = None) -> NDArray[Any]:
-        """All values, or some rows of them."""
+        """Read all values, or some rows."""
         with undamaged():
             if self._chunks is not None:
                 self._chunks.check_reading(rows)
@@ -55,33 +72,33 @@ class Dataset:
 
 
 class Readable(Protocol):
-    """Values that are read when they are asked for."""
+    """Values that are read on demand."""
 
     shape: tuple[int, ...]
 
     def read(self, rows: slice | None = None) -> NDArray[Any]:
-        """All values, or some rows of them."""
+        """Read all values, or some rows."""
 
 
 class Tables(ABC):
-    """Datasets by name, whatever holds them.
+    """Datasets by name, in any container.
 
-    Raises InputError for one that is missing, damaged or not what is asked for.
+    Raises InputError for a dataset that is missing, damaged or of another kind than requested.
     """
 
-    def __init__(self, result: Collection[str]) -> None:
-        self._names = result
+    def __init__(self, names: Collection[str]) -> None:
+        self._names = names
 
     @abstractmethod
     def dataset(self, name: str, units: str) -> Readable:
-        """A dataset that is not read yet; InputError too if its unit is another."""
+        """Unread dataset; raises InputError also if its unit differs."""
 
     def __contains__(self, name: str) -> bool:
-        """Whether there is a dataset of this name, or a group of it that holds any."""
+        """Whether a dataset of this name exists, or a group that holds any."""
         return any(path == name or path.startswith(f"{name}/") for path in self._names)
 
     def names_in(self, group: str) -> list[str]:
-        """Names of the datasets in a group, none if it is missing."""
+        """Names of the datasets in a group, empty if it is missing."""
         paths = (name.rpartition("/") for name in self._names)
         return [name for folder, _, name in paths if folder == group]
 
@@ -90,23 +107,23 @@ class Tables(ABC):
         return self.dataset(name, units).shape
 
     def get(self, name: str, units: str, rows: slice | None = None) -> NDArray[Any]:
-        """A dataset, or some rows of it."""
+        """Read a dataset, or some rows."""
         return self.dataset(name, units).read(rows)
 
     def numbers(self, name: str, units: str = "1") -> NDArray[Any]:
-        """A dataset of numbers."""
+        """Read a dataset of numbers."""
         values = self.get(name, units)
         if values.dtype.kind not in "iuf":
             raise InputError(f"{name} must hold numbers, found {values.dtype}")
         return values
 
     def number(self, name: str, units: str = "1") -> float:
-        """A dataset that holds a single number."""
+        """Read a dataset of a single number."""
         self._check_single(name, units)
         return float(self.numbers(name, units).item())
 
     def integer(self, name: str) -> int:
-        """A dataset that holds a single integer."""
+        """Read a dataset of a single integer."""
         self._check_single(name, "1")
         value = self.numbers(name).item()
         if not float(value).is_integer():
@@ -114,13 +131,13 @@ class Tables(ABC):
         return int(value)
 
     def text(self, name: str) -> str:
-        """A dataset that holds one string."""
+        """Read a dataset of a single string."""
         self._check_single(name, "1")
         (text,) = self.texts(name)
         return text
 
     def texts(self, name: str) -> list[str]:
-        """All strings of a dataset."""
+        """Read all strings of a dataset."""
         return [_as_text(value) for value in self.get(name, "1").flat]
 
     def _check_single(self, name: str, units: str) -> None:
@@ -130,14 +147,14 @@ class Tables(ABC):
 
 
 class Contents(Tables):
-    """The datasets of an open file, read when they are asked for."""
+    """The datasets of an open file, read on demand."""
 
     def __init__(self, file: h5py.File, datasets: Mapping[str, h5py.Dataset]) -> None:
         super().__init__(datasets)
         self.version = (0, 0)
         self._file = file
-        self._result = datasets
-        self._datasets: dict[str, Dataset] = {}
+        self._stored = datasets
+        self._opened: dict[str, Dataset] = {}
 
     def has_attribute(self, name: str) -> bool:
         """Whether the file has an attribute."""
@@ -145,7 +162,7 @@ class Contents(Tables):
             return name in self._file.attrs
 
     def attribute(self, name: str) -> str:
-        """An attribute of the file as text."""
+        """Read an attribute of the file as text."""
         return text_attribute(self._file, name)
 
     def units(self, name: str) -> str:
@@ -153,34 +170,34 @@ class Contents(Tables):
         return self._dataset(name).units
 
     def dataset(self, name: str, units: str) -> Dataset:
-        """A dataset that is not read yet; InputError too if its unit is another."""
+        """Unread dataset; raises InputError also if its unit differs."""
         dataset = self._dataset(name)
         if dataset.units != units:
             raise InputError(f"dataset {name} has units {dataset.units!r}, expected {units!r}")
         return dataset
 
     def _dataset(self, name: str) -> Dataset:
-        if name not in self._result:
+        if name not in self._stored:
             raise InputError(f"dataset {name} is missing")
-        if name not in self._datasets:
-            self._datasets[name] = Dataset(name, self._result[name])
-        return self._datasets[name]
+        if name not in self._opened:
+            self._opened[name] = Dataset(name, self._stored[name])
+        return self._opened[name]
 
 
 def _as_text(value: Any) -> str:
-    """Text of what the library gives for a string."""
+    """Decode what h5py returns for a string."""
     with undamaged():
         return value.decode() if isinstance(value, bytes) else str(value)
 
 
 def _varies(dtype: np.dtype[Any]) -> bool:
-    """Whether this is a string of variable length."""
+    """Whether a type is a string of variable length."""
     string = h5py.check_string_dtype(dtype)
     return string is not None and string.length is None
 
 
 def text_attribute(item: h5py.File | h5py.Dataset, name: str) -> str:
-    """An attribute as text; InputError if it is missing or none."""
+    """Read an attribute as text; raises InputError if it is missing or not text."""
     with undamaged():
         if name not in item.attrs:
             raise InputError(f"attribute {name!r} of {item.name} is missing")

@@ -1,7 +1,7 @@
-"""A digest at the head of an HDF5 file, so that a flipped bit anywhere is found before reading.
+"""SHA-256 digest at the head of an HDF5 file, which reveals any flipped bit before reading.
 
-The head is the user block, which the library skips: a line with the SHA-256 of everything after
-that line, a line that says who made the file, and zeros.
+The head is the user block, which HDF5 skips: a line with the digest of everything after that line,
+a line that names the maker of the file, and zeros.
 """
 
 import hashlib
@@ -11,25 +11,25 @@ from ...base.errors import InputError
 from ...base.files import mark
 
 HEAD_BYTES = 512
-"""The smallest user block."""
+"""Size of the smallest user block."""
 
 _NAME = b"sha256 "
 _LINE_BYTES = len(_NAME) + 64 + 1
 
 
 def head(kind: str) -> bytes:
-    """What stands behind the digest in the head of a file of a kind."""
+    """Head of a file of a kind, after its digest."""
     return f"{mark(kind)}\n".encode().ljust(HEAD_BYTES - _LINE_BYTES, b"\0")
 
 
 def seal(content: bytearray | memoryview) -> None:
-    """Put the digest of all that follows into the first line of a file."""
+    """Write the digest of all that follows into the first line of a file."""
     digest = hashlib.sha256(content[_LINE_BYTES:])
     content[:_LINE_BYTES] = _line(digest.hexdigest())
 
 
 def is_sealed(path: str | Path) -> bool:
-    """Whether a file has a digest; InputError if it is not that of its content."""
+    """Whether a file has a digest; raises InputError if it is wrong."""
     with Path(path).open("rb") as file:
         line = file.read(_LINE_BYTES)
         if not line.startswith(_NAME):
@@ -37,8 +37,8 @@ def is_sealed(path: str | Path) -> bool:
         digest = hashlib.file_digest(file, "sha256")
     if line != _line(digest.hexdigest()):
         raise InputError(
-            "truncated, damaged or changed since it was written: the digest in its first line is "
-            "not that of what follows"
+            "truncated, damaged or changed since it was written: the digest in its first line does "
+            "not match the content"
         )
     return True
 

@@ -1,7 +1,7 @@
-"""How much memory an HDF5 file takes, known before it is read.
+"""Memory of an HDF5 file, computed before it is read.
 
-A file may unpack to much more than it holds: compressed data, data never written that all have a
-fill value, chunks that are larger than their dataset. What it holds itself is no concern.
+Compressed data, fill values and chunks larger than their dataset may unpack to much more than the
+file holds; data that the file holds in full are not limited.
 """
 
 import math
@@ -13,12 +13,16 @@ from ...base.errors import InputError
 from .chunks import Chunks
 
 MAX_UNPACKED_BYTES = 2**28
-"""Memory for all data that a file does not hold in full, at 8 bytes a number."""
+"""Maximum memory of data that the file does not hold in full, at 8 bytes a number."""
 NUMBER_BYTES = 8
 
 
 def check_sizes(datasets: Mapping[str, h5py.Dataset], file_bytes: int) -> None:
-    """Check what datasets of a file take together; InputError beyond the limits."""
+    """Check the memory of a file's datasets.
+
+    Raises InputError if they unpack to more than `MAX_UNPACKED_BYTES`, or claim more bytes than the
+    file has.
+    """
     stored_bytes = unpacked_bytes = 0
     for name, dataset in datasets.items():
         stored, unpacked = _sizes(name, dataset, file_bytes)
@@ -31,11 +35,11 @@ def check_sizes(datasets: Mapping[str, h5py.Dataset], file_bytes: int) -> None:
                 "store the data uncompressed"
             )
     if stored_bytes > file_bytes:
-        raise InputError(f"tells of {stored_bytes} bytes of data in a file of {file_bytes}")
+        raise InputError(f"claims {stored_bytes} bytes of data in a file of {file_bytes}")
 
 
 def _sizes(name: str, dataset: h5py.Dataset, file_bytes: int) -> tuple[int, int]:
-    """Bytes that are stored, and that are unpacked where these are not all."""
+    """Stored bytes, and unpacked bytes if the file does not hold them in full."""
     elements = 0 if dataset.shape is None else math.prod(dataset.shape)
     chunks = Chunks.of(name, dataset)
     if chunks is None:

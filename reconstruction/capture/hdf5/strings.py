@@ -1,8 +1,8 @@
-"""Strings of variable length, whose lengths are not believed.
+"""Strings of variable length, whose stored lengths are checked.
 
-Such a string is stored as a length and a place. The library takes as much memory as the length
-says, up to 4 GiB, before it looks at what is there; so it is compared with the file first, where
-the format has it: https://support.hdfgroup.org/documentation/hdf5/latest/_f_m_t3.html, IV.A.
+Such a string is stored as a length and an address. HDF5 allocates the stated length, up to 4 GiB,
+before it looks at the data, so the length is first compared with the size of the file. Layout:
+https://support.hdfgroup.org/documentation/hdf5/latest/_f_m_t3.html, IV.A.
 """
 
 import os
@@ -22,9 +22,11 @@ MAX_BLOCKS = 256
 
 
 def check_dataset(name: str, dataset: h5py.Dataset) -> None:
-    """InputError unless the string of a dataset fits into its file."""
+    """Raise InputError unless the string of a dataset fits into its file."""
     if dataset.id.get_create_plist().get_layout() != h5d.CONTIGUOUS:
-        raise InputError(f"{name} holds a string of variable length in chunks: store it contiguous")
+        raise InputError(
+            f"{name} holds a string of variable length in chunks; store it contiguously"
+        )
     position = dataset.id.get_offset()
     if position is not None:  # else it was never written, and is empty
         with Path(dataset.file.filename).open("rb") as file:
@@ -32,31 +34,29 @@ def check_dataset(name: str, dataset: h5py.Dataset) -> None:
 
 
 def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
-    """InputError unless the string of an attribute fits into its file."""
+    """Raise InputError unless the string of an attribute fits into its file."""
     where = f"attribute {name!r} of {item.name}"
     base = item.file.userblock_size
     with Path(item.file.filename).open("rb") as file:
-        result = [
+        values = [
             _value(body)
             for kind, flags, body in _messages(file, base, h5o.get_info(item.id).addr)
             if kind == ATTRIBUTE and not flags & SHARED and _name(body) == name.encode()
         ]
-        if not result:
-            raise InputError(
-                f"{where} is stored in a way that is not read: make it of fixed length"
-            )
-        for value in result:
+        if not values:
+            raise InputError(f"{where} is stored in an unsupported way; make it of fixed length")
+        for value in values:
             _check(where, value[:4], _size(file))
 
 
 def _check(where: str, length: bytes, file_bytes: int) -> None:
-    (reported,) = struct.unpack("<I", length)
-    if reported > file_bytes:
-        raise InputError(f"{where} tells of a string of {reported} bytes in a file of {file_bytes}")
+    (size,) = struct.unpack("<I", length)
+    if size > file_bytes:
+        raise InputError(f"{where} claims a string of {size} bytes in a file of {file_bytes}")
 
 
 def _messages(file: IO[bytes], base: int, address: int) -> Iterator[tuple[int, int, bytes]]:
-    """Type, flags and body of all that an object's header holds."""
+    """Yield type, flags and body of the messages in an object's header."""
     head = _at(file, base + address, 12)
     if head.startswith(b"OHDR"):
         flags = head[5]

@@ -1,7 +1,7 @@
-"""A look through an HDF5 file before anything of it is read.
+"""Survey of an HDF5 file before anything in it is read.
 
-Links, storage and data sets of HDF5 can lead out of the file: reading one would read another file
-of whoever reads. Whatever does is refused, wherever it stands, and nothing is followed that could.
+Links, external storage and virtual datasets could make the reader open other files of its user;
+they are refused and never followed.
 """
 
 import h5py
@@ -10,19 +10,19 @@ from h5py import h5d, h5g, h5l, h5o
 from ...base.errors import InputError
 
 MAX_OBJECTS = 10_000
-"""Groups and datasets of a file; links of a group."""
+"""Maximum number of groups and datasets of a file, and of links of a group."""
 MAX_DEPTH = 32
-"""Groups within groups."""
+"""Maximum depth of nested groups."""
 MAX_NAME_BYTES = 1024
 
 _LINKS = {h5l.TYPE_SOFT: "a soft link", h5l.TYPE_EXTERNAL: "a link to another file"}
 
 
 def survey(file: h5py.File) -> dict[str, h5py.Dataset]:
-    """All datasets of a file by their paths, none of them read.
+    """List all datasets of a file by path, without reading them.
 
-    Raises InputError for links that are not hard, objects with two names (so for circles), objects
-    that are neither group nor dataset, data stored in other files, and beyond the limits.
+    Raises InputError for links that are not hard, objects with two names (and so for cycles),
+    objects that are neither groups nor datasets, data stored in other files, and beyond the limits.
     """
     root = h5g.open(file.id, b"/")
     datasets: dict[str, h5py.Dataset] = {}
@@ -37,21 +37,21 @@ def survey(file: h5py.File) -> dict[str, h5py.Dataset]:
             addresses.add(address)
             if len(addresses) > MAX_OBJECTS:
                 raise InputError(f"holds more than {MAX_OBJECTS} groups and datasets")
-            result = h5o.open(group, name)
-            if isinstance(result, h5d.DatasetID):
-                _check_storage(where, result)
-                datasets[where] = h5py.Dataset(result, readonly=True)  # remembers its shape
-            elif isinstance(result, h5g.GroupID):
+            child = h5o.open(group, name)
+            if isinstance(child, h5d.DatasetID):
+                _check_storage(where, child)
+                datasets[where] = h5py.Dataset(child, readonly=True)  # caches its shape
+            elif isinstance(child, h5g.GroupID):
                 if where.count("/") >= MAX_DEPTH:
                     raise InputError(f"holds groups within more than {MAX_DEPTH} groups")
-                groups.append((f"{where}/", result))
+                groups.append((f"{where}/", child))
             else:
                 raise InputError(f"{where} is neither a group nor a dataset")
     return datasets
 
 
 def _members(path: str, group: h5g.GroupID) -> list[tuple[bytes, int]]:
-    """Names and addresses of what a group holds."""
+    """Names and addresses of the members of a group."""
     links: list[tuple[bytes, int, int]] = []
 
     def keep(name: bytes, info: h5l.LinkInfo) -> bool | None:
@@ -67,7 +67,7 @@ def _members(path: str, group: h5g.GroupID) -> list[tuple[bytes, int]]:
         if kind != h5l.TYPE_HARD:
             what = _LINKS.get(kind, "a link of an unknown kind")
             raise InputError(
-                f"{path}{name.decode()} is {what}; a file must hold all that it tells of itself"
+                f"{path}{name.decode()} is {what}; a file must hold all its data itself"
             )
     return [(name, address) for name, _, address in links]
 

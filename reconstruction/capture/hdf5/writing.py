@@ -1,4 +1,4 @@
-"""Datasets with units, each under a checksum, in a file with a digest."""
+"""Writing of datasets with units and checksums into a file with a digest."""
 
 import io
 from collections.abc import Callable
@@ -13,16 +13,22 @@ from .formats import Format, dotted
 from .sealing import HEAD_BYTES, head, seal
 
 COMPACT_BYTES = 2**13
-"""Datasets up to this size lie in their header, under its checksum."""
+"""Maximum size of datasets that lie in their header, under its checksum."""
 CHUNK_BYTES = 2**16
-"""Larger ones lie in chunks of about this size, each under a checksum of its own."""
+"""Approximate size of the chunks of larger datasets, each with its own checksum."""
 
 
 def content(write: Callable[[h5py.File], None], kind: str) -> bytes:
-    """The bytes of a file of a kind that ``write`` fills; equal content gives equal bytes.
+    """Bytes of a file; equal content gives equal bytes.
 
-    The format of HDF5 1.8 has checksums, without which the library may not return from a damaged
-    file.
+    The format of HDF5 1.8 has checksums, without which the library may hang on a damaged file.
+
+    Parameters
+    ----------
+    write : callable
+        Fills the open file.
+    kind : str
+        Kind of the file, for its head.
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("v108", "v108"), userblock_size=HEAD_BYTES) as file:
@@ -34,7 +40,7 @@ def content(write: Callable[[h5py.File], None], kind: str) -> bytes:
 
 
 def put(file: h5py.File, name: str, value: Any, units: str) -> None:
-    """Write a dataset: numbers, or a string."""
+    """Write a dataset of numbers or a string."""
     data = np.asarray(_fixed(value) if isinstance(value, str) else value)
     if data.nbytes > COMPACT_BYTES:
         data = np.atleast_1d(data)  # only arrays have chunks
@@ -48,7 +54,7 @@ def put(file: h5py.File, name: str, value: Any, units: str) -> None:
 
 
 def put_format(file: h5py.File, form: Format) -> None:
-    """Write which format this is."""
+    """Write format name and version."""
     put_attribute(file, "format", form.name)
     put_attribute(file, "version", dotted(form.version))
 
@@ -59,9 +65,9 @@ def put_attribute(item: h5py.File | h5py.Dataset, name: str, text: str) -> None:
 
 
 def _layout(data: NDArray[Any]) -> h5p.PropDCID:
-    """How a dataset is stored, so that a checksum covers it."""
+    """Storage layout with checksums."""
     layout = h5p.create(h5p.DATASET_CREATE)
-    layout.set_obj_track_times(False)  # which would tell when, and no two files were equal
+    layout.set_obj_track_times(False)  # times would make equal files differ
     if data.nbytes <= COMPACT_BYTES:
         layout.set_layout(h5d.COMPACT)
     else:
@@ -71,13 +77,13 @@ def _layout(data: NDArray[Any]) -> h5p.PropDCID:
 
 
 def _rows_of_a_chunk(data: NDArray[Any]) -> int:
-    """Rows, of which one or more are read at a time, in chunks that are about equally full."""
+    """Rows per chunk, so that chunks are about equally full."""
     rows = len(data)
     maximum = max(1, CHUNK_BYTES * rows // data.nbytes)
     return -(-rows // -(-rows // maximum))
 
 
 def _fixed(text: str) -> NDArray[np.bytes_]:
-    """A string of fixed length: others lie in a heap without a checksum."""
+    """Encode a string at fixed length, as variable ones lie in a heap without a checksum."""
     encoded = text.encode()
     return np.array(encoded, dtype=h5py.string_dtype("utf-8", max(1, len(encoded))))

@@ -1,4 +1,4 @@
-"""Recordings of existing rigs and plain arrays -> capture."""
+"""Import of recordings of existing rigs, and of plain arrays, as captures."""
 
 from .about import ABOUT, read_about
 from .arrays import (
@@ -10,13 +10,7 @@ from .arrays import (
     readings_of,
 )
 from .files import READERS, load_array
-from .fourier import (
-    PHASE_STEPS,
-    half_plane,
-    parts,
-    plan_from_coefficients,
-    plan_from_phase_steps,
-)
+from .fourier import PHASE_STEPS, half_plane, parts, plan_from_coefficients, plan_from_phase_steps
 from .spas import is_spas, load_spas, whole_numbers
 from .taps import (
     QUARTERS_RAD,

@@ -1,4 +1,4 @@
-"""What is known of a detector beside its readings, by name and in a small file."""
+"""Detector properties by name, and in a small file."""
 
 import re
 from collections.abc import Mapping
@@ -15,7 +15,7 @@ ABOUT: dict[str, float] = {
     "exposure_time_s": float("nan"),
     "pattern_period_s": float("nan"),
 }
-"""Fields of `Buckets` that a recording may come without, and their values where nothing is said."""
+"""Fields of `Buckets` that a recording may lack, and their defaults."""
 
 MAX_BYTES = 2**16
 LINE = re.compile(r"\s*(\w+)\s*:\s*([^#]*?)\s*(#.*)?")
@@ -24,27 +24,32 @@ LINE = re.compile(r"\s*(\w+)\s*:\s*([^#]*?)\s*(#.*)?")
 def checked_about(
     values: Mapping[str, float], names: Mapping[str, float] = ABOUT
 ) -> dict[str, float]:
-    """All ``names``, with these values; InputError for unknown ones."""
+    """Complete values with the defaults ``names``; raises InputError for unknown names."""
     for name in values:
         if name not in names:
-            raise InputError(f"unknown {name!r} of a recording: {nearest(name, names)}")
+            raise InputError(f"unknown detector property {name!r}: {nearest(name, names)}")
     return {**names, **values}
 
 
 def read_about(path: Path, names: Mapping[str, float] = ABOUT) -> dict[str, float]:
-    """Values of a YAML file of lines ``name: number``, of these ``names``.
+    """Read a YAML file of lines ``name: number``.
 
-    Raises InputError for anything else.
+    Raises InputError if the file is missing, malformed or holds another name.
+
+    Parameters
+    ----------
+    names : mapping
+        Allowed names and their defaults.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")
     with naming(path):
         if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"has more than {MAX_BYTES // 2**10} KiB; a few lines are expected")
+            raise InputError(f"has more than {MAX_BYTES // 2**10} KiB; expected a few lines")
         lines = path.read_text("utf-8-sig", "replace").splitlines()
-        result = dict(_read_line(line) for line in lines if line.partition("#")[0].strip())
-        checked_about(result, names)
-        return result
+        values = dict(_read_line(line) for line in lines if line.partition("#")[0].strip())
+        checked_about(values, names)
+        return values
 
 
 def _read_line(line: str) -> tuple[str, float]:

@@ -1,4 +1,4 @@
-"""Arrays of bucket readings, with a named pattern plan or the patterns themselves -> capture."""
+"""Captures from arrays of bucket readings with a pattern plan or the patterns themselves."""
 
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
@@ -20,18 +20,29 @@ from ..spots import Spots
 from .about import checked_about
 
 MAX_VALUES = 2**26
-"""Pixels of all patterns together that are neither Hadamard's nor few."""
+"""Maximum pixels of all patterns together, unless they are Hadamard patterns."""
 
 
 def plan_from_matrix(
     patterns: ArrayLike, shape: tuple[int, int]
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
-    """Plan from a matrix (M, N) of displayed patterns, pixels row-major, and each reading's sign.
+    """Plan from a matrix of exposed patterns.
 
-    Values are 0..1 for displayed light, or -1..1 for signed values. Where every row is a Hadamard
-    row the plan is one of these; then a signed row -h gives the sign -1, with which its reading
-    must be multiplied. Any others are a dense basis, and all signs +1. Raises InputError for
-    another shape, and naming the first value that is something else.
+    Raises InputError if the shape does not fit, or naming the first value out of bounds.
+
+    Parameters
+    ----------
+    patterns : array, (M, N)
+        Pixels row-major, 0..1 for displayed light or -1..1 for signed values.
+    shape : tuple of int
+        Rows and columns of the image.
+
+    Returns
+    -------
+    plan : PatternPlan
+        Of Hadamard patterns if every row is one, else of a dense basis.
+    sign : array of int8, (M,)
+        Factor of each reading: -1 for signed Hadamard rows -h, else 1.
     """
     matrix = np.asarray(patterns, dtype=np.float64)
     height, width = shape = checked_shape(shape)
@@ -64,7 +75,7 @@ def plan_from_matrix(
 def _hadamard_rows(
     signed: Floats, shape: tuple[int, int]
 ) -> tuple[NDArray[np.int32], NDArray[np.int8]] | None:
-    """Number and sign of each row h or -h, None where one of them is something else."""
+    """Index and sign of each row h or -h, None if any is not a Hadamard row."""
     if not all(power_of_two(side) for side in shape) or (np.abs(signed) != 1).any():
         return None
     spectrum = fwht(signed)
@@ -82,12 +93,20 @@ def plan_from_rows(
     order: str = "natural",
     polarity: str | ArrayLike = "signed",
 ) -> PatternPlan:
-    """Plan of Hadamard patterns by their row numbers, from 0.
+    """Plan of Hadamard patterns by row number.
 
-    The numbers count in a named ``order``: number k is the k-th pattern of it. ``polarity`` is the
-    name of a sequence in which both polarities of the ``rows`` (K,) were shown, or one of +1, -1
-    and 0 for each, as in `PatternPlan`. Raises InputError for numbers that are not whole or
-    outside, and for other polarities.
+    Raises InputError if a number is fractional or out of range, or the polarity is invalid.
+
+    Parameters
+    ----------
+    rows : array, (K,)
+        Numbers from 0, counted in ``order``.
+    shape : tuple of int
+        Rows and columns of the image.
+    order : str
+        Named order.
+    polarity : str or array, (K,)
+        Name of a polarity sequence, or +1, -1 or 0 for each row, as in `PatternPlan`.
     """
     numbers = np.asarray(rows).ravel()
     if numbers.dtype.kind not in "iuf" or (numbers != np.floor(numbers)).any():
@@ -99,11 +118,23 @@ def plan_from_rows(
 def plan_from_factors(
     vertical: ArrayLike, horizontal: ArrayLike
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
-    """Plan of all products of A patterns (A, H) down the image with B patterns (B, W) along it.
+    """Plan of all products of vertical and horizontal patterns.
 
-    Reading a B + b is that of the product of a and b: readings are (A, B) in C order. Returns each
-    reading's sign too, as `plan_from_matrix`. Raises InputError as that, and for more patterns than
-    can be held.
+    Raises InputError as `plan_from_matrix`, and if the patterns exceed `MAX_VALUES` pixels.
+
+    Parameters
+    ----------
+    vertical : array, (A, H)
+        Patterns down the image.
+    horizontal : array, (B, W)
+        Patterns along the image.
+
+    Returns
+    -------
+    plan : PatternPlan
+        Reading a B + b is that of the product of a and b: readings are (A, B) in C order.
+    sign : array of int8, (A * B,)
+        As of `plan_from_matrix`.
     """
     tall, wide = (
         np.atleast_2d(np.asarray(each, dtype=np.float64)) for each in (vertical, horizontal)
@@ -124,25 +155,34 @@ def plan_from_factors(
 
 
 def frames_of_columns(table: NDArray[Any]) -> NDArray[Any]:
-    """Readings (frames, M) of a table (M, frames); InputError where a column counts the lines."""
+    """Transpose a table (M, frames); raises InputError if a column just counts the lines."""
     counting = (np.diff(table, axis=0) == 1).all(axis=0) & (len(table) > 1)
     if counting.any():
         raise InputError(
-            f"column {counting.argmax()} of the readings counts their lines: name the column of "
-            "the readings"
+            f"column {counting.argmax()} counts the lines; name the column of the readings"
         )
     return table.T
 
 
 def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
-    """Readings (frames, M) from an array of any layout: (M,), (frames, M), (M, frames), or M
-    numbers of one frame in C order.
+    """Readings per frame from an array of any layout.
 
-    An array that may be both is taken as (frames, M). Raises InputError where none of it has M.
+    Raises InputError if no axis has M readings.
+
+    Parameters
+    ----------
+    counts : array, (M,), (frames, M), (M, frames) or any of M values in C order
+        An ambiguous array is taken as (frames, M).
+    exposures : int
+        M.
+
+    Returns
+    -------
+    array, (frames, M)
     """
     array = np.asarray(counts)
     if array.dtype.kind == "b":
-        raise InputError("the readings are true/false values, not numbers")
+        raise InputError("the readings are booleans, not numbers")
     if array.size == exposures:
         return array.reshape(1, -1)
     if array.ndim == 2 and array.shape[1] == exposures:
@@ -163,20 +203,29 @@ def capture_from_readings(
     spots: Spots | None = None,
     optics: Optics | None = None,
 ) -> Capture:
-    """Capture (source hardware) from readings in a layout of `readings_of`.
+    """Capture (source hardware) from bucket readings.
 
-    ``untrusted`` are positions of readings that must not be used, marked as saturated. ``about``
-    tells by name what is known of the detector (`ABOUT`): what a count stands for, noise and times
-    are else marked as unknown. ``spots`` are time-of-flight readings of as many frames, as of
-    `spots_from_taps`, ``optics`` the projector's angles of view. Raises InputError if the number of
-    readings is not the plan's, or parts do not fit together.
+    Raises InputError if the number of readings is not the plan's, or the parts are inconsistent.
+
+    Parameters
+    ----------
+    readings : array
+        In a layout of `readings_of`.
+    untrusted : iterable of int
+        Indices of readings to mark as saturated.
+    about : mapping
+        Detector properties by the names of `ABOUT`; unstated ones are marked as unknown.
+    spots : Spots, optional
+        Time-of-flight readings of as many frames, as from `spots_from_taps`.
+    optics : Optics, optional
+        The projector's angles of view.
     """
     counts = readings_of(readings, plan.exposures)
     saturated = np.zeros(counts.shape, dtype=bool)
-    for position in untrusted:
-        if not 0 <= position < plan.exposures:
-            raise InputError(f"untrusted reading {position} is outside 0..{plan.exposures - 1}")
-        saturated[:, position] = True
+    for index in untrusted:
+        if not 0 <= index < plan.exposures:
+            raise InputError(f"untrusted reading {index} is outside 0..{plan.exposures - 1}")
+        saturated[:, index] = True
     return Capture(
         plan=plan,
         buckets=Buckets(

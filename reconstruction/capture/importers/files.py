@@ -1,4 +1,4 @@
-"""Files with arrays of numbers: NumPy's, MATLAB's and text."""
+"""Files with arrays of numbers: NumPy, MATLAB and text."""
 
 import os
 import zipfile
@@ -12,20 +12,24 @@ from numpy.typing import NDArray
 from ...base.errors import InputError, naming
 from ...base.npy import COMPLEX, REAL, read_header, read_npy
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
-from .matlab import read_mat
+from .matlab import pick, read_mat
 from .text import read_text
-from .variables import pick
 
 
 def load_array(
     path: str | Path, variable: str | None = None, *, complex_too: bool = False
 ) -> NDArray[Any]:
-    """Numeric array from .npy, .npz, .mat (v5 and v7.3), .csv, .tsv, .txt or .dat.
+    """Load a numeric array from .npy, .npz, .mat (v5 and v7.3), .csv, .tsv, .txt or .dat.
 
-    ``variable`` names the one wanted of a .npz or .mat, not needed if there is just one, or the
-    column of a text, by its heading or number from 0. ``complex_too``: complex numbers are allowed.
-    Raises InputError if the file is missing, unreadable or without numbers, if there is no such
-    variable, if it unpacks to more than `MAX_UNPACKED_BYTES`, or if a number is not finite.
+    Raises InputError if the file is missing, unreadable, without numbers or without the variable,
+    unpacks to more than `MAX_UNPACKED_BYTES`, or holds a number that is not finite.
+
+    Parameters
+    ----------
+    variable : str, optional
+        Variable of a .npz or .mat with several, or column of a text by heading or number from 0.
+    complex_too : bool
+        Allow complex numbers.
     """
     path = Path(path)
     reader = READERS.get(path.suffix.lower())
@@ -38,7 +42,7 @@ def load_array(
             array = reader(path, variable, COMPLEX if complex_too else REAL)
         except InputError:
             raise
-        except Exception as error:  # each format has errors of its own
+        except Exception as error:  # each format raises its own errors
             raise InputError(f"not a readable {path.suffix} file ({error})") from error
         _check_numbers(array, COMPLEX if complex_too else REAL)
     return array
@@ -54,7 +58,7 @@ def _check_numbers(array: NDArray[Any], kinds: str) -> None:
     if not finite.all():
         index = tuple(int(n) for n in np.unravel_index(finite.argmin(), array.shape))
         raise InputError(
-            f"the value at {list(index)} is {array[index]}, must be finite (positions count from 0)"
+            f"the value at {list(index)} is {array[index]}, must be finite (indices count from 0)"
         )
 
 
@@ -63,20 +67,12 @@ def _read_npy(path: Path, _variable: str | None, kinds: str) -> NDArray[Any]:
         return read_npy(file, os.fstat(file.fileno()).st_size, kinds)
 
 
-def _read_text(path: Path, column: str | None, _kinds: str) -> NDArray[Any]:
-    return read_text(path, column)
-
-
-def _read_mat(path: Path, variable: str | None, _kinds: str) -> NDArray[Any]:
-    return read_mat(path, variable)
-
-
 def _read_npz(path: Path, variable: str | None, kinds: str) -> NDArray[Any]:
     with zipfile.ZipFile(path) as archive:
         members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
         member = pick(members, variable)
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-            raise InputError(f"{member.filename!r} is packed in a way that NumPy does not use")
+            raise InputError(f"{member.filename!r} is compressed in a way that NumPy does not use")
         with archive.open(member) as file:
             unpacked_bytes = NUMBER_BYTES * read_header(file, kinds).numbers
             if member.compress_type != zipfile.ZIP_STORED and unpacked_bytes > MAX_UNPACKED_BYTES:
@@ -88,12 +84,11 @@ def _read_npz(path: Path, variable: str | None, kinds: str) -> NDArray[Any]:
 
 
 READERS: dict[str, Callable[[Path, str | None, str], NDArray[Any]]] = {
-    ".mat": _read_mat,
+    ".mat": lambda path, variable, _kinds: read_mat(path, variable),
     ".npy": _read_npy,
     ".npz": _read_npz,
-    ".csv": _read_text,
-    ".tsv": _read_text,
-    ".txt": _read_text,
-    ".dat": _read_text,
+    **dict.fromkeys(
+        (".csv", ".tsv", ".txt", ".dat"), lambda path, column, _kinds: read_text(path, column)
+    ),
 }
-"""By the ending of the name."""
+"""Readers by file extension."""

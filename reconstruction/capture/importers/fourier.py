@@ -1,4 +1,4 @@
-"""Readings of Fourier patterns: grey cosines with steps of their phase, or complex coefficients.
+"""Readings of Fourier patterns: grey cosines in phase steps, or complex coefficients.
 
 Z. Zhang, X. Ma and J. Zhong, Nat. Commun. 6, 6225 (2015): the pattern of frequency numbers (v, h)
 and phase step s of S is (1 + cos(2 pi (v y / H + h x / W) + 2 pi s / S)) / 2 in pixel (y, x).
@@ -15,55 +15,82 @@ from ...operators import PatternPlan, checked_shape
 from ...operators.bases.dense import Dense
 
 MAX_VALUES = 2**26
-"""Pixels of all patterns together: they are held and stored one by one."""
+"""Maximum pixels of all patterns together; each is stored."""
 PHASE_STEPS = (3, 4)
 
 
 def plan_from_phase_steps(
     frequencies: ArrayLike, shape: tuple[int, int], steps: int
 ) -> PatternPlan:
-    """Plan of cosines of frequency numbers (K, 2), down and along, each shown in all its steps.
+    """Plan of phase-stepped cosines.
 
-    The steps of a frequency follow each other, so that readings are (K, steps) in C order. Raises
-    InputError for other than whole numbers, more patterns than can be held, and other steps.
+    Raises InputError for fractional frequencies, other steps, or more than `MAX_VALUES` pixels.
+
+    Parameters
+    ----------
+    frequencies : array, (K, 2)
+        Whole cycles down and along the image.
+    shape : tuple of int
+        Rows and columns of the image.
+    steps : int
+        Phase steps of each frequency, 3 or 4; readings are (K, steps) in C order.
     """
     if steps not in PHASE_STEPS:
         raise InputError(f"{steps} phase steps; allowed: {', '.join(map(str, PHASE_STEPS))}")
     angles = _angles(frequencies, shape, steps)
     phases = 2 * np.pi * np.arange(steps) / steps
-    displayed = (1 + np.cos(angles[:, None] + phases[:, None, None])) / 2
-    basis = Dense(np.clip(displayed.reshape(-1, *angles.shape[1:]), 0, 1))
-    index = np.arange(basis.rows, dtype=np.int32)
-    return PatternPlan(basis.shape, index, np.ones(index.size, np.int8), patterns=basis)
+    cosines = np.cos(angles[:, None] + phases[:, None, None])
+    return _plan(cosines.reshape(-1, *angles.shape[1:]), polarity=1)
 
 
 def plan_from_coefficients(frequencies: ArrayLike, shape: tuple[int, int]) -> PatternPlan:
-    """Plan of real and imaginary parts of sum x exp(-i a), a row of cos(a) and one of -sin(a) each.
+    """Plan of complex Fourier coefficients sum x exp(-i a): rows cos(a) and -sin(a) in turn.
+    Raises InputError as `plan_from_phase_steps`.
 
-    Complex coefficients (frames, K) are its readings (frames, 2 K) by `parts`. Raises InputError
-    as `plan_from_phase_steps`.
+    Parameters
+    ----------
+    frequencies : array, (K, 2)
+        Whole cycles down and along the image.
+    shape : tuple of int
+        Rows and columns of the image.
+
+    Returns
+    -------
+    PatternPlan
+        Its readings (frames, 2 K) are the `parts` of coefficients (frames, K).
     """
     angles = _angles(frequencies, shape, 2)
     rows = np.stack([np.cos(angles), -np.sin(angles)], axis=1).reshape(-1, *angles.shape[1:])
+    return _plan(rows, polarity=0)
+
+
+def _plan(rows: Floats, polarity: int) -> PatternPlan:
+    """Plan of signed patterns (M, H, W), each exposed once."""
     basis = Dense(np.clip((1 + rows) / 2, 0, 1))
     index = np.arange(basis.rows, dtype=np.int32)
-    return PatternPlan(basis.shape, index, np.zeros(index.size, np.int8), patterns=basis)
+    return PatternPlan(basis.shape, index, np.full(index.size, polarity, np.int8), patterns=basis)
 
 
 def parts(coefficients: NDArray[Any]) -> Floats:
-    """Real and imaginary parts (..., 2 K) of coefficients (..., K), in turn."""
+    """Interleave real and imaginary parts of coefficients (..., K) to (..., 2 K)."""
     both = np.stack([coefficients.real, coefficients.imag], axis=-1)
     return both.reshape(*coefficients.shape[:-1], -1)
 
 
-def half_plane(
-    spectrum: NDArray[Any],
-) -> tuple[NDArray[Any], NDArray[np.int64]]:
-    """Coefficients (K,) of a whole spectrum (H, W) without the conjugates of others, and their
-    frequency numbers (K, 2).
+def half_plane(spectrum: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int64]]:
+    """Coefficients of a whole spectrum without conjugates.
 
-    The level, the greatest of a picture, tells whether it comes first, as `numpy.fft.fft2` has it,
-    or in the middle, as `numpy.fft.fftshift`; InputError where it is at neither place.
+    Raises InputError if the largest coefficient is at neither index.
+
+    Parameters
+    ----------
+    spectrum : complex array, (H, W)
+        With its DC coefficient, the largest, first (`numpy.fft.fft2`) or central (`fftshift`).
+
+    Returns
+    -------
+    coefficients : complex array, (K,)
+    frequencies : array, (K, 2)
     """
     index = np.unravel_index(np.abs(spectrum).argmax(), spectrum.shape)
     height, width = spectrum.shape
@@ -71,9 +98,9 @@ def half_plane(
         spectrum = np.fft.ifftshift(spectrum)
     elif index != (0, 0):
         raise InputError(
-            f"the greatest of the {height} x {width} complex readings is at "
-            f"{[int(n) for n in index]}, must be at [0, 0] or [{height // 2}, {width // 2}], the "
-            "level of a spectrum: give the frequencies"
+            f"the largest of the {height} x {width} complex readings, the DC coefficient, is at "
+            f"{[int(n) for n in index]}, must be at [0, 0] or [{height // 2}, {width // 2}]; else "
+            "give the frequencies"
         )
     down, along = np.divmod(np.arange(height * width), width)
     conjugate = -down % height * width + -along % width

@@ -1,27 +1,29 @@
-"""MATLAB files: those of version 7.3 are HDF5; older ones are unpacked within bounds."""
+"""MATLAB files: version 7.3 is HDF5; older ones are unpacked within bounds."""
 
 import io
 import math
 import struct
 import warnings
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.errors import InputError
+from ...base.errors import InputError, nearest
 from .. import hdf5
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
-from .variables import pick
+
+Variable = TypeVar("Variable")
 
 HEADER_BYTES = 128
-"""Of a file of version 5; elements follow, each a type, a size and data."""
+"""Header of a file of version 5; elements of type, size and data follow."""
 MATRIX, COMPRESSED, OPAQUE = 14, 15, 17
 OBJECTS = {3: "an object", 16: "a function", OPAQUE: "an object"}
-"""By their classes: what holds no numbers, and what SciPy cannot tell the shape of."""
+"""Classes without numbers, whose shape SciPy cannot read."""
 
 NUMBERS = frozenset(
     [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -29,10 +31,23 @@ NUMBERS = frozenset(
 )
 
 
-def read_mat(path: Path, variable: str | None) -> NDArray[Any]:
-    """A variable of numbers, or the only variable; InputError if it is none or too large.
+def pick(variables: Mapping[str, Variable], name: str | None) -> Variable:
+    """The variable of a name, or the only one; raises InputError if there is none or several."""
+    names = list(variables)
+    if name is None:
+        if len(names) != 1:
+            raise InputError(f"name one of its variables: {', '.join(names)}")
+        return variables[names[0]]
+    if name not in variables:
+        raise InputError(f"has no variable {name!r}: {nearest(name, names)}")
+    return variables[name]
 
-    Objects of MATLAB's classes are left out, with a warning.
+
+def read_mat(path: Path, variable: str | None) -> NDArray[Any]:
+    """Read a variable of numbers, or the only variable; raises InputError if it is not one or too
+    large.
+
+    Objects of MATLAB classes are left out, with a warning.
     """
     return _read_hdf5(path, variable) if h5py.is_hdf5(path) else _read_older(path, variable)
 
@@ -42,7 +57,7 @@ def _read_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
         at_the_top = {name: dataset for name, dataset in datasets.items() if "/" not in name}
         name = pick({name: name for name in at_the_top}, variable)
         hdf5.check_sizes({name: datasets[name]}, path.stat().st_size)
-        return hdf5.Dataset(name, datasets[name]).read().T  # MATLAB's columns come first
+        return hdf5.Dataset(name, datasets[name]).read().T  # MATLAB is column-major
 
 
 def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
@@ -65,9 +80,9 @@ def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
 
 
 def _inflated(content: bytes) -> tuple[bytes, list[str]]:
-    """A MATLAB file with its compressed elements replaced by what is in them, less its objects.
+    """Inflate the compressed elements of a MATLAB file, and list the objects left out.
 
-    And what those are. Layout: MathWorks, "MAT-File Format", 2023, chapter 1.
+    Layout: MathWorks, "MAT-File Format", 2023, chapter 1.
     """
     order = {b"IM": "<", b"MI": ">"}.get(content[126:HEADER_BYTES])
     if order is None:  # version 4, which has no compression
@@ -93,10 +108,10 @@ def _inflated(content: bytes) -> tuple[bytes, list[str]]:
 
 
 def _object(element: bytes, order: str) -> str | None:
-    """What an element is that holds an object, and of which name; None for any other.
+    """Description of an element that holds an object, None for any other.
 
-    A matrix begins with its flags, the lowest byte of which is its class, its dimensions, which
-    objects of newer classes lack, and its name.
+    A matrix begins with flags, whose lowest byte is its class, its dimensions, which objects of
+    newer classes lack, and its name.
     """
     if len(element) < 32 or struct.unpack_from(f"{order}I", element)[0] != MATRIX:
         return None
@@ -109,7 +124,7 @@ def _object(element: bytes, order: str) -> str | None:
 
 
 def _part(element: bytes, start: int, order: str) -> tuple[bytes, int]:
-    """Data of a part of an element, and where the next begins; short ones are within their tag."""
+    """Data of a part of an element, and the offset of the next; short data lie within their tag."""
     kind, size = struct.unpack_from(f"{order}II", element, start)
     if kind >> 16:
         return element[start + 4 : start + 4 + min(kind >> 16, 4)], start + 8
@@ -117,7 +132,7 @@ def _part(element: bytes, start: int, order: str) -> tuple[bytes, int]:
 
 
 def _open(content: bytes) -> Any:
-    """What SciPy reads like a file, though its types know only of paths."""
+    """Wrap bytes as a file; SciPy's types only allow paths."""
     return io.BytesIO(content)
 
 

@@ -1,9 +1,9 @@
 """Recordings of SPAS, the acquisition software of OpenSpyrit, as in the SPIHIM collection.
 
 ``NAME_spectraldata.npz`` holds the readings (exposures, wavelengths), ``NAME_metadata.json`` a list
-of objects, told apart by their ``class_description``. Pattern number 2k is the positive and 2k + 1
-the negative part of row k of the Kronecker product of two Walsh matrices in sequency order, its
-pixels row by row (G. Beneti-Martin et al., Opt. Express 31, 15599 (2023)).
+of objects with a ``class_description``. Patterns 2k and 2k + 1 are the positive and negative parts
+of row k of the Kronecker product of two Walsh matrices in sequency order, pixels row-major (G.
+Beneti-Martin et al., Opt. Express 31, 15599 (2023)).
 """
 
 import json
@@ -31,7 +31,7 @@ PATTERNS_GIVEN = ("walsh", "hadamard")
 
 
 class SpasRecording(NamedTuple):
-    """Readings (frames, M) of a plan, and what is known beside them, as in `ABOUT`."""
+    """Readings (frames, M), their plan, and detector properties as in `ABOUT`."""
 
     readings: Floats
     plan: PatternPlan
@@ -39,14 +39,21 @@ class SpasRecording(NamedTuple):
 
 
 def is_spas(path: Path) -> bool:
-    """Whether a file is named as SPAS names its readings."""
+    """Whether a file is named like readings of SPAS."""
     return path.name.endswith(DATA)
 
 
 def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRecording:
-    """A recording of SPAS from its ``*_spectraldata.npz``, the wavelengths of a band summed.
+    """Load a recording of SPAS.
 
-    Raises InputError where a file is missing, and for whatever it cannot hold.
+    Raises InputError if a file is missing or invalid.
+
+    Parameters
+    ----------
+    path : Path
+        The ``*_spectraldata.npz``; its metadata lie beside it.
+    band_nm : tuple of float, optional
+        Band of wavelengths to sum; all by default.
     """
     metadata = path.with_name(path.name.removesuffix(DATA) + METADATA)
     objects = _objects(metadata)
@@ -63,21 +70,26 @@ def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRec
 
 
 def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
-    """The whole numbers from 0 of a list, or of a string that Python wrote of one.
+    """Whole numbers from 0 of a list, or of Python's text of one, which is never evaluated.
 
-    It is matched and never evaluated. Raises InputError, telling the name, for all else.
+    Raises InputError for anything else.
+
+    Parameters
+    ----------
+    name : str
+        Field name for messages.
     """
     if isinstance(value, list) and all(type(each) is int for each in value):
         value = json.dumps(value)
     text = WRAPPED.sub(r"\1", value) if isinstance(value, str) else ""
     if not WHOLE.fullmatch(text):
-        raise InputError(f"{name} is {_reported(value)}, must be a list of whole numbers from 0")
+        raise InputError(f"{name} is {_quoted(value)}, must be a list of whole numbers from 0")
     if text.count(",") >= MAX_PATTERNS:
         raise InputError(f"{name} has more than {MAX_PATTERNS} numbers")
     return np.array(re.findall(r"\d+", text), dtype=np.int64)
 
 
-def _reported(value: Any) -> str:
+def _quoted(value: Any) -> str:
     text = value if isinstance(value, str) else json.dumps(value)
     return repr(text if len(text) <= 40 else text[:40] + "...")
 
@@ -89,12 +101,12 @@ def _objects(path: Path) -> list[dict[str, Any]]:
         if path.stat().st_size > MAX_BYTES:
             raise InputError(f"has more than {MAX_BYTES // 2**20} MiB")
         try:
-            result = json.loads(path.read_text("utf-8-sig", "replace"))
+            objects = json.loads(path.read_text("utf-8-sig", "replace"))
         except (ValueError, RecursionError):
             raise InputError("not readable as JSON") from None
-        if not isinstance(result, list) or not all(isinstance(each, dict) for each in result):
+        if not isinstance(objects, list) or not all(isinstance(each, dict) for each in objects):
             raise InputError("should hold a list of objects, as SPAS writes it")
-        return result
+        return objects
 
 
 def _object(objects: list[dict[str, Any]], kind: str, field: str) -> dict[str, Any]:
@@ -105,12 +117,11 @@ def _object(objects: list[dict[str, Any]], kind: str, field: str) -> dict[str, A
 
 
 def _check_kind(objects: list[dict[str, Any]], acquisition: dict[str, Any]) -> None:
-    """Raise InputError for patterns that are none of a whole square."""
+    """Raise InputError for other patterns than those of a full square."""
     prefix = next((each["pattern_prefix"] for each in objects if "pattern_prefix" in each), "")
     if prefix and not str(prefix).lower().startswith(PATTERNS_GIVEN):
         raise InputError(
-            f"pattern_prefix is {_reported(prefix)}; allowed: names that begin with Walsh "
-            "or Hadamard"
+            f"pattern_prefix is {_quoted(prefix)}; allowed: names that begin with Walsh or Hadamard"
         )
     if str(acquisition.get("mask_index") or "[]").strip("[] "):
         raise InputError("mask_index is not empty: patterns of part of an image are not read")
@@ -134,16 +145,16 @@ def _plan(acquisition: dict[str, Any]) -> PatternPlan:
 def _side(acquisition: dict[str, Any], name: str) -> int:
     side = acquisition.get(name)
     if type(side) is not int:
-        raise InputError(f"{name} is {_reported(side)}, must be a whole number")
+        raise InputError(f"{name} is {_quoted(side)}, must be a whole number")
     return side
 
 
 def _band(wavelengths: Any, band_nm: tuple[float, float] | None) -> NDArray[np.bool_] | None:
-    """Which wavelengths lie in a band; None for all."""
+    """Mask of the wavelengths within a band; None for all."""
     if band_nm is None:
         return None
     if not isinstance(wavelengths, str) or not DECIMALS.fullmatch(wavelengths):
-        raise InputError(f"wavelengths is {_reported(wavelengths)}, must be a list of numbers")
+        raise InputError(f"wavelengths is {_quoted(wavelengths)}, must be a list of numbers")
     given = np.array(re.findall(r"[\d.]+", wavelengths), dtype=np.float64)
     chosen = (given >= band_nm[0]) & (given <= band_nm[1])
     if not chosen.any():
@@ -170,7 +181,7 @@ def _about(objects: list[dict[str, Any]], acquisition: dict[str, Any]) -> dict[s
 def _readings(spectra: NDArray[Any], plan: PatternPlan, chosen: NDArray[np.bool_] | None) -> Floats:
     if spectra.ndim != 2 or len(spectra) % plan.exposures:
         raise InputError(
-            f"spectral_data has shape {spectra.shape}; the metadata tell {plan.exposures} patterns"
+            f"spectral_data has shape {spectra.shape}, the metadata {plan.exposures} patterns"
         )
     if chosen is not None:
         if spectra.shape[1] != chosen.size:

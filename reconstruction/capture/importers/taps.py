@@ -1,4 +1,4 @@
-"""Arrays of time-of-flight readings of the spots -> the part of a capture that holds them."""
+"""Time-of-flight readings of the spots from arrays."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -18,7 +18,7 @@ from .about import checked_about
 from .arrays import capture_from_readings
 
 QUARTERS_RAD = (0.0, np.pi / 2, np.pi, 3 * np.pi / 2)
-"""Phases of four taps, a quarter of a period after each other."""
+"""Phases of four taps, a quarter of a period apart."""
 
 TAPS_ABOUT: dict[str, float] = {
     "electrons_per_count": 1.0,
@@ -27,16 +27,16 @@ TAPS_ABOUT: dict[str, float] = {
     "excess_noise_factor": 1.0,
     "saturation_counts": float("inf"),
 }
-"""What is known of the spots' detectors, and its values where nothing is said: fields of `Charge`,
-and the counts from which on a reading must not be used."""
+"""Properties of the spots' detectors and their defaults: fields of `Charge`, and the counts from
+which on a reading is saturated."""
 
-NO_RETURN: Mapping[str, float] = MappingProxyType({})
+NOTHING_KNOWN: Mapping[str, float] = MappingProxyType({})
 
 
 class SpotGeometry(NamedTuple):
     """Unit vectors (S, 3) from the pinhole to S spots, and detector positions (S, 3) in metres.
 
-    Without anything said four spots lie straight ahead and the detectors are at the pinhole.
+    By default four spots lie straight ahead and the detectors are at the pinhole.
     """
 
     directions: ArrayLike = ((0.0, 0.0, 1.0),) * 4
@@ -44,7 +44,7 @@ class SpotGeometry(NamedTuple):
 
     @property
     def spots(self) -> int:
-        """Number of spots, 1 to `MAX_SPOTS`; InputError for any other and for other shapes."""
+        """Number of spots; raises InputError unless it is 1 to `MAX_SPOTS`."""
         shape = np.shape(self.directions)
         if not (len(shape) == 2 and shape[1] == 3 and 1 <= shape[0] <= MAX_SPOTS):
             raise InputError(
@@ -53,7 +53,7 @@ class SpotGeometry(NamedTuple):
         return int(shape[0])
 
     def fields(self) -> dict[str, Any]:
-        """Both as fields of `Spots`, directions made unit vectors; InputError for other shapes."""
+        """Fields of `Spots`, with unit directions; raises InputError for other shapes."""
         shape, positions_m = (self.spots, 3), self.detector_positions_m
         positions_m = np.zeros(shape) if positions_m is None else np.asarray(positions_m, float)
         if positions_m.shape != shape:
@@ -63,7 +63,7 @@ class SpotGeometry(NamedTuple):
         directions = np.asarray(self.directions, float)
         lengths = np.linalg.norm(directions, axis=1, keepdims=True)
         if not (lengths > 0).all():
-            raise InputError("directions hold a vector of length 0")
+            raise InputError("directions hold a vector of zero length")
         return {"directions": directions / lengths, "detector_positions_m": positions_m}
 
 
@@ -77,34 +77,27 @@ def spots_from_taps(
     phases_rad: ArrayLike = QUARTERS_RAD,
     phase_offsets_rad: ArrayLike = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NO_RETURN,
+    about: Mapping[str, float] = NOTHING_KNOWN,
 ) -> CwSpots:
-    """Continuous-wave (iToF) taps of S spots, as many as `geometry` has.
+    """Continuous-wave (iToF) readings of S spots, the number in ``geometry``.
+
+    Raises InputError if the taps have another shape, or frequencies or phases are impossible.
 
     Parameters
     ----------
     taps : array, (S, K), (frames, S, K), (S * frames, K) or (frames, S * K)
-        Counts of K = F * P taps of each spot: those of all P phases of the first frequency, then
-        those of the next.
+        Counts of K = F * P taps of each spot: all P phases of the first frequency, then of the
+        next.
     frequencies_hz : float or array, (F,)
         Modulation frequencies.
     phases_rad : array, (P,)
-        Phases of the taps of each frequency; four quarters of a period by default.
+        Phases of the taps of each frequency.
     phase_offsets_rad : float or array, (F,)
         Calibrated phase at zero path length, of each frequency.
     geometry : SpotGeometry
-        Where the spots and their detectors are.
+        Directions of the spots and positions of their detectors.
     about : mapping
-        What is known of the detectors, by the names of `TAPS_ABOUT`.
-
-    Returns
-    -------
-    CwSpots
-
-    Raises
-    ------
-    InputError
-        If the taps have another shape, or frequencies and phases cannot be true.
+        Detector properties by the names of `TAPS_ABOUT`.
     """
     each_hz, phases = np.atleast_1d(frequencies_hz), np.atleast_1d(phases_rad)
     offsets = np.broadcast_to(phase_offsets_rad, each_hz.shape)
@@ -131,33 +124,26 @@ def spots_from_windows(
     pulses: int = 1,
     delay_offset_s: float = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NO_RETURN,
+    about: Mapping[str, float] = NOTHING_KNOWN,
 ) -> PulsedSpots:
-    """Windows of pulsed light of S spots, as many as `geometry` has.
+    """Pulsed readings of S spots, the number in ``geometry``.
+
+    Raises InputError if the taps have another shape, or windows overlap or leave gaps.
 
     Parameters
     ----------
     taps : array, (S, W), (frames, S, W), (S * frames, W) or (frames, S * W)
         Counts of W windows of each spot: background, then two or more for the echo.
     window_starts_s : array, (W,)
-        When each opens after the pulse begins to leave.
+        Opening of each window after the pulse begins to leave.
     pulse_width_s : float
-        Duration of the rectangular pulse, and of each window.
+        Duration of the rectangular pulse and of each window.
     pulses : int
         Pulses that each window accumulates.
     delay_offset_s : float
         Calibrated delay: light arrives L / c + delay_offset_s after it left.
     geometry, about
         As for `spots_from_taps`.
-
-    Returns
-    -------
-    PulsedSpots
-
-    Raises
-    ------
-    InputError
-        If the taps have another shape, or windows overlap or leave gaps.
     """
     starts = np.atleast_1d(window_starts_s).astype(float)
     readings = _of_spots(taps, starts.size, geometry.spots, f"{starts.size} windows")
@@ -185,35 +171,27 @@ def spots_from_histograms(
     saturated: ArrayLike = False,
     geometry: SpotGeometry = AHEAD,
 ) -> HistogramSpots:
-    """Histograms (dToF) of S spots, as many as `geometry` has.
+    """Histograms (dToF) of S spots, the number in ``geometry``.
+
+    Raises InputError if the counts have another shape, or more arrivals than cycles.
 
     Parameters
     ----------
     counts : array, (S, B), (frames, S, B), (S * frames, B) or (B, S)
         Arrivals in B time bins of each spot.
     bin_width_s : float
-        Width of a bin.
     pulses : int
-        Cycles, each of which contributes one arrival at most.
+        Cycles, each of which contributes at most one arrival.
     start_s : float
-        When the first bin begins after the pulse's centre leaves.
+        Start of the first bin after the pulse's centre leaves.
     response_sigma_s : float
-        Rms width of pulse and jitter together; nan where it is to be fitted.
+        Rms width of pulse and jitter together; nan to fit it.
     delay_offset_s : float
         Calibrated delay: light arrives L / c + delay_offset_s after it left.
     saturated : bool or array, (frames, S)
-        Histograms that must not be used.
+        Histograms to ignore.
     geometry
         As for `spots_from_taps`.
-
-    Returns
-    -------
-    HistogramSpots
-
-    Raises
-    ------
-    InputError
-        If the counts have another shape, or hold more arrivals than cycles.
     """
     array, count = _numbers(counts), geometry.spots
     if array.ndim == 2 and array.shape[1] == count != array.shape[0]:
@@ -240,7 +218,7 @@ def spots_from_histograms(
 
 
 def capture_from_spots(spots: Spots) -> Capture:
-    """Capture (source hardware) of ranges alone: its image is a single dark pixel."""
+    """Capture (source hardware) of ranges only: its image is a single dark pixel."""
     return capture_from_readings(np.zeros((len(spots.readings), 1)), NO_PATTERN, spots=spots)
 
 
@@ -267,6 +245,6 @@ def _numbers(values: ArrayLike) -> NDArray[Any]:
 
 
 def _charge(readings: NDArray[Any], about: Mapping[str, float]) -> dict[str, Any]:
-    """Fields of `Charge`, and which readings must not be used."""
+    """Fields of `Charge`, and the mask of saturated readings."""
     given = checked_about(about, TAPS_ABOUT)
     return {"saturated": readings >= given.pop("saturation_counts"), **given}

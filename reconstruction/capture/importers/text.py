@@ -17,7 +17,7 @@ from ...base.errors import InputError, nearest
 
 MAX_BYTES = 2**28
 MAX_HEADING_LINES = 1000
-"""Lines that are looked through for the first numbers."""
+"""Maximum number of lines before the first numbers."""
 COMMENT = re.compile(r"#.*|^\s*(%|//|!).*")
 NUMBER = re.compile(
     r"[+-]?((\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?|nan|inf(inity)?)", re.IGNORECASE
@@ -25,11 +25,11 @@ NUMBER = re.compile(
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 DECIMALS = re.compile(r"0\d+(\.\d*)?")
-"""What stands behind a comma and can be no count."""
+"""Digits after a comma that cannot be a count."""
 
 
 class _Table(NamedTuple):
-    """How a table is written: separator (None for spaces), decimal mark, headings, first line."""
+    """Layout of a table: separator (None for spaces), decimal mark, headings, first line."""
 
     separator: str | None
     comma: bool
@@ -39,17 +39,17 @@ class _Table(NamedTuple):
 
 
 def read_text(path: Path, column: str | None) -> NDArray[Any]:
-    """Numbers (lines, columns) of a text file, or one ``column``, by its heading or number from 0.
+    """Numbers (lines, columns) of a text file, or one ``column`` by heading or number from 0.
 
-    Lines before the first of numbers, words may stand beside them, are headings, of which the last
-    names the columns. Raises InputError where there are no numbers, where lines differ in their
-    columns, and where a comma may be a decimal mark as well as a separator.
+    Lines before the first with numbers, which may have words beside them, are headings; the last of
+    them names the columns. Raises InputError without numbers, if lines differ in their columns, and
+    if a comma may be a decimal mark or a separator.
     """
     size = path.stat().st_size
     if size > MAX_BYTES:
         raise InputError(
-            f"has {size / 2**20:.0f} MiB, at most {MAX_BYTES // 2**20} of text are read: save it "
-            "as .npy"
+            f"has {size / 2**20:.0f} MiB; at most {MAX_BYTES // 2**20} MiB of text are read: save "
+            "it as .npy"
         )
     lines = [COMMENT.sub("", line) for line in _text(path.read_bytes()).splitlines()]
     table = _table(lines)
@@ -57,16 +57,16 @@ def read_text(path: Path, column: str | None) -> NDArray[Any]:
         if any(line.strip() for line in lines):
             raise InputError("should hold numbers, in lines with the same number of columns")
         return np.empty(0)
-    wanted = None if column is None else [_column(column, table)]
+    columns = None if column is None else [_column(column, table)]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
             numbers = np.loadtxt(
-                _body(lines, table), delimiter=table.separator, usecols=wanted, comments=None
+                _body(lines, table), delimiter=table.separator, usecols=columns, comments=None
             )
         except (ValueError, IndexError):
-            raise InputError(_complaint(lines, table, wanted)) from None
-    if wanted is None and (table.separator, table.columns, table.headings) == (",", 2, []):
+            raise InputError(_complaint(lines, table, columns)) from None
+    if columns is None and (table.separator, table.columns, table.headings) == (",", 2, []):
         _check_comma(lines, table)
     return numbers
 
@@ -77,7 +77,7 @@ def _text(content: bytes) -> str:
 
 
 def _body(lines: list[str], table: _Table) -> Iterator[str]:
-    """Lines of numbers as NumPy reads them."""
+    """Lines of numbers in a form that NumPy reads."""
     fortran = FORTRAN.search(lines[table.start]) is not None
     for line in lines[table.start :]:
         plain = line.replace('"', "")
@@ -87,7 +87,7 @@ def _body(lines: list[str], table: _Table) -> Iterator[str]:
 
 
 def _check_comma(lines: list[str], table: _Table) -> None:
-    """Raise InputError where two columns without headings are rather one with decimal commas."""
+    """Raise InputError for two columns that may be one with decimal commas."""
     behind = [_cells(line, ",")[-1] for line in lines[table.start :] if line.strip()]
     if all(len(each) == 1 for each in behind) or any(map(DECIMALS.fullmatch, behind)):
         raise InputError(
@@ -97,7 +97,7 @@ def _check_comma(lines: list[str], table: _Table) -> None:
 
 
 def _table(lines: list[str]) -> _Table | None:
-    """How the table is written; None where there is no line of numbers."""
+    """Layout of the table; None if no line has numbers."""
     headings: list[str] = []
     for start, line in enumerate(islice(lines, MAX_HEADING_LINES)):
         separator, comma = _separator(line)
@@ -113,12 +113,12 @@ def _table(lines: list[str]) -> _Table | None:
 
 
 def _numbers(cells: list[str]) -> list[bool]:
-    """Which of the cells are numbers."""
+    """Which cells are numbers."""
     return [NUMBER.fullmatch(cell) is not None for cell in cells]
 
 
 def _next_numbers(lines: list[str], start: int) -> list[bool]:
-    """Which cells of the following line are numbers: where the same are, words are no heading."""
+    """Which cells of the next line are numbers; if the same are, the line is no heading."""
     following = next((line for line in lines[start + 1 :] if line.strip()), "")
     return _numbers(_cells(following, _separator(following)[0]))
 
@@ -139,7 +139,7 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _column(name: str, table: _Table) -> int:
-    name = unicodedata.normalize("NFC", name)  # as keyboards and file systems differ
+    name = unicodedata.normalize("NFC", name)  # keyboards and file systems differ
     if name in table.headings:
         return table.headings.index(name)
     if name.isascii() and name.isdecimal() and int(name[:9]) < table.columns:
@@ -156,8 +156,8 @@ def _is_read(cell: str, table: _Table) -> bool:
     return False
 
 
-def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str:
-    """The first line that is wrong."""
+def _complaint(lines: list[str], table: _Table, columns: list[int] | None) -> str:
+    """Description of the first wrong line."""
     for number, line in enumerate(lines[table.start :], table.start + 1):
         cells = _cells(line, table.separator)
         if not cells:
@@ -167,7 +167,7 @@ def _complaint(lines: list[str], table: _Table, wanted: list[int] | None) -> str
                 f"should hold numbers, in lines with the same number of columns; line {number} has "
                 f"{len(cells)}, line {table.start + 1} {table.columns}"
             )
-        for position in range(table.columns) if wanted is None else wanted:
+        for position in range(table.columns) if columns is None else columns:
             if not _is_read(cells[position], table):
                 named = f" ({table.headings[position]})" if table.headings else ""
                 return (

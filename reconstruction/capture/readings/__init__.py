@@ -1,4 +1,4 @@
-"""Kinds of time-of-flight readings, one module each, named as the method that makes them."""
+"""Kinds of time-of-flight readings, one module each, named after their measurement method."""
 
 from ...base.registry import Registry
 from ..spots import Spots

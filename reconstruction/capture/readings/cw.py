@@ -1,4 +1,4 @@
-"""Continuous wave: taps of modulated light."""
+"""Continuous-wave taps of modulated light."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -8,21 +8,20 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from ...base.constants import c
-from ..charge import Charge, check_taps, spare_combinations, taps_summary
+from ..charge import Taps, check_taps
 from ..schema import Stored
 from ..spots import SPOTS_AXIS, Spots
 
 
 @dataclass(frozen=True, eq=False)
-class CwSpots(Charge, Spots):
+class CwSpots(Taps, Spots):
     """Continuous wave: tap k reads S_k = B + A cos(phi + phase_offset_k - tap_phase_k).
 
-    phi = 2 pi f_k L / c with f_k the frequency of the tap. Several frequencies have at least three
-    taps each, in any order. ``phase_offsets_rad`` is the calibrated phase at zero path length;
-    ``periods`` the number of modulation periods that each tap accumulates; ``noise_electrons`` is
-    each tap's own, as low frequencies integrate longer. All of the light of a laser that came to
-    the detector would leave ``electrons_per_joule * laser_energies_j`` in a tap at mean phase, and
-    A / B of it alone is ``contrasts``; nan where not known.
+    phi = 2 pi f_k L / c with f_k the frequency of the tap. Each frequency has at least three taps,
+    in any order. ``phase_offsets_rad`` is the calibrated phase at zero path length, ``periods`` the
+    number of modulation periods per tap. ``noise_electrons`` is per tap, as low frequencies
+    integrate longer. If a detector collected all light of its laser, a tap at mean phase would hold
+    ``electrons_per_joule * laser_energies_j``, with A / B of ``contrasts``; nan if unknown.
     """
 
     method = "cw"
@@ -39,8 +38,7 @@ class CwSpots(Charge, Spots):
     tap_phases_rad: Annotated[Floats, Stored("rad", ("taps",))]
     phase_offsets_rad: Annotated[Floats, Stored("rad", ("taps",))]
     periods: Annotated[
-        int | NDArray[np.int64],
-        Stored("1", ("taps",), "int64", sign="positive", one_for_all=True),
+        int | NDArray[np.int64], Stored("1", ("taps",), "int64", sign="positive", one_for_all=True)
     ]
     laser_energies_j: Annotated[
         float | Floats, Stored("J", ("taps",), sign="positive", nan=True, one_for_all=True)
@@ -54,19 +52,8 @@ class CwSpots(Charge, Spots):
         """The taps."""
         return self.taps
 
-    @property
-    def spare(self) -> Floats:
-        """Combinations (k, taps) in which all light cancels."""
-        phases = self.tap_phases_rad - self.phase_offsets_rad
-        return spare_combinations(self.tap_frequencies_hz, phases)
-
-    @property
-    def summary(self) -> str:
-        """How they were measured, in a few words."""
-        return taps_summary(self.tap_frequencies_hz)
-
     def response(self, path_m: Floats) -> Floats:
-        """Joules per tap (taps, ...) for a detector that gets all light, by its path (...)."""
+        """Joules per tap (taps, ...) if a detector collects all light, by path length (...)."""
         columns = (-1,) + (1,) * np.ndim(path_m)
         frequency, phase, energy, contrast = (
             np.broadcast_to(each, self.tap_frequencies_hz.shape).reshape(columns)
@@ -81,14 +68,14 @@ class CwSpots(Charge, Spots):
 
     @property
     def steady(self) -> Floats:
-        """What light that never changes leaves in the taps: (taps, frequencies), up to its size."""
+        """Tap readings of constant light, (taps, frequencies), up to scale."""
         each = np.unique(self.tap_frequencies_hz)
         return (self.tap_frequencies_hz[:, None] == each).astype(np.float64)
 
     def check(self) -> None:
         """Raise InputError unless directions are unit vectors and every phase can be solved for."""
         super().check()
-        check_taps("spots", self.tap_frequencies_hz, self.tap_phases_rad - self.phase_offsets_rad)
+        check_taps("spots", self.tap_frequencies_hz, self.phases_rad)
 
 
 READINGS = CwSpots

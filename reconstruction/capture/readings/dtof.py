@@ -1,4 +1,4 @@
-"""Direct time of flight: histograms of single arrivals."""
+"""Direct time of flight: histograms of single-photon arrivals."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -17,12 +17,12 @@ from ..spots import SPOTS_AXIS, Spots, check_duration
 class HistogramSpots(Spots):
     """Direct time of flight: arrivals per time bin, at most one in each of ``pulses`` cycles.
 
-    Bin k covers start_s + [k, k + 1) bin_width_s after the pulse's centre leaves; light arrives
-    L / c + delay_offset after that moment. The detector sees nothing before the first bin.
-    ``response_sigma_s`` is the rms width of pulse and jitter together, a Gaussian; nan: unknown.
-    ``piles_up`` where the first of many photons ends a cycle, so that later light is hidden by
-    earlier; not where each stamp is that of a whole pulse, as of one that crosses a threshold.
-    ``laser_energy_j`` is the energy of all pulses, nan where not known.
+    Bin k covers start_s + [k, k + 1) bin_width_s after the pulse's centre leaves; light arrives L /
+    c + delay_offset_s after that. The detector is blind before the first bin. ``response_sigma_s``
+    is the rms width of a Gaussian pulse and jitter together; nan if unknown. With ``piles_up`` the
+    first of many photons ends a cycle and hides later light; without, each time stamp is that of a
+    whole pulse that crosses a threshold. ``laser_energy_j`` is the energy of all pulses; nan if
+    unknown.
     """
 
     method = "dtof"
@@ -47,17 +47,17 @@ class HistogramSpots(Spots):
 
     @property
     def summary(self) -> str:
-        """How they were measured, in a few words."""
+        """Description of the measurement in a few words."""
         bins = self.counts.shape[-1]
         return f"histograms, {bins} bins of {1e9 * self.bin_width_s:.4g} ns"
 
     def delay(self, path_m: Floats) -> Floats:
-        """When light of a path (...) arrives, in bins from the first one's lower edge."""
+        """Arrival of light of a path (...) in bins, from the lower edge of the first."""
         arrival_s = path_m / c + self.delay_offset_s - self.start_s
         return np.asarray(arrival_s / self.bin_width_s)
 
     def check(self) -> None:
-        """Raise InputError unless directions are unit vectors and the histograms can be true."""
+        """Raise InputError unless directions are unit vectors and the histograms are possible."""
         super().check()
         check_duration("spots/bin_width_s", self.bin_width_s)
         bins = self.counts.shape[-1]
@@ -67,7 +67,7 @@ class HistogramSpots(Spots):
         if maximum > self.pulses * (1 + 1e-9):
             raise InputError(
                 f"spots/counts holds {maximum:g} arrivals in one histogram of spots/pulses = "
-                f"{self.pulses} cycles; there is at most one arrival per cycle"
+                f"{self.pulses} cycles; at most one arrival per cycle is possible"
             )
 
 

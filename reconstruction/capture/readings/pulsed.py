@@ -1,4 +1,4 @@
-"""Pulses of light in windows of time."""
+"""Pulsed light integrated in time windows."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any
@@ -16,12 +16,13 @@ from ..spots import SPOTS_AXIS, Spots, check_duration
 
 @dataclass(frozen=True, eq=False)
 class PulsedSpots(Charge, Spots):
-    """Pulses of light in windows as long as they: one of background, then two or more for the echo.
+    """Pulsed light in windows as long as the pulse: one of background, then two or more for the
+    echo.
 
-    Windows start ``window_starts_s`` after the pulse begins to leave, from the second on one after
-    the other; the background window sees no echo. Light arrives L / c + delay_offset after that
-    moment. ``pulses`` is the number of pulses that each window accumulates, ``laser_energy_j`` the
-    energy of all of them, nan where not known.
+    Windows start ``window_starts_s`` after the pulse begins to leave, and from the second on follow
+    each other without gaps; the background window sees no echo. Light arrives L / c +
+    delay_offset_s after it left. ``pulses`` is the number of pulses that each window accumulates,
+    ``laser_energy_j`` the energy of all of them; nan if unknown.
     """
 
     method = "pulsed"
@@ -43,15 +44,13 @@ class PulsedSpots(Charge, Spots):
 
     @property
     def summary(self) -> str:
-        """How they were measured, in a few words."""
+        """Description of the measurement in a few words."""
         windows = self.window_starts_s.size
         return f"pulsed, {windows} windows of {1e9 * self.pulse_width_s:.4g} ns"
 
     def response(self, path_m: Floats) -> Floats:
-        """Joules per window (windows, ...) for a detector that gets all light, by its path (...).
-
-        Of rectangular pulses.
-        """
+        """Joules per window (windows, ...) if all of a rectangular pulse is collected, by path
+        (...)."""
         columns = (-1,) + (1,) * np.ndim(path_m)
         arrival_s = np.asarray(path_m) / c + self.delay_offset_s
         apart = np.abs(self.window_starts_s.reshape(columns) - arrival_s) / self.pulse_width_s
@@ -59,7 +58,7 @@ class PulsedSpots(Charge, Spots):
 
     @property
     def steady(self) -> Floats:
-        """What light that never changes leaves in the windows: (windows, 1), up to its size."""
+        """Window readings of constant light, (windows, 1), up to scale."""
         return np.ones((self.window_starts_s.size, 1))
 
     def check(self) -> None:

@@ -1,1 +1,1 @@
-"""Formats of other programs: one module each, with its `Export`."""
+"""Export formats, one module each, with its `Export`."""

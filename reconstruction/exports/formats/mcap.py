@@ -1,6 +1,6 @@
-"""A recording of ROS 2: clouds, images, ranges, frames of reference and diagnostics, in one MCAP.
+"""MCAP recording of ROS 2 messages: clouds, images, ranges, frames of reference and diagnostics.
 
-`ros2 bag play`, Foxglove and whatever else reads MCAP take it; see `ros` for what is in it.
+For `ros2 bag play`, Foxglove and other readers of MCAP; see `ros` for the messages.
 """
 
 from collections.abc import Iterable
@@ -8,12 +8,12 @@ from pathlib import Path
 
 from ...base.errors import InputError
 from ..export import Export
-from ..mcap_file import McapFile, check_libraries
+from ..mcap_file import McapFile, libraries
 from ..shot import Shot
 
 
 def write_mcap(shots: Iterable[Shot], path: Path) -> None:
-    """Write a file; InputError where there is nothing to write, or a library is missing."""
+    """Write a file; raises InputError if there is no shot or a library is missing."""
     file = McapFile(path)
     try:
         spots, begun = None, False
@@ -27,4 +27,4 @@ def write_mcap(shots: Iterable[Shot], path: Path) -> None:
         file.close()
 
 
-EXPORT = Export("MCAP of ROS 2 messages", write_mcap, ".mcap", check_libraries)
+EXPORT = Export("MCAP of ROS 2 messages", write_mcap, ".mcap", libraries)

@@ -1,8 +1,8 @@
-"""Images with poses, as NeRF and what followed it take them: ``transforms.json``.
+"""Images with poses for NeRF and its successors: ``transforms.json``.
 
-Cameras have x right, y up, z backwards (OpenGL), and pixels are counted from the image's corner, so
-that the centre of the first one is at (0.5, 0.5). Depth images are as in `rgbd`; both nerfstudio's
-and instant-ngp's names of their fields are there. Cf. B. Mildenhall et al., "NeRF", ECCV 2020.
+Cameras have x right, y up, z backwards (OpenGL); pixels count from the image's corner, so that the
+centre of the first is (0.5, 0.5). Depth images are as in `rgbd`, and fields have the names of both
+nerfstudio and instant-ngp. Cf. B. Mildenhall et al., "NeRF", ECCV 2020.
 """
 
 import math
@@ -24,24 +24,24 @@ OPTICAL_FROM_CAMERA = np.diag([1.0, -1, -1, 1])
 
 
 def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
-    """Write images, depth images where there are any, and ``transforms.json`` into a folder.
+    """Write images, available depth images, and ``transforms.json`` into a folder.
 
     Raises InputError for a shot without a pose.
     """
     for name in ("images", "depth"):
         (folder / name).mkdir(parents=True)
-    reported: dict[str, Any] = {}
+    intrinsics: dict[str, Any] = {}
     frames: list[dict[str, Any]] = []
     for number, shot in enumerate(shots):
         if shot.pose is None:
             raise InputError(
-                f"frame {number} has no pose, without which transforms.json says nothing: tell "
-                "them by --poses FILE, or export a simulated capture by spisim export"
+                f"frame {number} has no pose, which transforms.json needs: add --poses FILE, or "
+                "export a simulated capture with spisim export"
             )
-        if not reported:
-            reported = camera(shot)
-        elif reported != camera(shot):
-            raise InputError(f"frame {number} is of another camera than the first one")
+        if not intrinsics:
+            intrinsics = camera(shot)
+        elif intrinsics != camera(shot):
+            raise InputError(f"frame {number} has another camera than the first")
         name = f"{number:06d}.png"
         frame: dict[str, Any] = {"file_path": f"images/{name}"}
         (folder / "images" / name).write_bytes(colour_png(shot.image))
@@ -52,12 +52,12 @@ def write_nerf(shots: Iterable[Shot], folder: Path) -> None:
         frames.append(frame)
     if not frames:
         raise InputError("there is nothing to export")
-    report = {**reported, "frames": frames, "made": mark(KIND)}
+    report = {**intrinsics, "frames": frames, "made": mark(KIND)}
     (folder / "transforms.json").write_text(json_line(report) + "\n", encoding="ascii")
 
 
 def camera(shot: Shot) -> dict[str, Any]:
-    """What all frames have in common."""
+    """Camera model that all frames share."""
     (height, width), pinhole = shot.shape, shot.intrinsics
     return {
         "camera_model": "OPENCV",

@@ -1,7 +1,7 @@
-"""Point clouds of the Point Cloud Library, binary PCD 0.7: one file for each frame.
+"""Point clouds of the Point Cloud Library, binary PCD 0.7, one file per frame.
 
-Clouds are organised, (H, W) points in the optical frame, nan where there is no depth, with the
-image as intensity. The pose, where it is known, is the VIEWPOINT.
+Clouds are organised, (H, W) points in the optical frame, nan without depth, with the image as
+intensity. VIEWPOINT is the pose, if known.
 """
 
 from collections.abc import Iterable
@@ -10,24 +10,23 @@ from pathlib import Path
 import numpy as np
 
 from ...base.files import mark
-from ..clouds import POINT, organised
 from ..export import KIND, Export
-from ..pictures import require_depths
+from ..pictures import POINT, organised, require_depths
 from ..poses import quaternion_of
 from ..shot import Shot
 
 
 def write_pcd(shots: Iterable[Shot], folder: Path) -> None:
-    """Write ``000000.pcd`` and so on into a folder; InputError without any depth map."""
-    number, depths = 0, 0
+    """Write ``000000.pcd`` and so on into a folder; raises InputError without any depth map."""
+    number, depth_maps = 0, 0
     for number, shot in enumerate(shots, 1):
         (folder / f"{number - 1:06d}.pcd").write_bytes(pcd(shot))
-        depths += shot.depth_m is not None
-    require_depths(depths, number)
+        depth_maps += shot.depth_m is not None
+    require_depths(depth_maps, number)
 
 
 def pcd(shot: Shot) -> bytes:
-    """One file."""
+    """Bytes of a file."""
     height, width = shot.shape
     pose = np.eye(4) if shot.pose is None else shot.pose
     x, y, z, w = quaternion_of(pose[:3, :3])

@@ -1,4 +1,4 @@
-"""Ways that bytes of a stream come or go, by their addresses."""
+"""Links that carry the bytes of a stream, by their addresses."""
 
 from .addresses import is_link, outlet_to, source_at
 from .files import NewFile

@@ -8,11 +8,11 @@ from pathlib import Path
 from typing import IO
 
 from ...base.errors import InputError
-from .link import PIECE_BYTES, Ended, Outlet, Source
+from .link import PIECE_BYTES, Ended, Link, Outlet, Source
 
 
 class Stdin(Source):
-    """A pipe to this program."""
+    """Standard input."""
 
     patient = True
 
@@ -27,27 +27,39 @@ class Stdin(Source):
 
 
 class Stdout(Outlet):
-    """A pipe from this program."""
+    """Standard output."""
 
     def send(self, content: bytes) -> None:
         sys.stdout.buffer.write(content)
         sys.stdout.buffer.flush()
 
 
-class StreamFile(Source):
-    """A file of messages: read to its end, or on as it grows where it is ``followed``."""
+class _FileLink(Link):
+    """A link to a file."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path))
+        self._path = path
+        self._file: IO[bytes] | None = None
+
+    def close(self) -> None:
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+class StreamFile(_FileLink, Source):
+    """A file of messages, read to its end, or on as it grows if ``followed``."""
 
     patient = True
 
     def __init__(self, path: Path, *, followed: bool) -> None:
-        super().__init__(str(path))
-        self._path = path
+        super().__init__(path)
         self._followed = followed
-        self._file: IO[bytes] | None = None
 
     def check(self) -> None:
         if not self._path.exists():
-            raise InputError(f"{self._path}: no such file, neither of a stream nor a capture")
+            raise InputError(f"{self._path}: no such stream or capture file")
         if not self._path.is_file():
             raise InputError(
                 f"{self._path} is not a regular file; a pipe is read from standard input, as -"
@@ -63,22 +75,12 @@ class StreamFile(Source):
         if not content and not self._followed:
             raise Ended
         if not content:
-            time.sleep(timeout_s)  # files do not tell when they grow
+            time.sleep(timeout_s)  # files do not signal growth
         return content
 
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
-
-class NewFile(Outlet):
-    """A file of messages, which begins anew."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path))
-        self._path = path
-        self._file: IO[bytes] | None = None
+class NewFile(_FileLink, Outlet):
+    """A new file of messages."""
 
     def open(self) -> None:
         if self._file is None:
@@ -90,12 +92,7 @@ class NewFile(Outlet):
         self._file.write(content)
         self._file.flush()
 
-    def close(self) -> None:
-        if self._file is not None:
-            self._file.close()
-            self._file = None
-
     def discard(self) -> None:
-        """Remove what was written, if anything was begun."""
+        """Remove what was written, if anything was."""
         if self._file is not None:
             self._path.unlink(missing_ok=True)

@@ -1,50 +1,50 @@
-"""What all ways have in common that bytes come or go."""
+"""Base classes of links."""
 
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
 PIECE_BYTES = 2**16
-"""Most that is read at a time."""
+"""Maximum number of bytes per read."""
 
 
 class Ended(Exception):
-    """A source has nothing more to give, and never will."""
+    """A source has nothing more to give."""
 
 
 class Link:
-    """One way, which can be opened again after it broke; then its methods raise OSError."""
+    """A link that can be reopened after it broke; its methods raise OSError then."""
 
     def __init__(self, address: str) -> None:
         self.address = address
 
     def check(self) -> None:
-        """Raise InputError where it can never be opened."""
+        """Raise InputError if it can never be opened."""
 
     def open(self) -> None:
-        """Open it where it is not open from the beginning, or again; waits a second at most."""
+        """Open or reopen it; waits a second at most."""
 
     @property
     def wanted(self) -> bool:
-        """Whether somebody else waits for the place of who is connected: `open` lets it in."""
+        """Whether another sender waits for the place of the connected one; `open` lets it in."""
         return False
 
     def close(self) -> None:
-        """Close it, from any thread: whoever waits for it is woken."""
+        """Close it, from any thread, waking all that wait."""
 
 
 class Source(Link, ABC):
     """Where bytes come from."""
 
     patient: ClassVar[bool] = False
-    """Whether whoever sends waits for whoever reads, so that nothing need be dropped."""
+    """Whether the sender waits for the reader, so that nothing need be dropped."""
     forgeable: ClassVar[bool] = False
-    """Whether anybody can send in the name of another."""
+    """Whether anybody can send under another's address."""
     sender: str = ""
-    """Who sent what was received last, where there may be several."""
+    """Sender of what was received last, if there may be several."""
 
     @abstractmethod
     def receive(self, timeout_s: float) -> bytes:
-        """Some bytes, none if none came for so long; raises `Ended` after the last."""
+        """Some bytes, none after the timeout; raises `Ended` after the last."""
 
 
 class Outlet(Link, ABC):
@@ -52,4 +52,4 @@ class Outlet(Link, ABC):
 
     @abstractmethod
     def send(self, content: bytes) -> None:
-        """Send all of them, however long it takes."""
+        """Send all bytes, however long it takes."""

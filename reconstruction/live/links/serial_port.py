@@ -1,4 +1,4 @@
-"""Serial ports, by pySerial."""
+"""Serial ports, with pySerial."""
 
 import os
 import stat
@@ -10,7 +10,7 @@ from .link import PIECE_BYTES, Outlet, Source
 
 
 class SerialPort(Source, Outlet):
-    """A port of a device, as /dev/ttyUSB0: 8 bits, no parity, 1 stop bit."""
+    """A serial device such as /dev/ttyUSB0: 8 bits, no parity, 1 stop bit."""
 
     def __init__(self, address: str, device: str, baud: int) -> None:
         super().__init__(address)
@@ -23,7 +23,7 @@ class SerialPort(Source, Outlet):
         device = Path(self._device)
         if not device.exists():
             ports = ", ".join(map(str, _ports())) or "none"
-            raise InputError(f"{self.address}: there is no {device}; ports that are there: {ports}")
+            raise InputError(f"{self.address}: no such device {device}; available: {ports}")
         if not os.access(device, os.R_OK | os.W_OK):
             raise InputError(f"{self.address}: no permission for {device}: {_remedy(device)}")
 
@@ -67,11 +67,11 @@ def _ports() -> list[Path]:
 
 
 def _remedy(device: Path) -> str:
-    """How to be let in: by the group, unless it may not either, or is that of the administrator."""
+    """How to get access: by joining its group, unless the group is root or has no access."""
     group, allowed = _group(device), stat.S_IRGRP | stat.S_IWGRP
     if group == "root" or device.stat().st_mode & allowed != allowed:
-        return f"its group {group} is no way to it: sudo chmod a+rw {device}, or a rule of udev"
-    return f"join its group, by sudo usermod -aG {group} $USER, and log in again"
+        return f"its group {group} has no access: sudo chmod a+rw {device}, or a udev rule"
+    return f"join its group with sudo usermod -aG {group} $USER, and log in again"
 
 
 def _group(device: Path) -> str:

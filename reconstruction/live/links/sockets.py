@@ -1,4 +1,4 @@
-"""TCP, to an address or from whoever calls, and UDP."""
+"""TCP, connecting or listening, and UDP."""
 
 import select
 import socket
@@ -7,35 +7,41 @@ from errno import EADDRINUSE
 from typing import Any
 
 from ...base.errors import InputError
-from .link import PIECE_BYTES, Outlet, Source
+from .link import PIECE_BYTES, Link, Outlet, Source
 
 PATIENCE_S = 1.0
-"""For a connection to come about."""
+"""Timeout of a connection attempt."""
 STALLED_S = 10.0
-"""After which the other side of a connection is taken to be gone: it takes nothing, or its machine
-does not answer."""
+"""Time without progress after which the other side of a connection is taken to be gone."""
 KEEPALIVE = {"TCP_KEEPIDLE": 2, "TCP_KEEPALIVE": 2, "TCP_KEEPINTVL": 1, "TCP_KEEPCNT": 3} | {
     "TCP_USER_TIMEOUT": round(1e3 * STALLED_S)
 }
-"""Options, as far as a system has them, by which a machine that vanished is noticed; s and ms."""
+"""Socket options, where available, that detect a vanished machine; s and ms."""
 MAX_UNSENT_BYTES = 2**17
-"""What waits to be sent: more would be old when it comes, and hide for long that nobody reads."""
+"""Maximum unsent bytes: more would arrive late, and hide that nobody reads."""
 DATAGRAM_BYTES = 1200
-"""What passes every path in one piece: the 1280 bytes of IPv6 (RFC 8200, section 5), less headers.
-"""
+"""Size that passes every path whole: IPv6's 1280 bytes (RFC 8200, section 5) less headers."""
 
 
-class Tcp(Source, Outlet):
-    """Connects to a place."""
+class _SocketLink(Link):
+    """A link with a socket, and the endpoint that it connects to or listens at."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address)
-        self._place = (host, port)
+        self._endpoint = (host, port)
         self._socket: socket.socket | None = None
+
+    def close(self) -> None:
+        _close(self._socket)
+        self._socket = None
+
+
+class Tcp(_SocketLink, Source, Outlet):
+    """TCP client."""
 
     def open(self) -> None:
         _close(self._socket)
-        self._take(socket.create_connection(self._place, PATIENCE_S))
+        self._take(socket.create_connection(self._endpoint, PATIENCE_S))
 
     def receive(self, timeout_s: float) -> bytes:
         connected = _required(self._socket)
@@ -52,11 +58,7 @@ class Tcp(Source, Outlet):
             try:
                 rest = rest[connected.send(rest) :]
             except TimeoutError:
-                raise TimeoutError(f"the other side takes nothing for {STALLED_S:g} s") from None
-
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
+                raise TimeoutError(f"the other side has read nothing for {STALLED_S:g} s") from None
 
     def _take(self, connected: socket.socket) -> None:
         connected.settimeout(STALLED_S)
@@ -65,12 +67,12 @@ class Tcp(Source, Outlet):
         for name, value in options.items():
             if hasattr(socket, name):
                 connected.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-        self.sender = _reported(connected.getpeername())
+        self.sender = _address_text(connected.getpeername())
         self._socket = connected
 
 
 class TcpListen(Tcp):
-    """Waits to be called, by one at a time."""
+    """TCP server for one client at a time."""
 
     def __init__(self, address: str, host: str, port: int) -> None:
         super().__init__(address, host, port)
@@ -78,12 +80,12 @@ class TcpListen(Tcp):
 
     @property
     def port(self) -> int:
-        """The port that is listened at, which the system chooses for port 0."""
+        """Listening port, which the system chooses for port 0."""
         return int(_required(self._listener).getsockname()[1])
 
     def check(self) -> None:
         if self._listener is None:
-            self._listener = _bound(self.address, *self._place, socket.SOCK_STREAM)
+            self._listener = _bound(self.address, *self._endpoint, socket.SOCK_STREAM)
             self._listener.listen()
 
     def open(self) -> None:
@@ -94,11 +96,11 @@ class TcpListen(Tcp):
         try:
             self._take(listener.accept()[0])
         except TimeoutError:
-            raise TimeoutError("nobody has called yet") from None
+            raise TimeoutError("nobody has connected yet") from None
 
     @property
     def wanted(self) -> bool:
-        """Whether somebody has called and is not served yet."""
+        """Whether another client has called."""
         return self._listener is not None and bool(select.select([self._listener], [], [], 0)[0])
 
     def close(self) -> None:
@@ -107,24 +109,19 @@ class TcpListen(Tcp):
         self._listener = None
 
 
-class UdpListen(Source):
-    """Datagrams that come to a port."""
+class UdpListen(_SocketLink, Source):
+    """Datagrams received at a port."""
 
     forgeable = True
 
-    def __init__(self, address: str, host: str, port: int) -> None:
-        super().__init__(address)
-        self._place = (host, port)
-        self._socket: socket.socket | None = None
-
     @property
     def port(self) -> int:
-        """The port that is listened at, which the system chooses for port 0."""
+        """Listening port, which the system chooses for port 0."""
         return int(_required(self._socket).getsockname()[1])
 
     def check(self) -> None:
         if self._socket is None:
-            self._socket = _bound(self.address, *self._place, socket.SOCK_DGRAM)
+            self._socket = _bound(self.address, *self._endpoint, socket.SOCK_DGRAM)
 
     def open(self) -> None:
         self.check()
@@ -134,27 +131,20 @@ class UdpListen(Source):
         if not _ready(bound, timeout_s):
             return b""
         content, sender = bound.recvfrom(PIECE_BYTES)
-        self.sender = _reported(sender)
+        self.sender = _address_text(sender)
         return content
 
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
 
-
-class Udp(Outlet):
-    """Datagrams to a place, whether anybody listens there or not."""
-
-    def __init__(self, address: str, host: str, port: int) -> None:
-        super().__init__(address)
-        self._place = (host, port)
-        self._socket: socket.socket | None = None
+class Udp(_SocketLink, Outlet):
+    """Datagrams to an endpoint, whether anybody listens there or not."""
 
     def open(self) -> None:
         self.close()
-        family, kind, _, _, position = socket.getaddrinfo(*self._place, type=socket.SOCK_DGRAM)[0]
+        family, kind, _, _, endpoint = socket.getaddrinfo(*self._endpoint, type=socket.SOCK_DGRAM)[
+            0
+        ]
         self._socket = socket.socket(family, kind)
-        self._socket.connect(position)
+        self._socket.connect(endpoint)
 
     def send(self, content: bytes) -> None:
         connected = _required(self._socket)
@@ -162,15 +152,11 @@ class Udp(Outlet):
             with suppress(ConnectionRefusedError):
                 connected.send(content[at : at + DATAGRAM_BYTES])
 
-    def close(self) -> None:
-        _close(self._socket)
-        self._socket = None
-
 
 def _ready(opened: socket.socket, timeout_s: float) -> bool:
-    """Whether anything can be read within so long.
+    """Whether anything can be read within the timeout.
 
-    Another thread may send meanwhile: a timeout of the socket would be that of both.
+    Another thread may send meanwhile, and would share a timeout of the socket.
     """
     try:
         return bool(select.select([opened], [], [], timeout_s)[0])
@@ -178,9 +164,9 @@ def _ready(opened: socket.socket, timeout_s: float) -> bool:
         raise ConnectionResetError("the connection is closed") from None
 
 
-def _reported(position: tuple[Any, ...]) -> str:
-    """An address of a socket in words."""
-    host, port = position[:2]
+def _address_text(endpoint: tuple[Any, ...]) -> str:
+    """Format the address of a socket."""
+    host, port = endpoint[:2]
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
@@ -193,25 +179,25 @@ def _required(opened: socket.socket | None) -> socket.socket:
 def _close(opened: socket.socket | None) -> None:
     if opened is not None:
         with suppress(OSError):
-            opened.shutdown(socket.SHUT_RDWR)  # wakes whoever waits
+            opened.shutdown(socket.SHUT_RDWR)  # wakes waiting threads
         opened.close()
 
 
 def _bound(address: str, host: str, port: int, kind: socket.SocketKind) -> socket.socket:
-    """A socket that is bound; InputError where it cannot be."""
+    """A bound socket; raises InputError if it cannot be bound."""
     bound: socket.socket | None = None
     try:
-        family, _, _, _, position = socket.getaddrinfo(
+        family, _, _, _, endpoint = socket.getaddrinfo(
             host or None, port, socket.AF_UNSPEC if host else socket.AF_INET, kind,
             flags=socket.AI_PASSIVE,
         )[0]  # fmt: skip
         bound = socket.socket(family, kind)
         if kind is socket.SOCK_STREAM:
             bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        bound.bind(position)
+        bound.bind(endpoint)
     except OSError as error:
         _close(bound)
         why = (error.strerror or str(error)).lower()
-        hint = "; end what uses it, or name another" if error.errno == EADDRINUSE else ""
+        hint = "; end its user, or choose another" if error.errno == EADDRINUSE else ""
         raise InputError(f"{address}: cannot listen at port {port}: {why}{hint}") from None
     return bound

@@ -1,7 +1,6 @@
-"""Where frames, results and the state of a stream go."""
+"""Sinks of frames, results and states of a stream."""
 
-from .detached import Detached
 from .named import sink_to
-from .sink import Sink
+from .sink import Detached, Sink
 
 __all__ = ["Detached", "Sink", "sink_to"]

@@ -18,9 +18,9 @@ STATE, KIND = "state.json", "state of a stream"
 
 
 class LatestResult(Sink):
-    """What a reconstruction leaves, once a second, and how the stream is. Each file is whole.
+    """Writes the files of a reconstruction and the state once a second, each file whole.
 
-    The folder is held until it is closed.
+    The folder is locked until the sink is closed.
     """
 
     waiting = 2

@@ -1,4 +1,4 @@
-"""One JSON object for each result, and for each state."""
+"""A JSON object per result, and per state."""
 
 import sys
 from collections.abc import Callable
@@ -15,7 +15,7 @@ KIND = "results of a stream"
 
 
 class JsonLines(Sink):
-    """Lines of a text: what a frame has of numbers, not of images."""
+    """Lines of text with the numbers of a frame, without images."""
 
     def __init__(self, opened: Callable[[], IO[str]]) -> None:
         self._opened = opened
@@ -40,7 +40,7 @@ class JsonLines(Sink):
 
 
 def result_report(outcome: Outcome) -> dict[str, Any]:
-    """A result in numbers; null where there is none."""
+    """Numbers of a result; null where there is none."""
     result = outcome.result
     report: dict[str, Any] = {
         "frame": result.frame,
@@ -59,7 +59,7 @@ def result_report(outcome: Outcome) -> dict[str, Any]:
 
 
 def state_report(state: State) -> dict[str, Any]:
-    """The state in numbers; null for what is not known yet."""
+    """Numbers of the state; null where unknown."""
     return {name: _number(value) for name, value in state.numbers.items()}
 
 

@@ -1,4 +1,4 @@
-"""Results as messages of ROS 2 in an MCAP file."""
+"""Results as ROS 2 messages in an MCAP file."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -13,12 +13,11 @@ from ..setups import StreamSetup
 from .sink import Sink
 
 MAX_STAMP_NS = 2**31 * 10**9
-"""Seconds are integers of 32 bits: 2038."""
+"""ROS stamps have 32-bit seconds: 2038."""
 
 
 class McapRecord(Sink):
-    """Times of receipt are of this machine's clock; stamps of the sender's, where it tells one that
-    ROS has numbers for."""
+    """Logs by this machine's clock, with the sender's stamps if ROS can represent them."""
 
     def __init__(
         self,
@@ -43,8 +42,8 @@ class McapRecord(Sink):
     def result(self, outcome: Outcome) -> None:
         now_ns = self._now_ns()
         setup = outcome.stream.setup
-        reported = 0 < outcome.time_ns < MAX_STAMP_NS
-        shot = Shot.of(outcome.result, setup, outcome.time_ns if reported else now_ns)
+        stamped = 0 < outcome.time_ns < MAX_STAMP_NS
+        shot = Shot.of(outcome.result, setup, outcome.time_ns if stamped else now_ns)
         begins = outcome.stream is not self._stream
         self._stream = outcome.stream
         self._opened().write_frame(shot, now_ns, begins=begins)
@@ -65,6 +64,6 @@ class McapRecord(Sink):
         return self._file
 
     def _now_ns(self) -> int:
-        """Never before what was written last, however the clock is set."""
+        """Current time, never before the last one, however the clock is set."""
         self._last_ns = max(self._clock_ns(), self._last_ns)
         return self._last_ns

@@ -1,4 +1,4 @@
-"""Results in the framing of the stream, to whatever listens."""
+"""Results as messages of the stream's framing."""
 
 import time
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from .sink import Sink
 
 
 class MessageSink(Sink):
-    """Sends each result and state; while nobody is there, they are gone."""
+    """Sends each result and state; without a receiver they are gone."""
 
     fleeting = True
 
@@ -44,7 +44,7 @@ class MessageSink(Sink):
         self._outlet.close()
 
     def _send(self, message: Message) -> None:
-        """Send it, if somebody is there; raises OSError if nobody is."""
+        """Send a message; raises OSError without a receiver."""
         if self._broken is not None and self._clock() < self._again_s:
             raise self._broken
         try:

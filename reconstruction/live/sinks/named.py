@@ -1,4 +1,4 @@
-"""Sinks by what stands behind ``--to``."""
+"""Sinks by the argument of ``--to``."""
 
 import sys
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ ENDINGS = {
 
 
 def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) -> Sink:
-    """A sink; InputError for what is none, and files that are ``read`` or others' already."""
+    """Sink of a name; raises InputError for an unknown one, and for files ``read`` or of others."""
     if name == "-":
         return JsonLines(lambda: sys.stdout)
     if name == WINDOW:
@@ -51,7 +51,7 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
     if path.suffix and not path.is_dir():
         available = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
         raise InputError(
-            f"{name}: no writer for the ending {path.suffix!r}; allowed: {available}, "
+            f"{name}: unknown extension {path.suffix!r}; allowed: {available}, "
             "a folder, an address, window or -"
         )
     return LatestResult(path, read, overwrite=overwrite)

@@ -1,4 +1,4 @@
-"""Frames as they came, in a file of their messages or in captures."""
+"""Received frames, in a file of their messages or in captures."""
 
 import datetime
 from collections.abc import Sequence
@@ -21,13 +21,13 @@ from .sink import Sink
 
 FRAMES_OF_A_PART, BYTES_OF_A_PART = 4096, 2**26
 FRAMES_BETWEEN = 512
-"""After which the last part is written again: so many are lost in a crash."""
+"""Frames after which the last part is written again: so many are lost in a crash."""
 
 Part = TypeVar("Part")
 
 
 class StreamRecord(Sink):
-    """All messages with frames, and the setups before them, one after the other."""
+    """Messages of all frames, and of the setups before them."""
 
     waiting = 256
 
@@ -51,10 +51,10 @@ class StreamRecord(Sink):
 
 
 class CaptureRecord(Sink):
-    """Captures of frames that follow each other, each whole at any time.
+    """Captures of successive frames, each whole at any time.
 
-    The first has the name that is told, further ones a number too: a new one begins after
-    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, and, where frames show different
+    The first has the given name, further ones add a number. A new one begins after
+    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, and, if frames show different
     patterns in turn, after a lost one.
     """
 
@@ -95,7 +95,7 @@ class CaptureRecord(Sink):
         return len(plans) == 1 or arrival.message.number == last.message.number + 1
 
     def _next_part(self) -> None:
-        """Begin another part, whatever becomes of this one: what it cannot hold costs it alone."""
+        """Begin another part; if this one cannot be written, only its frames are lost."""
         try:
             self._write()
         except (InputError, OSError) as error:
@@ -127,14 +127,14 @@ class CaptureRecord(Sink):
 
 
 def _capture(arrivals: list[Arrival]) -> Capture:
-    """Of frames of one setup."""
+    """Capture of frames of one setup."""
     first, stream = arrivals[0].frame, arrivals[0].stream
     plans = [stream.setup.plan_of(first.first + n) for n in range(len(stream.setup.plans))]
     frames = [arrival.frame for arrival in arrivals]
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return Capture(
         plan=plans[0],
-        later_plans=tuple(plans[1 : len(frames)]),
+        following_plans=tuple(plans[1 : len(frames)]),
         buckets=_joined([frame.buckets for frame in frames]),
         spots=None if first.spots is None else _joined([frame.spots for frame in frames]),
         pattern_taps=None
@@ -146,7 +146,7 @@ def _capture(arrivals: list[Arrival]) -> Capture:
 
 
 def _joined(parts: list[Part]) -> Part:
-    """One part with the readings of all."""
+    """A part with the readings of all parts."""
     joined: dict[str, Any] = {
         name: np.concatenate([getattr(part, name) for part in parts])
         for name, stored in stored_fields(type(parts[0]))

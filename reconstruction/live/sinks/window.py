@@ -1,4 +1,4 @@
-"""A window with the latest result, in a process of its own: drawing makes no frame late."""
+"""Window with the latest result, in a separate process so that drawing delays no frame."""
 
 import subprocess
 import sys
@@ -13,7 +13,7 @@ READY = "ready"
 
 
 class WindowSink(Sink):
-    """Hands results to the process that draws; raises InputError where there can be no window."""
+    """Sends results to the drawing process; raises InputError if there can be no window."""
 
     waiting = 2
     skips = True
@@ -27,10 +27,10 @@ class WindowSink(Sink):
             self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
         assert self._process.stdout is not None
-        reported = self._process.stdout.readline().decode(errors="replace").strip()
-        if reported != READY:
+        reply = self._process.stdout.readline().decode(errors="replace").strip()
+        if reply != READY:
             self._process.communicate()
-            raise InputError(f"window: {reported or 'it cannot be opened'}")
+            raise InputError(f"window: {reply or 'it cannot be opened'}")
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))
@@ -47,7 +47,7 @@ class WindowSink(Sink):
         process = self._process
         assert process is not None
         if process.poll() is not None:
-            return  # its user has closed it
+            return  # closed by the user
         assert process.stdin is not None
         process.stdin.write(pack(message))
         process.stdin.flush()

@@ -1,4 +1,4 @@
-"""From what is known of the four ranges to an answer for each spot."""
+"""From the posterior of the four ranges to a range and status for each spot."""
 
 from collections.abc import Sequence
 
@@ -6,18 +6,18 @@ import numpy as np
 
 from ...base.arrays import Floats, Mask
 from ..ranges import RANGED, Alternative, FogOptics, Ranges, Status
-from .chances import normal_cdf
 from .modes import LOG_SIGMA
+from .numerics import normal_cdf
 from .posterior import Posterior, SpotPosterior
 
-CERTAIN = 0.9
-"""Probability from which on a range counts as known,"""
-NARROW_M = 0.3
-"""give or take so much."""
-GUESSED = 0.5
-"""Where backscattering is as uncertain as this share of what is known before, it is a guess,"""
-OUTLIERS = 1.15
-"""and ranges that are less certain for it by this factor rest on the guess."""
+MIN_PROBABILITY = 0.9
+"""Minimum probability of a known range,"""
+TOLERANCE_M = 0.3
+"""within this tolerance."""
+GUESSED_FRACTION = 0.5
+"""Backscattering is a guess if its sigma exceeds this fraction of the prior's,"""
+MAX_GUESSED_GROWTH = 1.15
+"""and ranges whose sigma grows by more than this factor depend on the guess."""
 
 UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
@@ -28,7 +28,7 @@ def ranges_of(
     background: Floats,
     fog: FogOptics | None,
 ) -> Ranges:
-    """The likeliest range of each spot whose status has one."""
+    """The likeliest range of each spot whose status allows one."""
     best = [
         spot.alternatives[0] if status in RANGED else UNKNOWN
         for spot, status in zip(spots, statuses, strict=True)
@@ -44,25 +44,25 @@ def ranges_of(
     )
 
 
-def statuses(given: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
-    """Of each spot; ``dark`` (4,) where readings are but noise."""
-    guessed = given.fog.log_backscatter_sigma > GUESSED * LOG_SIGMA
+def statuses(estimate: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
+    """Status of each spot; ``dark`` (4,) marks spots whose readings are just noise."""
+    guessed = estimate.fog.log_backscatter_sigma > GUESSED_FRACTION * LOG_SIGMA
     return tuple(
-        "saturated" if full else "weak" if no_return else _status(spot, guessed)
-        for spot, full, no_return in zip(given.spots, saturated, dark, strict=True)
+        "saturated" if full else "weak" if noise else _status(spot, guessed)
+        for spot, full, noise in zip(estimate.spots, saturated, dark, strict=True)
     )
 
 
 def _status(spot: SpotPosterior, guessed: bool) -> Status:
     if spot.on_edge:
         return "ambiguous"
-    if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
+    if not spot.alternatives or spot.target < MIN_PROBABILITY or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
-    if guessed and likeliest.sigma_m > OUTLIERS * spot.noise_m:
+    if guessed and likeliest.sigma_m > MAX_GUESSED_GROWTH * spot.noise_m:
         return "fog"
-    within = 2 * normal_cdf(NARROW_M / likeliest.sigma_m) - 1
+    within = 2 * normal_cdf(TOLERANCE_M / likeliest.sigma_m) - 1
     probability = 1.0 if spot.echoes > 1 else likeliest.weight
-    if probability * within >= CERTAIN:
+    if probability * within >= MIN_PROBABILITY:
         return "ok"
-    return "ambiguous" if probability < CERTAIN else "fog"
+    return "ambiguous" if probability < MIN_PROBABILITY else "fog"

@@ -1,4 +1,4 @@
-"""Readings of a spot's target and of even fog before it, at any extinction, and their slopes."""
+"""Readings of a spot's target and of homogeneous fog in front of it, with their slopes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,20 +11,20 @@ from .overlap import overlap, path_lengths
 from .templates import PATCH_M
 
 STEP_M = 0.005
-"""Between ranges over which the fog is summed up."""
+"""Range step of the fog integral."""
 DIFFERENCE_M = 1e-3
-"""Of the paths whose readings give the slope."""
-MIN = 8
-"""Steps before the nearest target."""
+"""Half the path difference from which slopes are computed."""
+MIN_STEPS = 8
+"""Minimum number of steps before a target."""
 
 
 @dataclass(frozen=True, eq=False)
 class Echo:
-    """Expected readings (n,) of a spot, and what changes them.
+    """Expected readings (n,) of a spot and their slopes.
 
-    Slopes ``of_fog`` (n, 2) are along the logarithms of backscattering and extinction, those
-    ``of_target`` (n, 3) along range, reflectance, and an offset of the path in metres. ``uneven``
-    (n, n) is the covariance that fog adds whose density deviates by once its mean, rms.
+    ``of_fog`` (n, 2) is along the logarithms of backscattering and extinction, ``of_target`` (n, 3)
+    along range, reflectance and a path offset in metres. ``uneven`` (n, n) is the covariance added
+    by fog whose density has a relative rms deviation of 1.
     """
 
     readings: Floats
@@ -37,26 +37,28 @@ class EchoModel:
     """Readings of four spots up to a range; ``response`` as for `templates.make_templates`."""
 
     def __init__(
-        self, optics: SpotOptics, response: Callable[[Floats], Floats], longest_m: float
+        self, optics: SpotOptics, response: Callable[[Floats], Floats], max_range_m: float
     ) -> None:
-        self._range_m = np.arange(1, longest_m / STEP_M + 2) * STEP_M
+        self._range_m = np.arange(1, max_range_m / STEP_M + 2) * STEP_M
         self._weight = overlap(optics, self._range_m)[0]
         self._path_m = path_lengths(optics, self._range_m)
-        before, self._reported, after = (
+        before, self._response, after = (
             np.stack([response(path + shift) for path in self._path_m])  # (4, n, R)
             for shift in (-DIFFERENCE_M, 0.0, DIFFERENCE_M)
         )
-        self._turned = (after - before) / (2 * DIFFERENCE_M)
+        self._response_slope = (after - before) / (2 * DIFFERENCE_M)
 
     def __call__(self, spot: int, range_m: float, reflectance: float, log_fog: Floats) -> Echo:
-        """What a spot reads; ``log_fog`` of backscattering and extinction."""
+        """Echo of a spot; ``log_fog`` holds the logarithms of backscattering and extinction."""
         beta, sigma = np.exp(log_fog)
-        after = int(np.clip(np.searchsorted(self._range_m, range_m), MIN, self._range_m.size - 1))
+        after = int(
+            np.clip(np.searchsorted(self._range_m, range_m), MIN_STEPS, self._range_m.size - 1)
+        )
         fraction = (range_m - self._range_m[after - 1]) / STEP_M
         path_m = self._path_m[spot, : after + 1]
         seen = self._weight[spot, : after + 1] * np.exp(-sigma * path_m)
-        light = seen * self._reported[spot, :, : after + 1]
-        turned = seen * self._turned[spot, :, : after + 1]
+        light = seen * self._response[spot, :, : after + 1]
+        turned = seen * self._response_slope[spot, :, : after + 1]
 
         def here(values: Floats) -> Floats:
             before, behind = values[..., -2], values[..., -1]
@@ -67,7 +69,7 @@ class EchoModel:
             return np.asarray(STEP_M * (whole + fraction * (values[..., -2] + here(values)) / 2))
 
         target, fog = here(light) / np.pi, in_front(light)
-        # Along the range the phase turns by the slope of the path, and the rest changes slowly.
+        # Along the range the phase follows the slope of the path; the rest changes slowly.
         fading = np.log(seen[-1] / seen[-2]) / STEP_M
         along = fading * here(light) + (path_m[-1] - path_m[-2]) / STEP_M * here(turned)
         damped = -sigma * (reflectance * here(path_m) * target + beta * in_front(path_m * light))
@@ -82,7 +84,7 @@ class EchoModel:
 
 
 def _uneven(cells: Floats) -> Floats:
-    """Covariance (n, n) of the sum of cells (n, R) whose densities are correlated exponentially."""
+    """Covariance (n, n) of the sum of cells (n, R) with exponentially correlated densities."""
     growth = np.exp(np.arange(cells.shape[-1]) * STEP_M / PATCH_M)
     grown = cells * growth
     before = (np.cumsum(grown, axis=-1) - grown) / growth

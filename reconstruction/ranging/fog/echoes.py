@@ -1,7 +1,7 @@
 """Further echoes in a histogram: a twig before the wall, a pane before the room, an edge.
 
-What arrives beyond the fitted target and fog is looked through for further pulses; echoes that
-cannot be told apart make the one pulse wider, and its range less certain.
+Arrivals beyond the fitted target and fog are searched for further pulses. Echoes that cannot be
+resolved widen the single pulse and increase the sigma of its range.
 """
 
 from dataclasses import replace
@@ -12,56 +12,54 @@ from scipy.special import ndtr
 from ...base.arrays import Floats
 from ..histogram import coates
 from ..ranges import Alternative
-from .histograms import REACH, HistogramTemplates
-from .modes import NEAREST_M
+from .histograms import WINDOW_SIGMAS, HistogramTemplates
+from .modes import MIN_RANGE_M
 from .posterior import SpotPosterior
 
-DEVIANCE = 30.0
-"""Least deviance of an echo: so strong a one is in no histogram of a thousand by chance."""
-FEWEST = 5.0
-"""Arrivals of an echo,"""
-FAINT = 0.02
-"""and its light over that of the likeliest one, at least."""
+MIN_DEVIANCE = 30.0
+"""Minimum deviance of an echo: fewer than one histogram in a thousand exceeds it by chance."""
+MIN_ARRIVALS = 5.0
+"""Minimum arrivals of an echo,"""
+MIN_RELATIVE_SIGNAL = 0.02
+"""and minimum light relative to the likeliest one."""
 UNEVEN = 0.5
-"""Patches of fog may be so much denser, relative."""
+"""Relative excess density of patches of fog."""
 STEADY = 0.9
-"""Share of the bins that hold no more than background, echoes that are not known yet or not."""
-MAX = 4
-"""Echoes of one spot."""
-WIDER = 4.0
-"""Standard deviations by which a pulse must be wider than one echo's to count as several."""
+"""Fraction of the bins that hold only background, whatever the echoes."""
+MAX_ECHOES = 4
+"""Maximum number of echoes of a spot."""
+MIN_EXCESS_WIDTH = 4.0
+"""Standard deviations by which a pulse must be too wide to count as several echoes."""
 
 
 def with_echoes(
-    given: SpotPosterior,
-    templates: HistogramTemplates,
-    counts: Floats,
-    cycles: int,
-    spot: int,
+    posterior: SpotPosterior, templates: HistogramTemplates, counts: Floats, cycles: int, spot: int
 ) -> SpotPosterior:
-    """What is known of a spot with a histogram (B,), all its echoes considered.
+    """Posterior of a spot with a histogram (B,), all its echoes considered.
 
-    Echoes become alternatives by their share of the light, the likeliest range first.
+    Echoes become alternatives weighted by their fraction of the light, the likeliest range first.
     """
-    if not given.alternatives:
-        return given
+    if not posterior.alternatives:
+        return posterior
     rate, watched = coates(counts[None], cycles)
-    first = given.alternatives[0]
+    first = posterior.alternatives[0]
     around = _Around(templates, spot, watched[0])
-    result = [(first.range_m, first.sigma_m, given.signal)]
+    result = [(first.range_m, first.sigma_m, posterior.signal)]
     pulse = around.pulse(*result[0])
-    fog = given.backscatter * templates.fog[spot, given.node]
+    fog = posterior.backscatter * templates.fog[spot, posterior.node]
     steady = np.sort(rate[0] - fog - pulse)[: int(STEADY * counts.size)].mean()
     model = fog + pulse + max(steady, 0.5 / cycles / counts.size)
     spread_m = around.excess_width_m(rate[0] - model + pulse, result[0], model)
-    while len(result) < MAX:
-        echo = around.strongest(rate[0], model, UNEVEN * fog + FAINT * given.signal / around.window)
+    while len(result) < MAX_ECHOES:
+        echo = around.strongest(
+            rate[0], model, UNEVEN * fog + MIN_RELATIVE_SIGNAL * posterior.signal / around.window
+        )
         if echo is None:
             break
         result.append(echo)
         model = model + around.pulse(*echo)
     if len(result) == 1 and not spread_m:
-        return given
+        return posterior
     fractions = np.array([signal for *_, signal in result])
     fractions = fractions / fractions.sum()
     echoes = [
@@ -69,11 +67,11 @@ def with_echoes(
         for (range_m, sigma_m, _), fraction in zip(result, fractions, strict=True)
     ]
     echoes[0] = echoes[0]._replace(sigma_m=float(np.hypot(first.sigma_m, spread_m)))
-    return replace(given, alternatives=tuple(echoes), echoes=len(echoes))
+    return replace(posterior, alternatives=tuple(echoes), echoes=len(echoes))
 
 
 class _Around:
-    """Pulses in the bins of one spot."""
+    """Pulses in the bins of a spot."""
 
     def __init__(self, templates: HistogramTemplates, spot: int, watched: Floats) -> None:
         self._range_m = templates.range_m
@@ -81,8 +79,8 @@ class _Around:
         self._width = templates.width
         self._watched = watched
         self._metres = np.gradient(templates.range_m, self._delay)[-1]  # per bin
-        self.window = 2 * int(np.ceil(REACH * templates.width)) + 1
-        self._nearest = int(np.interp(NEAREST_M, templates.range_m, self._delay))
+        self.window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
+        self._nearest = int(np.interp(MIN_RANGE_M, templates.range_m, self._delay))
 
     def pulse(self, range_m: float, _sigma_m: float, signal: float) -> Floats:
         """Arrivals per cycle (B,) of an echo."""
@@ -92,7 +90,7 @@ class _Around:
     def strongest(
         self, rate: Floats, model: Floats, minimum: Floats
     ) -> tuple[float, float, float] | None:
-        """Range, its deviation and arrivals of the strongest echo beyond a model, if any.
+        """Range, sigma and arrivals of the strongest echo beyond a model, if any.
 
         It has more than ``minimum`` (B,) arrivals per cycle in the bins of its window.
         """
@@ -102,14 +100,14 @@ class _Around:
             self.window * uniform_filter1d(self._watched * each, self.window, mode="constant")
             for each in (rate, model, minimum)
         )
-        more = np.where(result - expected > np.maximum(needed, FEWEST), result, expected)
+        more = np.where(result - expected > np.maximum(needed, MIN_ARRIVALS), result, expected)
         deviance = 2 * (more * np.log(more / expected) - (more - expected))
         deviance[: self._nearest] = 0
         index = int(deviance.argmax())
         arrivals = float(result[index] - expected[index])
-        if deviance[index] < DEVIANCE:
+        if deviance[index] < MIN_DEVIANCE:
             return None
-        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # share of a pulse in the window
+        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # fraction of a pulse in the window
         at = slice(max(index - self.window // 2, 0), index + self.window // 2 + 1)
         excess = np.maximum((rate - model)[at], 0)
         centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())
@@ -121,7 +119,7 @@ class _Around:
     def excess_width_m(
         self, pulse: Floats, echo: tuple[float, float, float], model: Floats
     ) -> float:
-        """By how much the arrivals of a pulse (B,) spread more than an echo's, 0 if by chance."""
+        """Excess width of a pulse (B,) over that of an echo, 0 if it may be chance."""
         centre = np.interp(echo[0], self._range_m, self._delay)
         offset = np.arange(pulse.size) + 0.5 - centre
         at = np.abs(offset) < 3 * self._width
@@ -132,6 +130,6 @@ class _Around:
         bell = self.pulse(*echo)[at]
         expected = float(bell @ offset[at] ** 2 / bell.sum())
         noise = np.sqrt(model[at] / self._watched[at] @ (offset[at] ** 2 - expected) ** 2) / light
-        if squares - expected < WIDER * noise:
+        if squares - expected < MIN_EXCESS_WIDTH * noise:
             return 0.0
         return float(np.sqrt(squares - expected) * self._metres)

@@ -1,8 +1,8 @@
 """Spots on two surfaces at once: on an edge, a twig, a pane.
 
-Where target and fog do not explain the readings of a spot, two targets are tried in every pair of
-places, and the best pairs refined by Gauss-Newton. Surfaces nearer to each other than about a
-quarter of the shortest wavelength of the readings look like one between them, whatever is tried.
+If target and fog do not explain the readings of a spot, two targets are tried in every pair of
+ranges, and the best pairs refined by Gauss-Newton. Surfaces closer than about a quarter of the
+shortest wavelength of the readings always look like one between them.
 """
 
 from dataclasses import replace
@@ -11,19 +11,18 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ..ranges import Alternative
-from .algebra import inverse, solved
-from .belief import FogBelief
-from .chances import chi_squared_above, chi_squared_limit
-from .modes import BRIGHT, MAX_STEP_M, NEAREST_M, Modes, Places
+from .fog_state import FogState
+from .modes import BRIGHT, MAX_STEP_M, MIN_RANGE_M, Indices, Modes
+from .numerics import chi_squared_above, chi_squared_limit, inverse, solved
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
-"""Misfits that chance makes less often than this need another explanation."""
-GAIN = 12.0
-"""Two targets have to explain so much more, in chi squared, than one."""
-CLOSEST_M = 0.05
-"""Two targets nearer to each other are one."""
+"""Misfits less probable than this need another explanation."""
+MIN_GAIN = 12.0
+"""Minimum reduction of chi squared by a second target."""
+MIN_SEPARATION_M = 0.05
+"""Two targets closer to each other count as one."""
 PAIRS = 24
 STEPS = 8
 
@@ -31,21 +30,21 @@ STEPS = 8
 def with_edges(
     given: Posterior,
     modes: Modes,
-    belief: FogBelief,
+    prior: FogState,
     templates: Templates,
     readings: Floats,
     covariance: Floats,
 ) -> Posterior:
-    """What is known of spots with readings (4, n) of covariance (4, n, n), two targets considered.
+    """Posterior of spots with readings (4, n) of covariance (4, n, n), two targets considered.
 
-    Spots on edges tell nothing of the fog, which follows from the others alone. Where not even two
-    targets explain the readings, deviations grow with what is left unexplained.
+    Spots on edges say nothing about the fog, which follows from the others. If even two targets do
+    not explain the readings, sigmas grow with the remaining misfit.
     """
     n = readings.shape[1]
     odd = odd_spots(given, n)
     if not odd:
         return given
-    fog = _without(odd, modes, belief, given).fog
+    fog = _without(odd, modes, prior, given).fog
     pairs = {
         spot: _two_targets(
             given.spots[spot].misfit, fog, templates, readings[spot], covariance[spot], spot
@@ -53,7 +52,7 @@ def with_edges(
         for spot in odd
     }
     edges = [spot for spot, pair in pairs.items() if pair]
-    others = _without(edges, modes, belief, given)
+    others = _without(edges, modes, prior, given)
 
     def revised(number: int) -> SpotPosterior:
         if number in edges:
@@ -64,10 +63,10 @@ def with_edges(
     return Posterior(tuple(map(revised, range(4))), others.fog)
 
 
-def _without(spots: list[int], modes: Modes, belief: FogBelief, given: Posterior) -> Posterior:
-    """The posterior of other spots than these, what is known where there are no others."""
+def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
+    """Posterior without these spots; the given one if none are left."""
     others = ~np.isin(modes.spot, spots)
-    return posterior(modes.only(others), belief) if spots and others.any() else given
+    return posterior(modes.only(others), prior) if spots and others.any() else given
 
 
 def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
@@ -77,10 +76,11 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
 
 
 def disagreement(given: Posterior, readings: int) -> float:
-    """Probability that chance makes spots, but for the worst, agree on a fog as badly as these.
+    """Probability that chance makes the spots, except the worst, disagree on the fog as much as
+    these.
 
-    One spot may be on an edge; more of them speak of fog that is not what it is taken for. Without
-    the worst of four, chance is even less likely than this.
+    One spot may be on an edge; more indicate fog that violates the model. Excluding the worst of
+    four makes chance even less likely.
     """
     misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)[:-1]
     freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
@@ -88,7 +88,7 @@ def disagreement(given: Posterior, readings: int) -> float:
 
 
 def odd_spots(given: Posterior, readings: int) -> list[int]:
-    """Spots that one target explains so badly that chance hardly does it."""
+    """Spots whose misfit with a single target is improbable."""
     return [number for number, spot in enumerate(given.spots) if _is_odd(spot, readings)]
 
 
@@ -102,20 +102,20 @@ def _freedom(readings: int) -> int:
 
 def _two_targets(
     single: float,
-    belief: FogBelief,
+    prior: FogState,
     templates: Templates,
     readings: Floats,
     covariance: Floats,
     spot: int,
 ) -> tuple[Alternative, ...]:
-    """Ranges of two targets, none unless they are much better than a ``single`` one."""
-    node = int(belief.fraction.argmax())
-    backscatter = float(np.exp(belief.log_median[node]))
+    """Ranges of two targets, none unless they fit much better than a ``single`` one."""
+    node = int(prior.probability.argmax())
+    backscatter = float(np.exp(prior.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
     patch = templates.uneven.shape[2] // 2
     noise = covariance + backscatter**2 * templates.uneven[spot, node, patch]
     white = np.linalg.inv(np.linalg.cholesky(noise))
-    first = np.searchsorted(templates.range_m, NEAREST_M)
+    first = np.searchsorted(templates.range_m, MIN_RANGE_M)
     positions = np.arange(first, templates.range_m.size - 1, SEARCH)
     a = white @ target[:, positions]
     y = white @ (readings - backscatter * fog[:, -1])
@@ -123,10 +123,10 @@ def _two_targets(
     at = np.stack([positions[near], positions[far]], axis=1).astype(np.float64)
     pair = _Pairs(white @ target, y)
     at, rho, misfit, information = pair.refined(at)
-    apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > CLOSEST_M
+    apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > MIN_SEPARATION_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
-    reported = (variance < CLOSEST_M**2).all(axis=1)  # not where the detector sees nothing
-    retained = (rho > 0).all(axis=1) & (misfit < single - GAIN) & apart & reported
+    localised = (variance < MIN_SEPARATION_M**2).all(axis=1)
+    retained = (rho > 0).all(axis=1) & (misfit < single - MIN_GAIN) & apart & localised
     if not retained.any():
         return ()
     at, rho, misfit, information, variance = (
@@ -140,8 +140,8 @@ def _two_targets(
     return joined(range_m.ravel(), variance.ravel(), fraction.ravel())
 
 
-def _best_pairs(a: Floats, y: Floats) -> tuple[Places, Places]:
-    """Columns of the pairs of targets (n, R) that leave least of readings (n,)."""
+def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
+    """Columns of the pairs of targets (n, R) with the least misfit of readings (n,)."""
     gram, ya = a.T @ a, y @ a
     own = np.diagonal(gram)
     determinant = np.outer(own, own) - gram**2
@@ -162,18 +162,18 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Places, Places]:
 
 
 class _Pairs:
-    """Whitened targets (n, R) and readings (n,), in which pairs of places are refined."""
+    """Whitened targets (n, R) and readings (n,), for the refinement of pairs of ranges."""
 
     def __init__(self, target: Floats, readings: Floats) -> None:
         self._target = target
         self._readings = readings
 
     def refined(self, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Places (P, 2), reflectances (P, 2), misfits (P,), information (P, 4, 4) about both."""
-        longest = self._target.shape[1] - 2.0
+        """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4)."""
+        max_index = self._target.shape[1] - 2.0
         rho = np.zeros_like(at)
         for step in range(STEPS + 1):
-            low = np.clip(at.astype(int), 0, int(longest))
+            low = np.clip(at.astype(int), 0, int(max_index))
             fraction = (at - low)[..., None]
             here, there = self._target.T[low], self._target.T[low + 1]
             value = here + fraction * (there - here)  # (P, 2, n)
@@ -186,6 +186,6 @@ class _Pairs:
             if step == STEPS:
                 break
             move = solved(information, (jacobian @ residual[..., None])[..., 0])
-            at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
+            at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
             rho = rho + move[:, 2:]
         return at, rho, (residual**2).sum(axis=1), information

@@ -1,8 +1,8 @@
-"""Target and fog in histograms of first arrivals: the same modes, by the likelihood of counts.
+"""Target and fog in first-arrival histograms: likelihood modes of binomial counts.
 
 The mean number of arrivals in a bin per cycle is rho a + beta g + b: the target's pulse, the fog in
-front of it, and a steady background. Counts are binomial among the cycles that saw the bin (see
-`reconstruction.ranging.histogram`); Fisher scoring finds range, rho, beta and b together.
+front of it, and a steady background. Counts are binomial among the cycles that reach the bin (see
+`reconstruction.ranging.histogram`); Fisher scoring fits range, rho, beta and b together.
 """
 
 from dataclasses import dataclass
@@ -13,38 +13,30 @@ from scipy.special import ndtr
 from ...base.arrays import Floats, Mask
 from ...capture.readings.dtof import HistogramSpots
 from ..histogram import coates
-from .algebra import inverse, solved
-from .modes import (
-    BRIGHT,
-    CUTOFF,
-    EMPTY,
-    FAINT,
-    NEAREST_M,
-    Modes,
-    Places,
-)
+from .modes import BRIGHT, EMPTY, MAX_EXCESS_MISFIT, MIN_RANGE_M, MIN_STRENGTH, Indices, Modes
+from .numerics import inverse, solved
 from .overlap import overlap
 from .templates import EXTINCTIONS_PER_M
 
 STEP_M = 0.005
-"""Between ranges over which the fog is summed up."""
+"""Range step of the fog integral."""
 BLOCK = 256
-"""Ranges whose echoes are sorted into bins at a time."""
+"""Ranges per block when echoes are sorted into bins."""
 TAILS = 8.5
-"""Standard deviations beyond which a pulse has nothing, in double precision."""
-REACH = 1.5
-"""Arrivals are counted so many standard deviations of the pulse to either side of a place."""
-PEAKS = 8
-"""Most places of a target that are tried for one spot and extinction."""
+"""Standard deviations beyond which a pulse vanishes in double precision."""
+WINDOW_SIGMAS = 1.5
+"""Half width of the window in which arrivals are counted, in standard deviations of the pulse."""
+MAX_PEAKS = 8
+"""Maximum number of candidate targets per spot and extinction."""
 STEPS = 6
 FREE = 1.0
-"""Precision of backscattering beforehand, next to nothing: counts tell it, or do not need it."""
+"""Prior precision of backscattering, nearly 0: counts determine it, or do not depend on it."""
 RATES = 1e-12, 500.0
-"""Least and most arrivals per bin and cycle, of which exp is finite."""
+"""Bounds of arrivals per bin and cycle, within which exp is finite."""
 SMOOTH_BINS = 21
-"""Over which counts are averaged for a first guess of their variance."""
-OUTLIER = 4.0
-"""Bins above the fog by so many deviations are no fog."""
+"""Bins averaged for an initial variance of the counts."""
+MAX_EXCESS_SIGMAS = 4.0
+"""Bins that exceed the fog by more standard deviations are not fog."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +56,10 @@ class HistogramTemplates:
 
 
 def make_histogram_templates(
-    spots: HistogramSpots, arrivals: float, longest_m: float
+    spots: HistogramSpots, arrivals: float, max_range_m: float
 ) -> HistogramTemplates:
-    """Tables up to a range; ``arrivals`` per cycle if a detector got all of the laser's light."""
-    range_m = np.arange(STEP_M, longest_m, STEP_M)
+    """Tables up to a range; ``arrivals`` per cycle if a detector collected all laser light."""
+    range_m = np.arange(STEP_M, max_range_m, STEP_M)
     weight, path_m = overlap(spots, range_m)
     bins = spots.counts.shape[-1]
     width = spots.response_sigma_s / spots.bin_width_s
@@ -88,9 +80,9 @@ def make_histogram_templates(
 
 
 def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
-    """Light (K, R) of pulses centred `at` (R,) bins, rising, in bins (K, B).
+    """Sum light (K, R) of pulses centred at rising bins ``at`` (R,) into bins (K, B).
 
-    By blocks of ranges, each in the bins that its pulses reach: tables of far ranges stay small.
+    Works by blocks of ranges, each only in the bins of its pulses, so that tables stay small.
     """
     total = np.zeros((len(light), bins))
     for start in range(0, len(at), BLOCK):
@@ -111,21 +103,21 @@ def find_histogram_modes(
     fitted = _without_target(templates, rate, watched, cycles)
     spot, node, position = _search(templates, rate, watched, fitted, usable)
     result = _refine(templates, counts, watched, fitted, spot, node, position, scaled)
-    return result.and_those(_empty(templates, counts, watched, fitted, usable))
+    return result.joined_with(_empty(templates, counts, watched, fitted, usable))
 
 
 def _without_target(
     templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Backscattering and background (4, K) of all but what sticks out; bins' variance (4, B)."""
+    """Backscattering and background (4, K) without outlying bins; bins' variance (4, B)."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")
     variance = (np.maximum(smooth, 0) + 1 / cycles) / np.maximum(watched, 1)
-    retained = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
-    beta = background = np.zeros(retained.shape[:2])
+    kept = np.ones((*templates.fog.shape[:2], rate.shape[-1]), bool)
+    beta = background = np.zeros(kept.shape[:2])
     for _ in range(3):
-        weight = retained / variance[:, None]
+        weight = kept / variance[:, None]
         gg = (weight * templates.fog**2).sum(axis=-1) + FREE
         g1, w1 = (weight * templates.fog).sum(axis=-1), weight.sum(axis=-1)
         yg = (weight * templates.fog * rate[:, None]).sum(axis=-1)
@@ -134,7 +126,7 @@ def _without_target(
         beta = np.maximum((yg * w1 - y1 * g1) / determinant, 0)
         background = np.maximum((y1 - beta * g1) / w1, 0.1 / cycles / rate.shape[-1])
         excess = rate[:, None] - beta[..., None] * templates.fog - background[..., None]
-        retained = excess < OUTLIER * np.sqrt(variance[:, None])
+        kept = excess < MAX_EXCESS_SIGMAS * np.sqrt(variance[:, None])
     return beta, background, variance
 
 
@@ -144,26 +136,30 @@ def _search(
     watched: Floats,
     fitted: tuple[Floats, Floats, Floats],
     usable: Mask,
-) -> tuple[Places, Places, Places]:
-    """Spot, extinction and bin of peaks above fog and background, by the deviance of Poisson."""
+) -> tuple[Indices, Indices, Indices]:
+    """Spot, extinction and bin of peaks above fog and background, by Poisson deviance."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     beta, background, _ = fitted
     model = beta[..., None] * templates.fog + background[..., None]
-    window = 2 * int(np.ceil(REACH * templates.width)) + 1
+    window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
     result = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
     expected = window * uniform_filter1d(watched[:, None] * model, window, axis=-1, mode="constant")
-    expected = np.maximum(expected, RATES[0])  # running sums round
+    expected = np.maximum(expected, RATES[0])  # running sums have rounding errors
     result = np.maximum(result, expected)
     gain = 2 * (result * np.log(result / expected) - (result - expected))
-    nearest = np.interp(NEAREST_M, templates.range_m, templates.delay[0])
+    nearest = np.interp(MIN_RANGE_M, templates.range_m, templates.delay[0])
     gain[..., : max(int(nearest), 1)] = 0
     inner = gain[..., 1:-1]
     peak = (inner >= gain[..., :-2]) & (inner > gain[..., 2:])
     best = np.where(peak, inner, 0.0)
-    minimum = np.sort(best, axis=-1)[..., -PEAKS][..., None]
-    retained = (best >= minimum) & (best > 1) & (best > best.max(axis=-1, keepdims=True) - CUTOFF)
-    spot, node, position = np.nonzero(retained & usable[:, None, None])
+    minimum = np.sort(best, axis=-1)[..., -MAX_PEAKS][..., None]
+    kept = (
+        (best >= minimum)
+        & (best > 1)
+        & (best > best.max(axis=-1, keepdims=True) - MAX_EXCESS_MISFIT)
+    )
+    spot, node, position = np.nonzero(kept & usable[:, None, None])
     return spot, node, position + 1
 
 
@@ -172,9 +168,9 @@ def _refine(
     counts: Floats,
     watched: Floats,
     fitted: tuple[Floats, Floats, Floats],
-    spot: Places,
-    node: Places,
-    position: Places,
+    spot: Indices,
+    node: Indices,
+    position: Indices,
     scaled: bool,
 ) -> Modes:
     beta, background = fitted[0][spot, node], fitted[1][spot, node]
@@ -182,13 +178,13 @@ def _refine(
     centres = np.arange(counts.shape[-1]) + 0.5
     edges = np.arange(counts.shape[-1] + 1)
     width, step = templates.width, templates.range_m[1] - templates.range_m[0]
-    # A bin of delay in range, alike everywhere but next to the instrument.
+    # Range per bin of delay, constant except next to the instrument.
     metres = np.gradient(templates.range_m, templates.delay[0])[-1]
     at = np.array(
         [np.interp(p + 0.5, templates.delay[s], templates.range_m)
          for p, s in zip(position, spot, strict=True)]
     )  # fmt: skip
-    longest = templates.range_m[-2]
+    max_range_m = templates.range_m[-2]
     rho = np.zeros(len(spot))
     for number in range(STEPS + 1):
         row = np.clip(at / step - 1, 0, templates.range_m.size - 2)
@@ -219,7 +215,7 @@ def _refine(
         if number == STEPS:
             break
         move = solved(regular, gradient)
-        at = np.clip(at + np.clip(move[:, 0], -width * metres, width * metres), step, longest)
+        at = np.clip(at + np.clip(move[:, 0], -width * metres, width * metres), step, max_range_m)
         rho = np.clip(rho + move[:, 1], rho / 3, 3 * rho + 1e-9)
         beta = np.maximum(beta + move[:, 2], 0.2 * beta)
         background = np.maximum(background + move[:, 3], 0.2 * background)
@@ -245,7 +241,7 @@ def _refine(
         signal=rho * a.sum(axis=-1),
         misfit=((seen - cycles * -np.expm1(-rate)) ** 2 / np.maximum(cycles * rate, 1e-12)).sum(-1),
     )
-    return result.only((strength > FAINT) & (at > NEAREST_M) & (at < longest))
+    return result.only((strength > MIN_STRENGTH) & (at > MIN_RANGE_M) & (at < max_range_m))
 
 
 def _empty(
@@ -255,15 +251,15 @@ def _empty(
     fitted: tuple[Floats, Floats, Floats],
     usable: Mask,
 ) -> Modes:
-    """Fog and background alone."""
+    """Modes of fog and background alone."""
     beta, background, _ = fitted
     spot, node = (each.ravel() for each in np.indices(beta.shape))
-    retained = usable[spot]
-    spot, node = spot[retained], node[retained]
+    kept = usable[spot]
+    spot, node = spot[kept], node[kept]
     fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
-    at, level = beta[spot, node], background[spot, node]
+    at, steady = beta[spot, node], background[spot, node]
     for number in range(STEPS + 1):
-        rate = np.clip(at[:, None] * fog + level[:, None], *RATES)
+        rate = np.clip(at[:, None] * fog + steady[:, None], *RATES)
         jacobian = np.stack([fog, np.ones_like(fog)], axis=-1)
         excess = seen / -np.expm1(-rate) - cycles
         information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])
@@ -274,10 +270,10 @@ def _empty(
         regular[:, 0, 0] += FREE
         move = solved(regular, gradient)
         at = np.maximum(at + move[:, 0], 0.2 * at)
-        level = np.maximum(level + move[:, 1], 0.2 * level)
+        steady = np.maximum(steady + move[:, 1], 0.2 * steady)
     likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
     shape = information[:, 0, 1] / information[:, 1, 1]
-    no_return = np.zeros(len(spot))
+    zeros = np.zeros(len(spot))
     room = np.log(EMPTY * templates.range_m[-1]) + np.log(2 * np.pi) / 2
     return Modes(
         spot=spot,
@@ -287,19 +283,19 @@ def _empty(
         log_weight=likelihood - np.log(information[:, 1, 1]) / 2 + room,
         slope=gradient[:, 0] - shape * gradient[:, 1],
         curvature=information[:, 0, 0] - shape * information[:, 0, 1],
-        drift=no_return,
-        variance_m2=no_return,
-        strength=no_return,
-        signal=no_return,
-        misfit=no_return,
+        drift=zeros,
+        variance_m2=zeros,
+        strength=zeros,
+        signal=zeros,
+        misfit=zeros,
     )
 
 
-def _mixed(table: Floats, low: Places, fraction: Floats) -> Floats:
-    """Values (C,) of rows (C, R) between two of their places."""
+def _mixed(table: Floats, low: Indices, fraction: Floats) -> Floats:
+    """Interpolate rows (C, R) at fractional indices, (C,)."""
     here, there = _at(table, low), _at(table, low + 1)
     return here + fraction * (there - here)
 
 
-def _at(rows: Floats, position: Places) -> Floats:
+def _at(rows: Floats, position: Indices) -> Floats:
     return np.take_along_axis(rows, position[:, None], axis=1)[:, 0]

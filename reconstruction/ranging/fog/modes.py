@@ -1,8 +1,8 @@
-"""Ranges at which target and fog together explain the readings of a spot.
+"""Modes of the likelihood of a spot: ranges at which target and fog explain its readings.
 
-For each spot and each extinction of the tables, reflectance and backscattering are linear; with
-them in closed form the misfit is known at all ranges. Its minima are refined by Gauss-Newton over
-range, reflectance and backscattering. Around each, the misfit is a parabola.
+For each spot and extinction of the tables, reflectance and backscattering are linear; with them in
+closed form the misfit is known at all ranges. Its minima are refined by Gauss-Newton over range,
+reflectance and backscattering. Around each, the misfit is a parabola.
 """
 
 from dataclasses import dataclass
@@ -11,42 +11,42 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
-from .algebra import inverse, solved
+from .numerics import inverse, solved
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
-Places = NDArray[np.intp]
+Indices = NDArray[np.intp]
 
 BACKSCATTER_PER_SR = 0.035
-"""Albedo times phase function at 180 degrees, median of fogs (Mie, 1550 nm)."""
+"""Median of albedo times phase function at 180 degrees over fogs (Mie, 1550 nm),"""
 LOG_SIGMA = 0.6
-"""Of the logarithm of that, over kinds of fog."""
-NEAREST_M = 0.3
-CUTOFF = 40.0
-"""Minima worse than the best of spot and extinction by this much, in chi squared, do not count."""
-FAINT = 0.3
-"""Modes of targets weaker than this, in standard deviations, are no better than none."""
+"""and sigma of its logarithm."""
+MIN_RANGE_M = 0.3
+MAX_EXCESS_MISFIT = 40.0
+"""Minima worse than the best of spot and extinction by more, in chi squared, are dropped."""
+MIN_STRENGTH = 0.3
+"""Modes of weaker targets, in standard deviations, count as none."""
 STEPS = 3
 UNEVEN_STEPS = 2
-"""Steps in which the noise of uneven fog follows backscattering and range."""
+"""Steps that update the noise of uneven fog."""
 MAX_STEP_M = 0.05
 BRIGHT = 1.0
-"""Reflectance beyond which it becomes unlikely."""
+"""Reflectance beyond which the prior falls."""
 EMPTY = 0.5
-"""Probability beforehand that a spot has no target within range."""
+"""Prior probability that a spot has no target within range."""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Minima of the misfit, each (C,): spot and extinction by number, and the parabola around it.
+    """Minima of the misfit, each (C,): indices of spot and extinction, and the parabola around it.
 
-    With all else at its best, the log likelihood at backscattering beta is
-    ``log_weight + slope x - curvature x^2 / 2``, x = beta - ``backscatter``; the range then is
-    ``range_m + drift x`` with variance ``variance_m2``, nan where there is no target. ``strength``
-    is the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared.
+    With all else optimal, the log likelihood at backscattering beta is ``log_weight + slope x -
+    curvature x^2 / 2``, x = beta - ``backscatter``; the range then is ``range_m + drift x`` with
+    variance ``variance_m2``, nan without a target. ``strength`` is the target's signal in standard
+    deviations, ``signal`` in electrons, ``misfit`` chi squared.
     """
 
-    spot: Places
-    node: Places
+    spot: Indices
+    node: Indices
     range_m: Floats
     backscatter: Floats
     log_weight: Floats
@@ -58,18 +58,18 @@ class Modes:
     signal: Floats
     misfit: Floats
 
-    def only(self, chosen: Mask | Places) -> "Modes":
-        """Some of them."""
+    def only(self, chosen: Mask | Indices) -> "Modes":
+        """A subset of the modes."""
         return Modes(*(values[chosen] for values in vars(self).values()))
 
-    def and_those(self, others: "Modes") -> "Modes":
-        """These and others."""
+    def joined_with(self, others: "Modes") -> "Modes":
+        """These modes and others."""
         pairs = zip(vars(self).values(), vars(others).values(), strict=True)
         return Modes(*(np.concatenate(pair) for pair in pairs))
 
 
 def expected_backscatter(extinction_per_m: Floats) -> Floats:
-    """Median of the backscattering, 1 / (m sr), of fog of an extinction."""
+    """Median backscattering, 1 / (m sr), of fog of an extinction."""
     return BACKSCATTER_PER_SR * extinction_per_m
 
 
@@ -78,17 +78,17 @@ def find_modes(
 ) -> Modes:
     """Modes of readings (4, n) with covariance (4, n, n), of the ``usable`` spots (4,).
 
-    ``scaled``: the templates are in units of the readings, so that reflectances can be judged.
+    ``scaled``: the templates are in units of the readings, so that reflectances have a prior.
     """
     spot, node, position = _search(templates, readings, covariance, usable)
     result = _refine(templates, readings, covariance, spot, node, position, scaled)
-    return result.and_those(_without_target(templates, readings, covariance, usable))
+    return result.joined_with(_without_target(templates, readings, covariance, usable))
 
 
 def _without_target(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
 ) -> Modes:
-    """Fog alone, at any range: what remains likely where the target is too weak to tell."""
+    """Modes of fog alone: likely where the target is too weak."""
     spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
     retained = usable[spot]
     spot, node = spot[retained], node[retained]
@@ -100,28 +100,28 @@ def _without_target(
         for each in (readings[spot], templates.fog[spot, node, :, -1])
     )
     residual = y - beta[:, None] * g
-    longest = templates.range_m[-1]
-    misfit, no_return = (residual**2).sum(axis=1), np.zeros(len(spot))
+    max_index = templates.range_m[-1]
+    misfit, zeros = (residual**2).sum(axis=1), np.zeros(len(spot))
     return Modes(
         spot=spot,
         node=node,
         range_m=np.full(len(spot), np.nan),
         backscatter=beta,
-        log_weight=np.log(EMPTY * longest) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
+        log_weight=np.log(EMPTY * max_index) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
         slope=(g * residual).sum(axis=1),
         curvature=(g * g).sum(axis=1),
-        drift=no_return,
-        variance_m2=no_return,
-        strength=no_return,
-        signal=no_return,
+        drift=zeros,
+        variance_m2=zeros,
+        strength=zeros,
+        signal=zeros,
         misfit=misfit,
     )
 
 
 def _search(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
-) -> tuple[Places, Places, Places]:
-    """Spot, extinction and place in the tables of all minima."""
+) -> tuple[Indices, Indices, Indices]:
+    """Spot, extinction and range index of all minima."""
     guess = expected_backscatter(templates.extinction_per_m)
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
     noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
@@ -139,10 +139,10 @@ def _search(
         rho = np.where(beta > 0, rho, ya / aa)
         misfit = (y**2).sum(axis=2) + (prior * guess**2)[:, None] - rho * ya - beta * yg
     range_m = templates.range_m[::SEARCH]
-    misfit = np.where((rho > 0) & (range_m > NEAREST_M), misfit, np.inf)
+    misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
     minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    minimum &= inner < inner.min(axis=-1, keepdims=True) + CUTOFF
+    minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
     spot, node, position = np.nonzero(minimum & usable[:, None, None])
     return spot, node, (position + 1) * SEARCH
 
@@ -151,19 +151,19 @@ def _refine(
     templates: Templates,
     readings: Floats,
     covariance: Floats,
-    spot: Places,
-    node: Places,
-    position: Places,
+    spot: Indices,
+    node: Indices,
+    position: Indices,
     scaled: bool,
 ) -> Modes:
     guess = expected_backscatter(templates.extinction_per_m)[node]
     prior = 1 / (guess * LOG_SIGMA) ** 2
     beta, at = guess, position.astype(np.float64)
-    longest = templates.range_m.size - 2.0
+    max_index = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
     noise = np.zeros((len(spot), *covariance.shape[1:]))
     for step in range(STEPS + 1):
-        below = np.clip(at.astype(int), 0, int(longest))
+        below = np.clip(at.astype(int), 0, int(max_index))
         fraction = (at - below)[:, None]
         target, slope = _between(templates.target, spot, node, below, fraction)
         fog, _ = _between(templates.fog, spot, node, below, fraction)
@@ -177,7 +177,7 @@ def _refine(
             rho = np.maximum(
                 _product(target, precision, left) / _product(target, precision, target), 1e-6
             )
-        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # more fog in front, too
+        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # also more fog in front
         jacobian = np.stack([along, target, fog], axis=-1)
         residual = readings[spot] - rho[:, None] * target - beta[:, None] * fog
         weighted = (precision @ jacobian).swapaxes(1, 2)
@@ -190,7 +190,7 @@ def _refine(
         pull = gradient.copy()
         pull[:, 2] += prior * (guess - beta)
         move = solved(regular, pull)
-        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, longest)
+        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
         rho = np.maximum(rho + move[:, 1], 1e-9)
         beta = np.maximum(beta + move[:, 2], 0)
     regular = information.copy()
@@ -216,17 +216,17 @@ def _refine(
         signal=rho * np.linalg.norm(target, axis=1),
         misfit=misfit,
     )
-    return result.only((strength > FAINT) & (at > 1) & (at < longest))
+    return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
 
 
 def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
-    """Products (C,) of vectors (C, n) with matrices (C, n, n) between them."""
+    """Products (C,) of vectors (C, n) and matrices (C, n, n)."""
     return np.asarray((left * (matrix @ right[..., None])[..., 0]).sum(axis=1))
 
 
 def _between(
-    table: Floats, spot: Places, node: Places, below: Places, fraction: Floats
+    table: Floats, spot: Indices, node: Indices, below: Indices, fraction: Floats
 ) -> tuple[Floats, Floats]:
-    """Rows (C, n) of a table between two of its ranges, and their slope per metre."""
+    """Rows (C, n) of a table interpolated between ranges, and their slope per metre."""
     here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
     return here + fraction * (there - here), (there - here) / STEP_M

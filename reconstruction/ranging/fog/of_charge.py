@@ -1,4 +1,4 @@
-"""Fits of fog and targets to charges that were collected in taps or delayed windows."""
+"""Fits of fog and targets to charges of taps or windows."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,48 +13,41 @@ from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
-from .answer import NARROW_M, ranges_of, statuses
-from .belief import FogBelief, FogSolver
-from .chances import chi_squared_limit, normal_cdf
+from .answer import TOLERANCE_M, ranges_of, statuses
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
+from .fog_state import FogSolver, FogState
 from .modes import find_modes
+from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
-from .templates import (
-    EXTINCTIONS_PER_M,
-    NOMINAL_ELECTRONS_PER_JOULE,
-    Templates,
-    make_templates,
-)
+from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
 from .underdetermined import PER_TARGET, underdetermined_solver
 
 DOUBTFUL = 0.1
-"""Where spots agree on a fog so badly that chance makes it less often than this,"""
+"""Probability of the spots' disagreement on the fog, below which"""
 ROUGH = 4.0
-"""its density deviates so many times more than usual: by as much as there is, as at the end of a
-bank."""
+"""uneven fog with this many times the usual deviation is tried, as at the end of a bank."""
 STANDS_OUT = 20.0
-"""Where chance hardly makes it, targets weaker than this, in standard deviations, may be a part of
-the fog."""
+"""Minimum strength of targets in such fog, in standard deviations; weaker ones may be fog."""
 MANY = 3
 """So many spots are not on edges at once."""
 
 
 def charge_solver(
-    spots: CwSpots | PulsedSpots, optics: Optics | None, longest_m: float
+    spots: CwSpots | PulsedSpots, optics: Optics | None, max_range_m: float
 ) -> FogSolver:
-    """Solver of one recording's charges; raises InputError as `echo_combinations`."""
+    """Solver of a recording's charges; raises InputError as `echo_combinations`."""
     spots.check_noise(4)
-    combine, response = echo_combinations(spots, longest_m)
+    combine, response = echo_combinations(spots, max_range_m)
     if len(combine) == PER_TARGET:
-        return underdetermined_solver(spots, optics, combine, response, longest_m)
+        return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    templates = make_templates(spots, response, longest_m)
+    templates = make_templates(spots, response, max_range_m)
     rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_cdf(-MIN_SIGNAL))
 
     def solve(
-        spots: Spots, belief: FogBelief, brightness: Brightness | None
-    ) -> tuple[Ranges, FogBelief]:
+        spots: Spots, prior: FogState, brightness: Brightness | None
+    ) -> tuple[Ranges, FogState]:
         assert isinstance(spots, CwSpots | PulsedSpots)
         readings = spots.electrons(spots.taps[0])
         variance = spots.variance(readings)
@@ -65,30 +58,30 @@ def charge_solver(
 
         def fit(templates: Templates) -> tuple[Posterior, Posterior]:
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-            given = posterior(modes, belief)
-            return given, with_edges(given, modes, belief, templates, echoes, covariance)
+            estimate = posterior(modes, prior)
+            return estimate, with_edges(estimate, modes, prior, templates, echoes, covariance)
 
-        single, given = fit(templates)
+        single, estimate = fit(templates)
         chance = disagreement(single, len(combine))
         if chance < DOUBTFUL:
             _, other = fit(rough)
             if chance < UNLIKELY:
-                given = _of_a_bank(other, given, odd_spots(single, len(combine)))
+                estimate = _of_a_bank(other, estimate, odd_spots(single, len(combine)))
             else:
-                given = _unless_rough(given, other)
+                estimate = _unless_rough(estimate, other)
         ranges = ranges_of(
-            given.spots,
-            statuses(given, saturated, dark),
+            estimate.spots,
+            statuses(estimate, saturated, dark),
             readings.mean(axis=1),
-            given.fog.optics(EXTINCTIONS_PER_M),
+            estimate.fog.optics(EXTINCTIONS_PER_M),
         )
-        return ranges, given.fog
+        return ranges, estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
+    return FogSolver(FogState.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
 def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
-    """What rough fog leaves of the spots; a few ``odd`` ones are on edges rather."""
+    """Posterior of rough fog, with up to two ``odd`` spots taken for edges."""
     spots = (
         even.spots[number]
         if number in odd and len(odd) < MANY
@@ -99,11 +92,11 @@ def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
 
 
 def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
-    """What even fog tells, but of spots that rough fog has elsewhere what that tells."""
+    """Posterior of even fog, replaced for spots that rough fog puts elsewhere."""
 
     def same(one: SpotPosterior, other: SpotPosterior) -> bool:
         ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
-        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < NARROW_M
+        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < TOLERANCE_M
 
     spots = (
         one if one.on_edge or same(one, other) else other
@@ -113,30 +106,30 @@ def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
 
 
 def _squares(echoes: Floats, covariance: Floats) -> Floats:
-    """Chi squared (4,) of echoes (4, n) that are but noise."""
+    """Chi squared (4,) of echoes (4, n) under noise alone."""
     return np.asarray((echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1))
 
 
 def echo_combinations(
-    spots: CwSpots | PulsedSpots, longest_m: float
+    spots: CwSpots | PulsedSpots, max_range_m: float
 ) -> tuple[Floats, Callable[[Floats], Floats]]:
-    """Combinations (n, readings) of readings that steady light leaves at 0 and an echo does not.
+    """Combinations (n, readings) that cancel steady light but not an echo.
 
-    With them what all of a laser's light leaves in these, (n, ...), by its path (...). Raises
-    InputError where the laser's light is not known, and where no echo tells anything.
+    Also returns the response of these, (n, ...), to all of a laser's light by path length (...).
+    Raises InputError if the laser's light is unknown, or no echo changes the readings.
     """
-    reported = spots.response(np.linspace(0, 2 * longest_m, 4001))
-    if np.isnan(reported).any():
+    response_table = spots.response(np.linspace(0, 2 * max_range_m, 4001))
+    if np.isnan(response_table).any():
         raise InputError(
-            "the energy of the laser in each reading, or its contrast, is not known (nan), and "
-            "ranging in fog needs it: echoes of different readings are compared"
+            "the energy of the laser in each reading, or its contrast, is unknown (nan), but "
+            "ranging in fog needs it to compare the echoes of different readings"
         )
     free = _unmoved(spots.steady)
-    left, strength, _ = np.linalg.svd(free @ reported, full_matrices=False)
+    left, strength, _ = np.linalg.svd(free @ response_table, full_matrices=False)
     if not strength[0] > 0:
         raise InputError(
-            f"no echo from within {longest_m:.3g} m comes into any reading: the times of the "
-            "windows and spots/delay_offset_s cannot be right"
+            f"no echo from within {max_range_m:.3g} m reaches any reading: the times of the "
+            "windows or spots/delay_offset_s must be wrong"
         )
     combine: Floats = left[:, strength > 1e-9 * strength[0]].T @ free
     finite = np.isfinite(spots.electrons_per_joule)
@@ -149,7 +142,7 @@ def echo_combinations(
 
 
 def _unmoved(steady: Floats) -> Floats:
-    """Orthonormal combinations (n, readings) of readings in which steady light cancels."""
+    """Orthonormal combinations (n, readings) in which steady light cancels."""
     _, strength, combinations = np.linalg.svd(steady.T)
     tiny = np.finfo(np.float64).eps * max(steady.shape) * strength.max()
     return np.asarray(combinations[np.count_nonzero(strength > tiny) :])

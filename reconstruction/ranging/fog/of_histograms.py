@@ -1,4 +1,4 @@
-"""Fits of fog and targets to histograms of single photons."""
+"""Fits of fog and targets to single-photon histograms."""
 
 from dataclasses import replace
 
@@ -14,59 +14,59 @@ from ..histogram import BLOCKS
 from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
 from .answer import ranges_of, statuses
-from .belief import FogBelief, FogSolver
 from .echoes import with_echoes
+from .fog_state import FogSolver, FogState
 from .histograms import find_histogram_modes, make_histogram_templates
 from .posterior import posterior
 from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE
 
 
-def histogram_solver(spots: HistogramSpots, longest_m: float) -> FogSolver:
-    """Solver of one recording's histograms.
+def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
+    """Solver of a recording's histograms.
 
-    Raises InputError where they are none of single photons, or the laser's energy or the
-    detector's response is not known.
+    Raises InputError if they are not of single photons, or the laser's energy or the detector's
+    response is unknown.
     """
     if not spots.piles_up:
         raise InputError(
-            "ranging in fog needs histograms of single photons; stamps of whole pulses, as those "
-            "of a threshold, do not show how much light the fog sends back"
+            "ranging in fog needs histograms of single photons; time stamps of whole pulses that "
+            "cross a threshold do not show how much light the fog sends back"
         )
     for name in ("response_sigma_s", "laser_energy_j"):
         if np.isnan(getattr(spots, name)):
-            raise InputError(f"spots/{name} is not known (nan), and ranging in fog needs it")
+            raise InputError(f"spots/{name} is unknown (nan), but ranging in fog needs it")
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     electrons = spots.electrons_per_joule if scaled else NOMINAL_ELECTRONS_PER_JOULE
     arrivals = electrons * spots.laser_energy_j
-    templates = make_histogram_templates(spots, arrivals / spots.pulses, longest_m)
+    templates = make_histogram_templates(spots, arrivals / spots.pulses, max_range_m)
 
     def solve(
-        spots: Spots, belief: FogBelief, brightness: Brightness | None
-    ) -> tuple[Ranges, FogBelief]:
+        spots: Spots, prior: FogState, brightness: Brightness | None
+    ) -> tuple[Ranges, FogState]:
         assert isinstance(spots, HistogramSpots)
         counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
         modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
-        given = posterior(modes, belief)
+        estimate = posterior(modes, prior)
         revised = tuple(
             with_echoes(each, templates, counts[spot], spots.pulses, spot)
-            for spot, each in enumerate(given.spots)
+            for spot, each in enumerate(estimate.spots)
         )
-        given = replace(given, spots=revised)
+        estimate = replace(estimate, spots=revised)
         dark = _is_even(counts)
         median = np.median(counts, axis=1)
         ranges = ranges_of(
-            given.spots,
-            statuses(given, saturated, dark),
+            estimate.spots,
+            statuses(estimate, saturated, dark),
             median,
-            given.fog.optics(EXTINCTIONS_PER_M),
+            estimate.fog.optics(EXTINCTIONS_PER_M),
         )
-        return ranges, given.fog
+        return ranges, estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
+    return FogSolver(FogState.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
 def _is_even(counts: Floats) -> Mask:
-    """Whether histograms (4, B) show no more than arrivals at any time, (4,)."""
+    """Whether histograms (4, B) show only arrivals at random times, (4,)."""
     blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
     mean = np.maximum(blocks.mean(axis=0), 1e-12)
     squares = ((blocks - mean) ** 2 / mean).sum(axis=0)

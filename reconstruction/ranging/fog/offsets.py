@@ -1,15 +1,14 @@
-"""Whether a spot's path is calibrated otherwise than those of the other spots.
+"""Path offsets: whether a spot's path is calibrated differently from those of the other spots.
 
-In clear air a path that is taken for too long is a target that is farther. The fog's echo gives it
-away: it begins at the instrument, has the same shape at all four spots, and comes late by what the
-calibration is wrong. It is a small part of the light, and one frame tells the delay to 10 or 20 cm;
-many frames together tell it to centimetres. Only differences between the spots of one frame count,
-as light that was scattered more often makes all echoes late.
+In clear air a path offset looks like a farther target. The fog's echo reveals it: it begins at the
+instrument, has the same shape at all four spots, and is late by the offset. It is a small part of
+the light: one frame yields the delay to 10 or 20 cm, many frames together to centimetres. Only
+differences between the spots of a frame count, as multiple scattering delays all echoes.
 
-Around the fit of target and fog a frame's readings are linear in the offsets, so that each frame
-adds its information and score. What else keeps echoes apart, uneven fog, is noise of a size that
-all frames together tell; and where they contradict each other, or leave in common what noise would
-not, errors are larger by as much (R. T. Birge, Phys. Rev. 40, 207 (1932)).
+Around the fit of target and fog a frame's readings are linear in the offsets, so each frame adds
+its information and score. Uneven fog also separates echoes; it is noise of a size that all frames
+estimate together. If frames contradict each other, or their mean residual exceeds the noise, errors
+grow by as much (R. T. Birge, Phys. Rev. 40, 207 (1932)).
 """
 
 from collections.abc import Callable, Sequence
@@ -22,44 +21,45 @@ from ...base.errors import InputError
 from ...capture import Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
-from .algebra import inverse, solved
+from ...capture.schema import between
 from .echo_model import EchoModel
-from .modes import LOG_SIGMA, Places, expected_backscatter
+from .modes import LOG_SIGMA, Indices, expected_backscatter
+from .numerics import inverse, solved
 from .of_charge import echo_combinations
-from .solvers import fog_solver
+from .solvers import fog_solver, max_fog_range_m
 from .templates import EXTINCTIONS_PER_M, UNEVENNESS
 from .underdetermined import PER_TARGET
 
 UNEVENNESSES = UNEVENNESS * np.array([0.05, 0.25, 0.5, 1.0, 2.0])
-"""Rms deviations of the fog's density, relative, of which all frames together choose."""
+"""Relative rms deviations of the fog's density, of which all frames select one."""
 FIRST = UNEVENNESS / 2
-"""That with which target and fog are fitted first."""
+"""Deviation for the first fit of target and fog."""
 STEPS = 4
-"""Of Gauss-Newton, from what the method of ranging finds."""
-MAX_STEP_M, MAX_LOG_STEP, DARKEST = 0.05, 0.5, 1e-3
-"""Longest step of a range and of logarithms, and least reflectance."""
+"""Gauss-Newton steps from the result of fog ranging."""
+MAX_STEP_M, MAX_LOG_STEP, MIN_REFLECTANCE = 0.05, 0.5, 1e-3
+"""Maximum step of ranges and of logarithms, and minimum reflectance."""
 LOG_EXTINCTION = -3.0, 1.5
-"""Mean and deviation of ln(extinction in 1/m) beforehand."""
+"""Prior mean and sigma of ln(extinction in 1/m)."""
 UNKNOWN_M = 1e3
-"""Deviation of offsets beforehand: nothing is known."""
+"""Prior sigma of offsets, uninformative."""
 MODEL_M = 0.01
-"""What the echo of the model may be early or late at one spot, beside the others."""
+"""Error of the modelled echo delay at a spot, relative to the others."""
 PARTS = 8
 """Parts of a recording that have to agree."""
-REPORTED = 3.5
-"""Standard deviations from which on an offset is told: by chance in one of 500 recordings."""
-MAX = 2
-"""Of four spots so many can be told from the others."""
+MIN_SIGNIFICANCE = 3.5
+"""Significance of an offset, in standard deviations: by chance in one of 500 recordings."""
+MAX_SIGNIFICANT = 2
+"""Maximum number of spots that can be told apart from the others."""
 
 
 @dataclass(frozen=True, eq=False)
 class OffsetEvidence:
-    """What one frame tells of the offsets in metres, for each of U unevennesses.
+    """Evidence of a frame on the offsets in metres, for each of U unevennesses.
 
     The log likelihood of offsets x is ``log`` + ``score`` x - x ``information`` x / 2, up to what
-    is common to the spots: (U,), (U, 4) and (U, 4, 4). ``left`` (U, 4, n) is what target, fog and
-    offsets leave of the readings, ``noise`` (U, 4, n, n) the covariance of these, and ``expected``
-    (U, 4, n, n) that of what is left.
+    is common to the spots: (U,), (U, 4) and (U, 4, 4). ``left`` (U, 4, n) are the residuals after
+    target, fog and offsets, ``noise`` (U, 4, n, n) the covariance of the readings, and ``expected``
+    (U, 4, n, n) that of the residuals.
     """
 
     log: Floats
@@ -72,31 +72,32 @@ class OffsetEvidence:
 
 @dataclass(frozen=True, eq=False)
 class PathOffsets:
-    """By how much each spot's path is measured too long, beside those of the others, in metres.
+    """Excess of each spot's measured path over those of the others, in metres.
 
-    ``reported`` (4,) are the spots that are off beyond chance, at most two; the others are those
-    that each is compared with. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and
-    ``frames`` how many had two ranges or more. Ranges are too far by half an offset.
+    ``significant`` (4,) marks at most two spots that are off beyond chance; the others are the
+    reference. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and ``frames`` the
+    number of frames with at least two ranges. Ranges are too far by half an offset.
     """
 
     offset_m: Floats
     sigma_m: Floats
-    reported: Mask
+    significant: Mask
     frames: int
 
 
-def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvidence | None]:
-    """Evidence of each frame of a recording; None of those with fewer than two ranges.
+def path_check(spots: Spots) -> Callable[[Spots], OffsetEvidence | None]:
+    """Function from a frame's readings to its evidence; None for frames with fewer than two ranges.
 
-    Raises InputError as `fog_solver`, and of histograms, whose offsets are not looked for.
+    Raises InputError as `fog_solver`, and for histograms, which are not supported.
     """
     if not isinstance(spots, CwSpots | PulsedSpots):
-        raise InputError("offsets of paths are told from taps and windows, not from histograms")
-    prior, solve = fog_solver(spots, longest_m)
-    combine, response = echo_combinations(spots, longest_m)
+        raise InputError("path offsets can be estimated from taps and windows, not from histograms")
+    prior, solve = fog_solver(spots)
+    max_range_m = max_fog_range_m(spots)
+    combine, response = echo_combinations(spots, max_range_m)
     if len(combine) <= PER_TARGET:
         return lambda spots: None
-    model = EchoModel(spots, response, longest_m)
+    model = EchoModel(spots, response, max_range_m)
 
     def find(spots: Spots) -> OffsetEvidence | None:
         assert isinstance(spots, CwSpots | PulsedSpots)
@@ -105,7 +106,7 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
         if seen.size < 2:
             return None
         readings = spots.electrons(spots.taps[0])
-        node = int(fog.fraction[1:].argmax()) + 1  # the first is clear air
+        node = int(fog.probability[1:].argmax()) + 1  # the first is clear air
         log_fog = np.array([fog.log_median[node], np.log(EXTINCTIONS_PER_M[node])])
         return _evidence(
             model,
@@ -119,34 +120,41 @@ def offset_finder(spots: Spots, longest_m: float) -> Callable[[Spots], OffsetEvi
     return find
 
 
-def path_offsets(result: Sequence[OffsetEvidence | None]) -> PathOffsets:
-    """What frames, in their order, tell together."""
-    reported = [each for each in result if each is not None]
-    if not reported:
+def measure_path_offsets(spots: Spots) -> PathOffsets:
+    """Estimate the offsets from all frames of a recording; raises InputError as `path_check`."""
+    find = path_check(between(spots, 0, 0))
+    frames = range(len(spots.readings))
+    return path_offsets([find(between(spots, frame, frame + 1)) for frame in frames])
+
+
+def path_offsets(frames: Sequence[OffsetEvidence | None]) -> PathOffsets:
+    """Estimate the offsets from the evidence of successive frames."""
+    evidence = [each for each in frames if each is not None]
+    if not evidence:
         return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
-    uneven = int(np.sum([each.log for each in reported], axis=0).argmax())
-    score = np.array([each.score[uneven] for each in reported])
-    information = np.array([each.information[uneven] for each in reported])
+    uneven = int(np.sum([each.log for each in evidence], axis=0).argmax())
+    score = np.array([each.score[uneven] for each in evidence])
+    information = np.array([each.information[uneven] for each in evidence])
     covariance = inverse((information.sum(axis=0) + np.eye(4) / UNKNOWN_M**2)[None])[0]
     offset_m = covariance @ score.sum(axis=0)
-    parts = np.linspace(0, len(reported), min(PARTS, len(reported)), endpoint=False).astype(int)
+    parts = np.linspace(0, len(evidence), min(PARTS, len(evidence)), endpoint=False).astype(int)
     growth = max(
         1.0,
         _scatter(score, information, offset_m),
         _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
-        _in_common(reported, uneven),
+        _in_common(evidence, uneven),
     )
     off = np.zeros(4, bool)
     while True:
         beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
         away = np.where(off, 0, np.abs(beside_m) / sigma_m)
-        if away.max() < REPORTED or off.sum() == MAX:
-            return PathOffsets(beside_m, sigma_m, off, len(reported))
+        if away.max() < MIN_SIGNIFICANCE or off.sum() == MAX_SIGNIFICANT:
+            return PathOffsets(beside_m, sigma_m, off, len(evidence))
         off[away.argmax()] = True
 
 
 def _beside_others(offset_m: Floats, covariance: Floats, right: Mask) -> tuple[Floats, Floats]:
-    """Offsets beside the mean of all other spots that are right, and their deviations, (4,)."""
+    """Offsets and sigmas (4,) relative to the mean of the other spots that are right."""
     others = right & ~np.eye(4, dtype=bool)
     beside = np.eye(4) - others / others.sum(axis=1, keepdims=True)
     variance = np.diagonal(beside @ covariance @ beside.T)
@@ -154,9 +162,9 @@ def _beside_others(offset_m: Floats, covariance: Floats, right: Mask) -> tuple[F
 
 
 def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
-    """Birge's ratio of parts (P, 4): by how much they differ from their mean, over what they may.
+    """Birge ratio of parts (P, 4): scatter around their mean over the expected one.
 
-    Each tells three differences between its spots.
+    Each part has three differences between its spots.
     """
     if len(score) < 2:
         return 1.0
@@ -166,14 +174,14 @@ def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
     return float(np.sqrt(squares / (3 * (len(score) - 1))))
 
 
-def _in_common(reported: Sequence[OffsetEvidence], uneven: int) -> float:
-    """Of what all frames leave in common, its size over what noise would leave.
+def _in_common(evidence: Sequence[OffsetEvidence], uneven: int) -> float:
+    """Mean residual of all frames over its expected size.
 
-    Patches of fog that stand still are one draw, however many frames they are in.
+    Standing patches of fog are a single sample, however many frames they are in.
     """
-    left = np.sum([each.left[uneven] for each in reported], axis=0)
-    noise = np.sum([each.noise[uneven] for each in reported], axis=0)
-    expected = np.sum([each.expected[uneven] for each in reported], axis=0)
+    left = np.sum([each.left[uneven] for each in evidence], axis=0)
+    noise = np.sum([each.noise[uneven] for each in evidence], axis=0)
+    expected = np.sum([each.expected[uneven] for each in evidence], axis=0)
     seen = noise.any(axis=(1, 2))
     left, noise, expected = left[seen], noise[seen], expected[seen]
     squares = (left * np.linalg.solve(noise, left[..., None])[..., 0]).sum()
@@ -185,7 +193,7 @@ def _evidence(
     model: EchoModel,
     readings: Floats,
     covariance: Floats,
-    spots: Places,
+    spots: Indices,
     range_m: Floats,
     log_fog: Floats,
 ) -> OffsetEvidence:
@@ -200,7 +208,7 @@ def _evidence(
     left, jacobian, _ = _around(model, readings, spots, at)
     for row in range(spots.size):
         target = jacobian[row, :, 3 + 3 * row]
-        at[3 + 3 * row] = max(left[row] @ target / (target @ target), DARKEST)
+        at[3 + 3 * row] = max(left[row] @ target / (target @ target), MIN_REFLECTANCE)
     for step in range(STEPS + 1):
         left, jacobian, uneven = _around(model, readings, spots, at)
         if step == STEPS:
@@ -211,7 +219,7 @@ def _evidence(
         move[:2] = np.clip(move[:2], -MAX_LOG_STEP, MAX_LOG_STEP)
         move[2::3] = np.clip(move[2::3], -MAX_STEP_M, MAX_STEP_M)
         at = at + move
-        at[3::3] = np.maximum(at[3::3], DARKEST)
+        at[3::3] = np.maximum(at[3::3], MIN_REFLECTANCE)
     result = [
         _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at, spots)
         for unevenness in UNEVENNESSES
@@ -220,9 +228,9 @@ def _evidence(
 
 
 def _around(
-    model: EchoModel, readings: Floats, spots: Places, at: Floats
+    model: EchoModel, readings: Floats, spots: Indices, at: Floats
 ) -> tuple[Floats, Floats, Floats]:
-    """What is left of readings, its slopes (m, n, p), and the noise of fog as uneven as dense."""
+    """Residuals of the readings, slopes (m, n, p), and covariance of fog of unit unevenness."""
     jacobian = np.zeros((*readings.shape, at.size))
     left, uneven = [], []
     for row, spot in enumerate(spots):
@@ -238,7 +246,7 @@ def _around(
 def _normal(
     left: Floats, jacobian: Floats, noise: Floats, at: Floats
 ) -> tuple[Floats, Floats, float]:
-    """Information (p, p) and gradient (p,) of the log likelihood, and its value."""
+    """Information (p, p), gradient (p,) and value of the log likelihood."""
     weighted = np.linalg.solve(noise, jacobian).swapaxes(1, 2)
     whitened = np.linalg.solve(noise, left[..., None])
     information = (weighted @ jacobian).sum(axis=0)
@@ -256,7 +264,7 @@ def _normal(
 
 
 def _of_offsets(
-    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Places
+    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Indices
 ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
     """Fields of `OffsetEvidence` for one unevenness."""
     information, gradient, log = _normal(left, jacobian, noise, at)
@@ -265,7 +273,7 @@ def _of_offsets(
     given[own, own] += 1 / UNKNOWN_M**2
     covariance = inverse(given[None])[0]
     log += (gradient @ covariance @ gradient - np.linalg.slogdet(given)[1]) / 2
-    # What is known of offsets, all else unknown, and of that what differs between the spots.
+    # Marginal information about offsets, projected onto differences between the spots.
     precise = inverse(covariance[None][:, own][:, :, own])[0]
     score = precise @ (covariance @ gradient)[own]
     sums = precise.sum(axis=1)
@@ -281,8 +289,8 @@ def _of_offsets(
     )
 
 
-def _of_four(values: Floats, spots: Places) -> Floats:
-    """Values (m, ...) of some spots among those of all four (4, ...), nothing elsewhere."""
+def _of_four(values: Floats, spots: Indices) -> Floats:
+    """Scatter values (m, ...) of some spots into zeros for all four (4, ...)."""
     every = np.zeros((4, *values.shape[1:]))
     every[spots] = values
     return every

@@ -1,4 +1,4 @@
-"""How much of what a laser lights up at a distance its detector sees."""
+"""Overlap of a laser beam and the field of its detector, by distance."""
 
 import numpy as np
 
@@ -7,30 +7,39 @@ from ...base.errors import InputError
 from ...capture.spots import SpotOptics
 
 TINY_M = 1e-12
-"""In place of nothing, in denominators."""
+"""Replaces 0 in denominators."""
 INSIDE_M = 0.1
-"""What a detector sees nearer than this does not make it a useful one."""
+"""Light from nearer than this does not make a detector useful."""
 NEEDED = ("detector_axes", "half_fields_rad", "falloffs", "aperture_radii_m",
           "beam_divergence_rad", "beam_waist_m")  # fmt: skip
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 
 
 def require_optics(optics: SpotOptics) -> None:
-    """InputError where lasers and detectors are not known well enough for `overlap`."""
+    """Raise InputError if lasers or detectors are not known well enough for `overlap`."""
     for name in NEEDED:
         if np.isnan(getattr(optics, name)).any():
             raise InputError(
-                f"spots/{name} is not known (nan), and ranging in fog needs it: what the "
-                "detectors see of the beams follows from it"
+                f"spots/{name} is unknown (nan), but ranging in fog needs it for the overlap of "
+                "beams and detector fields"
             )
 
 
 def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
-    """Weights w in sr and path lengths in metres, (spots, R), at ranges (R,) along the lasers.
+    """Collection weights and path lengths along the laser beams.
 
-    w is the mean over the aperture, times its area, of cos / distance^2 and the field's response;
-    light that a diffuser sends back with unit radiance per incident power is collected so.
-    Raises InputError for a detector that sees nothing of its beam.
+    A weight is the mean over the aperture, times its area, of cos / distance^2 and the field's
+    response: the power collected from a diffuser of unit radiance per incident power. Raises
+    InputError if a detector sees nothing of its beam.
+
+    Parameters
+    ----------
+    range_m : array, (R,)
+        Ranges along the lasers.
+
+    Returns
+    -------
+    weight_sr, path_m : array, (spots, R)
     """
     weights = []
     for number in range(len(optics.directions)):
@@ -40,17 +49,17 @@ def overlap(optics: SpotOptics, range_m: Floats) -> tuple[Floats, Floats]:
         if not total[range_m > INSIDE_M].any():
             raise InputError(
                 f"the detector of spot {number} sees nothing of its laser's beam up to "
-                f"{range_m[-1]:.3g} m: its position, axis or field in spots/ cannot be right"
+                f"{range_m[-1]:.3g} m: its position, axis or field in spots/ must be wrong"
             )
         weights.append(total)
     return np.array(weights), path_lengths(optics, range_m)
 
 
 def _collected(optics: SpotOptics, number: int, points: Floats) -> Floats:
-    """The weights (R,) of points (R, 3) for one detector.
+    """Weights (R,) of points (R, 3) for one detector.
 
-    Of its aperture a point is seen from where the cone of the field about it, a circle in the plane
-    of the aperture, overlaps with it; cos / distance^2 is that of the middle of this area.
+    A point is seen from the part of the aperture within the cone of the field about it, which is a
+    circle in the aperture's plane; cos / distance^2 is that of the middle of this area.
     """
     axis, aperture = optics.detector_axes[number], optics.aperture_radii_m[number]
     away = points - optics.detector_positions_m[number]
@@ -65,7 +74,7 @@ def _collected(optics: SpotOptics, number: int, points: Floats) -> Floats:
 
 
 def _common_area(one: float, other: Floats, apart: Floats) -> Floats:
-    """Area (...) where two circles overlap: the segments on both sides of their common chord."""
+    """Area (...) common to two circles: the segments on both sides of their chord."""
     apart = np.maximum(apart, TINY_M)
     total = np.zeros_like(apart)
     for near, far in ((one, other), (other, one)):
@@ -76,14 +85,14 @@ def _common_area(one: float, other: Floats, apart: Floats) -> Floats:
 
 
 def path_lengths(optics: SpotOptics, range_m: Floats) -> Floats:
-    """Lengths (spots, R) of the paths over points at ranges (R,) along lasers to the detectors."""
+    """Path lengths (spots, R) via points at ranges (R,) along the lasers to the detectors."""
     points = range_m[:, None] * optics.directions[:, None]
     back = np.linalg.norm(points - optics.detector_positions_m[:, None], axis=-1)
     return np.asarray(range_m + back)
 
 
 def _pencils(optics: SpotOptics, direction: Floats, range_m: Floats) -> list[tuple[Floats, float]]:
-    """Points (R, 3) on pencils of a Gaussian beam, and the share of light in each."""
+    """Points (R, 3) on pencils of a Gaussian beam, and the fraction of light in each."""
     centre = range_m[:, None] * direction
     width = np.hypot(optics.beam_waist_m, optics.beam_divergence_rad * range_m)[:, None]
     if not width.any():

@@ -1,6 +1,6 @@
-"""All modes of four spots, and the fog that they share: what is known of each range.
+"""Posterior of the four ranges and of the fog they share.
 
-Extinction and backscattering are common to the spots and integrated over: the extinction over the
+Extinction and backscattering are common to the spots and integrated out: the extinction over the
 nodes of the tables, the backscattering over a grid on which the modes' parabolas are summed.
 """
 
@@ -10,28 +10,27 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ..ranges import MIN_SIGNAL, Alternative
-from .belief import FogBelief
+from .fog_state import FogState
 from .modes import Modes
 
 GRID = np.geomspace(1e-6, 0.1, 96)
-"""Backscattering, 1 / (m sr), at first; then the finer grid around where it may be."""
+"""Initial grid of backscattering, 1 / (m sr), refined where it is likely."""
 FINE = 33
 NEGLIGIBLE = 1e-4
-"""Share of the whole below which a mode does not count."""
+"""Fraction of the total below which a mode is dropped."""
 SPREAD = 3.0
-"""Modes whose ranges, give or take so many standard deviations, touch are one."""
+"""Modes whose ranges touch within so many standard deviations are merged."""
 
 
 @dataclass(frozen=True)
 class SpotPosterior:
-    """What is known of one range: its alternatives, likeliest first.
+    """Posterior of one range: its alternatives, likeliest first.
 
-    ``target`` is the probability that there is a target at all. Of the likeliest mode: ``strength``
-    of the target's signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared,
-    ``noise_m`` the range's deviation were the fog known, ``node`` and ``backscatter`` the fog.
-    Targets weaker than ``needed`` are not told from fog.
-    ``on_edge`` where two targets at once explain the readings and one does not; ``echoes`` as many
-    alternatives are there at once, told apart.
+    ``target`` is the probability of any target. Of the likeliest mode: ``strength`` of the target's
+    signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, ``noise_m`` the
+    range's sigma if the fog were known, ``node`` and ``backscatter`` the fog. Targets weaker than
+    ``needed`` are indistinguishable from fog. With ``on_edge`` two targets at once explain the
+    readings and one does not; ``echoes`` counts simultaneous resolved alternatives.
     """
 
     alternatives: tuple[Alternative, ...] = ()
@@ -49,30 +48,30 @@ class SpotPosterior:
 
 @dataclass(frozen=True)
 class Posterior:
-    """What is known of four ranges, and of the fog."""
+    """Posterior of the four ranges and of the fog."""
 
     spots: tuple[SpotPosterior, ...]
-    fog: FogBelief
+    fog: FogState
 
 
-def posterior(modes: Modes, belief: FogBelief) -> Posterior:
-    """Posterior of the modes of all spots, and of the fog of which so much is held beforehand."""
+def posterior(modes: Modes, prior: FogState) -> Posterior:
+    """Posterior of the modes of all spots, for a prior of the fog."""
     if not modes.spot.size:
-        return Posterior((SpotPosterior(),) * 4, belief)
+        return Posterior((SpotPosterior(),) * 4, prior)
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
     beta = GRID
-    weight, by_mode = _weighted(modes, belief, beta)
+    weight, by_mode = _weighted(modes, prior, beta)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
-        weight, by_mode = _weighted(modes, belief, beta)
+        weight, by_mode = _weighted(modes, prior, beta)
     total = by_mode.sum(axis=1)
     moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (by_mode * moved).sum(axis=1) / total
-        spread = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
-    variance = modes.variance_m2 + spread
+        drift_variance = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
+    variance = modes.variance_m2 + drift_variance
     seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
 
     def of(spot: int) -> SpotPosterior:
@@ -91,18 +90,15 @@ def posterior(modes: Modes, belief: FogBelief) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(
-        spots=tuple(of(spot) for spot in range(4)),
-        fog=belief.updated(weight, beta),
-    )
+    return Posterior(spots=tuple(of(spot) for spot in range(4)), fog=prior.update(weight, beta))
 
 
-def _weighted(modes: Modes, belief: FogBelief, beta: Floats) -> tuple[Floats, Floats]:
+def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:
     """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
     offset = beta - modes.backscatter[:, None]
     log = modes.log_weight[:, None] + modes.slope[:, None] * offset
     log -= modes.curvature[:, None] * offset**2 / 2
-    fog = belief.log_density(beta)
+    fog = prior.log_density(beta)
     # Every usable spot has modes at every extinction, in this order.
     changes = np.diff(modes.node, prepend=-1) != 0
     starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
@@ -117,13 +113,13 @@ def _weighted(modes: Modes, belief: FogBelief, beta: Floats) -> tuple[Floats, Fl
 
 
 def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
-    """Modes that touch joined into one each, likeliest first."""
+    """Merge modes that touch, likeliest first."""
     seen = np.flatnonzero(weight > NEGLIGIBLE**2 * weight.sum())
     order = seen[np.argsort(mean[seen])]
     mean, variance, weight = mean[order], variance[order], weight[order]
     sigma = SPREAD * np.sqrt(variance)
-    reach = np.maximum.accumulate(mean + sigma)
-    starts = np.concatenate([[True], (mean - sigma)[1:] > reach[:-1]])
+    max_reach = np.maximum.accumulate(mean + sigma)
+    starts = np.concatenate([[True], (mean - sigma)[1:] > max_reach[:-1]])
     group = np.cumsum(starts) - 1
     total = np.bincount(group, weight)
     centre = np.bincount(group, weight * mean) / total

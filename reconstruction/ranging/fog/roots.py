@@ -1,8 +1,8 @@
-"""Ranges that explain two numbers of a spot exactly, for each fog of a grid.
+"""Ranges that explain two readings of a spot exactly, for each fog of a grid.
 
-With readings p, and of unit reflectance and unit backscattering t(r) and f(r), all complex, a
+With readings p, and those of unit reflectance and unit backscattering t(r) and f(r), all complex, a
 target at r in fog of backscattering beta has the reflectance (p - beta f) / t: real at a root, and
-positive. What does not depend on the readings is tabulated once.
+positive. Everything that does not depend on the readings is tabulated once.
 """
 
 from collections.abc import Callable
@@ -15,35 +15,34 @@ from ...capture import Optics
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import bucket_optics
-from .modes import Places
+from .modes import Indices
 from .overlap import overlap, path_lengths
 from .templates import PATCH_STEP, STEP_M, make_templates
 
 STRIDE = 8
-"""Steps of the templates between ranges where roots are looked for."""
+"""Template steps between ranges at which roots are bracketed."""
 OUTSIDE = 2.0
-"""Steps by which a root may lie beside the one that it was found in, as amplitudes bend."""
-DARKEST = 1e-12
-"""Least reflectance."""
+"""Steps by which a root may lie outside its bracket, as amplitudes bend."""
+MIN_REFLECTANCE = 1e-12
+"""Minimum reflectance."""
 BEYOND = 0.05
-"""Prior probability of a target that is as far again as phases tell apart, and looks near: that of
-spots up to there in drawn worlds."""
+"""Prior probability of a target in the second unambiguous interval, from drawn worlds."""
 
 
 @dataclass(frozen=True, eq=False)
 class Roots:
-    """Ranges that explain a spot's readings in a fog, each (C,), exactly.
+    """Ranges that explain a spot's readings in a fog exactly, each (C,).
 
-    ``spot``, ``node`` (of extinction) and ``draw`` (of backscattering) are indices, and roots are
-    in their order; ``noise_m2`` is the variance of the range in this fog, uneven as it is,
-    ``reading_m2`` that of noise alone, ``strength`` the target in standard deviations,
-    ``log_prior`` the logarithm of range's and reflectance's prior over the Jacobian of the
-    readings. A pixel has ``pixel_surface`` electrons of the target and ``pixel_veil`` of the fog.
+    ``spot``, ``node`` (of extinction) and ``draw`` (of backscattering) are indices, in whose order
+    roots are sorted; ``noise_m2`` is the variance of the range in this uneven fog, ``reading_m2``
+    that of noise alone, ``strength`` the target in standard deviations, ``log_prior`` the log prior
+    of range and reflectance over the Jacobian of the readings. A pixel has ``pixel_surface``
+    electrons of the target and ``pixel_veil`` of the fog.
     """
 
-    spot: Places
-    node: Places
-    draw: Places
+    spot: Indices
+    node: Indices
+    draw: Indices
     range_m: Floats
     noise_m2: Floats
     reading_m2: Floats
@@ -56,7 +55,7 @@ class Roots:
 
 @dataclass(frozen=True, eq=False)
 class Symmetric:
-    """Matrices of two rows, each entry (...)."""
+    """Symmetric 2 x 2 matrices, each entry (...)."""
 
     xx: Floats
     xy: Floats
@@ -64,15 +63,15 @@ class Symmetric:
 
     @classmethod
     def of(cls, matrices: Floats) -> "Symmetric":
-        """Those of an array (..., 2, 2)."""
+        """Entries of an array (..., 2, 2)."""
         return cls(matrices[..., 0, 0], matrices[..., 0, 1], matrices[..., 1, 1])
 
-    def at(self, index: Places) -> "Symmetric":
-        """Some of those along one axis."""
+    def at(self, index: Indices) -> "Symmetric":
+        """A subset along one axis."""
         return Symmetric(self.xx[index], self.xy[index], self.yy[index])
 
     def plus(self, other: "Symmetric", times: Floats) -> "Symmetric":
-        """The sum with others, ``times`` as large."""
+        """Sum with other matrices scaled by ``times``."""
         return Symmetric(
             self.xx + times * other.xx, self.xy + times * other.xy, self.yy + times * other.yy
         )
@@ -83,22 +82,22 @@ class Symmetric:
 
     @property
     def determinant(self) -> Floats:
-        """Of each."""
+        """Determinants."""
         return np.asarray(self.xx * self.yy - self.xy**2)
 
     def squares(self, x: Floats, y: Floats) -> Floats:
-        """Chi squared of vectors that have this covariance."""
+        """Chi squared of vectors with this covariance."""
         return np.asarray(
             (x * x * self.yy - 2 * x * y * self.xy + y * y * self.xx) / self.determinant
         )
 
 
 class RootTables:
-    """Readings of one recording by spot, extinction (K,) and range (R,).
+    """Readings of a recording by spot, extinction (K,) and range (R,).
 
     ``range_m`` (R,). ``empty_x`` and ``empty_y`` (4, K) are readings of unit backscattering up to
-    the last range, ``empty_uneven`` (4, K) their covariance where fog is uneven, and
-    ``empty_pixel`` (4, K) electrons of a pixel by the same, None without an image.
+    the last range, ``empty_uneven`` (4, K) their covariance in uneven fog, and ``empty_pixel`` (4,
+    K) the electrons of a pixel, None without an image.
     """
 
     def __init__(
@@ -106,12 +105,12 @@ class RootTables:
         spots: CwSpots | PulsedSpots,
         optics: Optics | None,
         response: Callable[[Floats], Floats],
-        longest_m: float,
+        max_range_m: float,
         extinctions_per_m: Floats,
     ) -> None:
-        self._longest_m = longest_m
-        max_range_m = longest_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
-        made = make_templates(spots, response, max_range_m, extinctions_per_m)
+        self._max_range_m = max_range_m
+        ends_m = max_range_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
+        made = make_templates(spots, response, ends_m, extinctions_per_m)
         self.range_m = made.range_m
         self._shape = made.target.shape[:2]
         target, fog = (table.swapaxes(0, 2).swapaxes(1, 2) for table in (made.target, made.fog))
@@ -143,7 +142,7 @@ class RootTables:
         backscatter: Floats,
         log_density: Callable[[Floats], Floats],
     ) -> Roots:
-        """All of them, for readings (4, 2) of covariance (4,) and rising backscattering (K, B)."""
+        """All roots for readings (4, 2) of covariance (4,) and rising backscattering (K, B)."""
         spot, node, draw, coarse = self._crossings(pairs, backscatter)
         (x, y), beta = pairs[spot].T, backscatter[node, draw]
         table = spot * self._shape[1] + node
@@ -151,9 +150,7 @@ class RootTables:
         here = table * self.range_m.size + at
         before, behind = self._tables[:, here], self._tables[:, here + 1]
         fraction = np.clip(
-            _crossed(*(_across(x, y, beta, end) for end in (before, behind))),
-            -OUTSIDE,
-            1 + OUTSIDE,
+            _crossed(*(_across(x, y, beta, end) for end in (before, behind))), -OUTSIDE, 1 + OUTSIDE
         )
         slope_x, slope_y = (behind[:2] - before[:2]) / STEP_M
         target_x, target_y, fog_x, fog_y, pixel_target, pixel_fog = before + fraction * (
@@ -162,8 +159,8 @@ class RootTables:
         square = target_x**2 + target_y**2
         size = np.sqrt(square)
         along = (x - beta * fog_x) * target_x + (y - beta * fog_y) * target_y
-        reflectance = np.maximum(along / square, DARKEST)
-        # A target farther off has more fog in front of it, too.
+        reflectance = np.maximum(along / square, MIN_REFLECTANCE)
+        # A farther target also has more fog in front of it.
         farther_x = reflectance * slope_x + np.pi * beta * target_x
         farther_y = reflectance * slope_y + np.pi * beta * target_y
         jacobian = np.abs(farther_x * target_y - farther_y * target_x)
@@ -176,9 +173,9 @@ class RootTables:
             noise_m2, reading_m2 = (
                 each.variance(-unit_y, unit_x) * stretch for each in (noise, reading)
             )
-            log_prior = log_density(reflectance) - np.log(jacobian * self._longest_m)
+            log_prior = log_density(reflectance) - np.log(jacobian * self._max_range_m)
         range_m = self.range_m[at] + fraction * STEP_M
-        log_prior += np.where(range_m > self._longest_m, np.log(BEYOND), np.log(1 - BEYOND))
+        log_prior += np.where(range_m > self._max_range_m, np.log(BEYOND), np.log(1 - BEYOND))
         return Roots(
             spot=spot,
             node=node,
@@ -195,11 +192,11 @@ class RootTables:
 
     def _crossings(
         self, pairs: Floats, backscatter: Floats
-    ) -> tuple[Places, Places, Places, Places]:
-        """Spot, node and draw of each root, and the step of the tables before it.
+    ) -> tuple[Indices, Indices, Indices, Indices]:
+        """Spot, node and draw of each root, and the table step before it.
 
-        Between two ranges nothing crosses 0 for any backscattering if it does not for the least and
-        the most: only there all are looked at.
+        Between two ranges a root exists for some backscattering only if it does between the minimum
+        and the maximum: only those ranges are searched for all.
         """
         x, y = pairs.T[..., None, None]
         across, along = y * self._x - x * self._y, x * self._x + y * self._y
@@ -216,7 +213,7 @@ class RootTables:
         here = table * across.shape[-1] + cell
         beta = backscatter.T[:, table % self._shape[1]]  # (B, cells)
 
-        def at(position: Places, whole: Floats, echo: Floats) -> Floats:
+        def at(position: Indices, whole: Floats, echo: Floats) -> Floats:
             return np.asarray(whole.ravel()[position] - beta * echo.ravel()[position])
 
         before, behind = (at(here + end, across, self._echo_across) for end in (0, 1))
@@ -236,11 +233,11 @@ class RootTables:
 
 
 def _across(x: Floats, y: Floats, beta: Floats, table: Floats) -> Floats:
-    """What of readings (C,) is across the target's, in a ``table`` (6, C)."""
+    """Component of readings (C,) across the target's, in a ``table`` (6, C)."""
     return np.asarray((y - beta * table[3]) * table[0] - (x - beta * table[2]) * table[1])
 
 
 def _crossed(before: Floats, behind: Floats) -> Floats:
-    """Where a line through two values is 0, as a fraction of the way between them."""
+    """Zero of a line through two values, as a fraction of the way between them."""
     fall = before - behind
     return np.divide(before, fall, out=np.zeros_like(fall), where=fall != 0)

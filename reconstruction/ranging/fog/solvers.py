@@ -1,34 +1,54 @@
-"""From the readings of a frame and what is held of the fog to ranges, and what is held then."""
+"""Fog ranging: from the readings of a frame and a prior of the fog to ranges and a posterior."""
 
+import numpy as np
+
+from ...base.constants import c
 from ...base.errors import InputError
 from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
-from .belief import FogSolver
-from .modes import NEAREST_M
+from ..ranges import MAX_FOG_RANGE_M
+from ..unwrap import unambiguous_path_m
+from .fog_state import FogSolver
+from .modes import MIN_RANGE_M
 from .of_charge import charge_solver
 from .overlap import require_optics
 
 
-def fog_solver(spots: Spots, longest_m: float, optics: Optics | None = None) -> FogSolver:
-    """Solver of one recording's readings, of targets up to a range.
+def unambiguous_range_m(spots: Spots) -> float:
+    """Range beyond which an echo falls outside the readings or appears nearer than it is."""
+    if isinstance(spots, CwSpots):
+        return unambiguous_path_m(np.unique(spots.tap_frequencies_hz)) / 2
+    if isinstance(spots, HistogramSpots):
+        gate_s = spots.start_s + spots.counts.shape[-1] * spots.bin_width_s
+        return float(c * (gate_s - spots.delay_offset_s) / 2)
+    assert isinstance(spots, PulsedSpots)
+    return float(c * (spots.window_starts_s[-1] - spots.delay_offset_s) / 2)
 
-    Of its ``optics`` only readings that tell fog and target badly apart make use.
 
-    Raises InputError where the recording does not tell what the detectors see of the beams, or how
-    much light the lasers send, or where its readings tell of no range at all.
+def max_fog_range_m(spots: Spots) -> float:
+    """Maximum range at which fog ranging looks for targets."""
+    return min(unambiguous_range_m(spots), MAX_FOG_RANGE_M)
+
+
+def fog_solver(spots: Spots, optics: Optics | None = None) -> FogSolver:
+    """Solver for a recording's readings; ``optics`` only help if these hardly separate fog and
+    target.
+
+    Raises InputError if the recording lacks the optics of `overlap` or the light of the lasers, or
+    its readings show no range.
     """
     require_optics(spots)
-    if longest_m <= NEAREST_M:
+    max_range_m = max_fog_range_m(spots)
+    if max_range_m <= MIN_RANGE_M:
         raise InputError(
-            f"the spots' readings tell of ranges up to {longest_m:.3g} m, and ranging in fog "
-            f"begins at {NEAREST_M} m: their frequencies, or times and delay_offset_s, cannot be "
-            "right"
+            f"the spots' readings end at {max_range_m:.3g} m, but ranging in fog begins at "
+            f"{MIN_RANGE_M} m: their frequencies, or times and delay_offset_s, must be wrong"
         )
     if isinstance(spots, HistogramSpots):
         from .of_histograms import histogram_solver  # slow to import
 
-        return histogram_solver(spots, longest_m)
+        return histogram_solver(spots, max_range_m)
     assert isinstance(spots, CwSpots | PulsedSpots)
-    return charge_solver(spots, optics, longest_m)
+    return charge_solver(spots, optics, max_range_m)

@@ -1,4 +1,4 @@
-"""What unit reflectance and unit backscattering leave in the readings, at every range."""
+"""Readings of unit reflectance and of unit backscattering at every range."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,23 +11,23 @@ from ...capture.spots import SpotOptics
 from .overlap import overlap, path_lengths
 
 STEP_M = 0.01
-"""Between ranges in the tables."""
+"""Range step of the tables."""
 INTEGRATION_STEPS = 4
-"""Steps of the fog's integral within one of the table."""
+"""Steps of the fog integral per table step."""
 OVERLAP_STEP_M = 0.02
-"""Between ranges for which the overlap of beams and fields is computed."""
+"""Range step of the overlap of beams and fields."""
 PATCH_STEP = 25
-"""Steps of the table between ranges at which the echo of uneven fog is known."""
+"""Table steps between ranges with a covariance of uneven fog."""
 SEARCH = 4
-"""Steps of the table between ranges where minima are looked for."""
+"""Table steps between ranges at which minima are searched."""
 EXTINCTIONS_PER_M = np.array([0.002, 0.01, 0.025, 0.045, 0.07, 0.1, 0.15, 0.22, 0.32])
-"""From what no range feels to 10 m of visibility."""
+"""From negligible extinction to 10 m of visibility."""
 UNEVENNESS = 0.25
-"""Rms deviation of the fog's density along a beam from its mean, relative."""
+"""Relative rms deviation of the fog's density along a beam."""
 PATCH_M = 1.0
-"""Length over which densities resemble each other: correlation exp(-distance / PATCH_M)."""
+"""Correlation length of the density: exp(-distance / PATCH_M)."""
 NOMINAL_ELECTRONS_PER_JOULE = 5e18
-"""Where it is not known: 7 in 10 photons of 1550 nm, behind a lens and a filter."""
+"""Default if unknown: 7 in 10 photons of 1550 nm, behind a lens and a filter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +35,7 @@ class Templates:
     """Tables over spots, K extinctions and R ranges, in n combinations of readings.
 
     ``target`` (4, K, n, R) for unit reflectance, ``fog`` (4, K, n, R) for unit backscattering up to
-    that range, ``uneven`` (4, K, P, n, n) the covariance that unevenness adds to it per squared
+    that range, ``uneven`` (4, K, P, n, n) the covariance that unevenness adds per squared
     backscattering, at every PATCH_STEP-th range.
     """
 
@@ -51,26 +51,26 @@ class Templates:
         return self.target[..., ::SEARCH].copy(), self.fog[..., ::SEARCH].copy()
 
     def rougher(self, times: float) -> "Templates":
-        """The same of fog that deviates from its mean so many times more."""
+        """The same for fog whose density deviates ``times`` as much."""
         return replace(self, uneven=times**2 * self.uneven)
 
 
 def make_templates(
     optics: SpotOptics,
     response: Callable[[Floats], Floats],
-    longest_m: float,
+    max_range_m: float,
     extinctions_per_m: Floats = EXTINCTIONS_PER_M,
 ) -> Templates:
-    """Tables up to a range; ``response`` gives readings (n, ...) of all light by its path (...)."""
-    fine_m = np.arange(STEP_M / INTEGRATION_STEPS, longest_m, STEP_M / INTEGRATION_STEPS)
-    coarse_m = np.arange(0.0, longest_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
+    """Tables up to a range; ``response`` maps the path (...) of all light to readings (n, ...)."""
+    fine_m = np.arange(STEP_M / INTEGRATION_STEPS, max_range_m, STEP_M / INTEGRATION_STEPS)
+    coarse_m = np.arange(0.0, max_range_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
     weight = np.array([np.interp(fine_m, coarse_m, w) for w in overlap(optics, coarse_m)[0]])
     path_m = path_lengths(optics, fine_m)
-    reported = np.stack([response(path) for path in path_m])  # (4, n, fine)
+    kernel = np.stack([response(path) for path in path_m])  # (4, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
     for extinction in extinctions_per_m:
-        seen = (weight * np.exp(-extinction * path_m))[:, None] * reported
+        seen = (weight * np.exp(-extinction * path_m))[:, None] * kernel
         density = seen * (STEP_M / INTEGRATION_STEPS)
         target.append(seen[..., keep] / np.pi)
         fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep])
@@ -87,8 +87,8 @@ def make_templates(
 def _uneven(density: Floats) -> Floats:
     """Covariance (4, P, n, n) of the echo up to every PATCH_STEP-th range, of cells (4, n, fine).
 
-    The exponential correlation lets it grow cell by cell: what a new cell shares with all before it
-    fades by exp(-step / PATCH_M), and so is a running sum of cells that grow instead.
+    With exponential correlation it grows cell by cell: the covariance of a new cell with those
+    before fades by exp(-step / PATCH_M), as a running sum of growing cells does.
     """
     cells = density.reshape(*density.shape[:2], -1, INTEGRATION_STEPS).sum(axis=-1)
     growth = np.exp(np.arange(cells.shape[-1]) * STEP_M / PATCH_M)

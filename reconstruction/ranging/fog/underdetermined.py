@@ -1,20 +1,20 @@
-"""Ranges of spots of which the readings are two numbers each: one frequency, or two windows.
+"""Ranges of spots with just two readings each: one frequency, or two windows.
 
-Range and reflectance take both, so nothing is left to estimate the fog from. In a fog of extinction
-sigma and backscattering beta one range (and its wraps) explains a spot's readings exactly. Evidence
-of which fog it is comes from
+Range and reflectance use up both, so nothing is left to estimate the fog. In a fog of extinction
+sigma and backscattering beta one range (and its wraps) explains a spot's readings exactly. The
+evidence on the fog comes from
 
-* the prior over weather (`belief`): clear air, or fog of any extinction, or what the user states,
-* reflectances that exist (`reflectance`): where fog is taken for clear air, its echo has to be a
-  near target that is far too dark, and where clear air is taken for fog, targets are too bright,
-* the image: the patterns light the same surfaces and the same fog from another angle, so a spot's
-  pixel has to be as bright as its reflectance, its range and the fog's veil make it, and
-* all four spots at once, for they share the fog.
+* the prior of the weather (`fog_state`): clear air, fog of any extinction, or the stated weather,
+* the prior of reflectances: fog taken for clear air makes its echo a near target that is far too
+dark, clear air taken for fog makes targets too bright,
+* the image: patterns light the same surfaces and fog from another angle, so a spot's pixel must
+match its reflectance, its range and the fog's veil, and
+* all four spots at once, as they share the fog.
 
-The answer is the posterior over fogs on a grid: for each fog the roots of the range, with the prior
-of each over the Jacobian of the readings as their weight; their mean and spread is the range, its
-sigma includes what remains unknown of the fog. Surfaces whose texture differs within a pixel, and
-fog that is uneven, are noise of `TEXTURE`, `VEIL` and `templates.UNEVENNESS`.
+The result is the posterior over fogs on a grid: for each fog the roots of the range, weighted by
+their prior over the Jacobian of the readings. Their mean and spread give the range and a sigma that
+includes the uncertainty of the fog. Texture within a pixel and uneven fog are noise of `TEXTURE`,
+`VEIL` and `templates.UNEVENNESS`.
 """
 
 from collections.abc import Callable
@@ -28,57 +28,65 @@ from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from ..weather import weather_of
-from .answer import CERTAIN, ranges_of
-from .belief import FogBelief, FogSolver
-from .chances import chi_squared_limit, normal_cdf
+from .answer import MIN_PROBABILITY, ranges_of
+from .fog_state import FogSolver, FogState
+from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior
-from .reflectance import log_of_anything, log_of_surfaces
 from .roots import Roots, RootTables, Symmetric
 
 EXTINCTIONS_PER_M = np.array(
     [1e-4, 0.003, 0.006, 0.01, 0.016, 0.025, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28]
 )
-"""From what no range feels to 13 m of visibility, so close that ranges between differ little."""
+"""From negligible extinction to 13 m of visibility, in small steps of range."""
 PER_TARGET = 2
-"""Numbers that range and reflectance take."""
+"""Readings that range and reflectance use up."""
 CLEAR = 0.2
-"""Prior probability of clear air where nothing is stated; all extinctions are likely alike."""
+"""Prior probability of clear air if nothing is stated; all extinctions are equally likely."""
 EMPTY = 0.2
 """Prior probability that a spot has no target within range."""
 NODES, WEIGHTS = np.polynomial.hermite_e.hermegauss(7)
-"""Of backscattering, log-normal at each extinction."""
+"""Quadrature of log-normal backscattering at each extinction."""
 ASIDE_NODES, ASIDE_WEIGHTS = np.polynomial.hermite_e.hermegauss(5)
 ASIDE, LOG_ASIDE_SIGMA = 0.35, 0.6
 """Scattering 10 to 16 degrees off the way back, where the patterns' detector sees most of its fog,
 over that straight back: by Mie theory 0.2 (advection fog, beside its glory) to 1 (haze, smoke)."""
 GAIN_NODES, GAIN_WEIGHTS = np.polynomial.hermite_e.hermegauss(3)
 LOG_GAIN_SIGMA = 0.2
-"""Of the image's calibration, common to all spots."""
+"""Log sigma of the image's calibration, common to all spots."""
 ASIDES, GAINS = ASIDE * np.exp(LOG_ASIDE_SIGMA * ASIDE_NODES), np.exp(LOG_GAIN_SIGMA * GAIN_NODES)
-"""By which fog is brighter in the image, and all light: A combinations, asides the faster,"""
+"""Factors on fog in the image, and on all light: A combinations, asides the faster,"""
 LIGHT_PRIOR = np.outer(GAIN_WEIGHTS, ASIDE_WEIGHTS).ravel()
+"""and their prior probabilities (A,)."""
 LIGHT_PRIOR /= LIGHT_PRIOR.sum()
 """and how probable each is (A,)."""
 TEXTURE = 0.35
-"""Brightness of a pixel over that of a spot in it, relative rms,"""
+"""Relative rms difference in brightness between a pixel and a spot in it,"""
 VEIL = 0.15
-"""and the same of the fog's veil."""
+"""and the same for the fog's veil."""
 SUPPORT = 2.0
-"""Where neither image nor user tells the fog, the prior over weather outweighs the readings. Sigma
-reaches to every fog with so little less log likelihood than the best (two units of support;
-A. Edwards, Likelihood, 1972),"""
-SURE_M = 0.18
-"""and a range that is less certain is none: nine in ten should be within 0.3 m."""
+"""If neither image nor user states the fog, the prior of the weather outweighs the readings. Sigma
+then covers every fog within two units of log likelihood of the best (support; A. Edwards,
+Likelihood, 1972),"""
+MAX_SIGMA_M = 0.18
+"""up to this sigma: nine in ten ranges should be within 0.3 m."""
 FREEDOM = 4.0
-"""Of Student's t, with which a pixel may differ from its spot: edges are frequent."""
+"""Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
 APART_M = 0.5
-"""Roots that are farther apart than this are different alternatives."""
+"""Roots farther apart are different alternatives."""
 NEGLIGIBLE = 1e-6
-"""Fraction of a spot's probability below which a root does not count."""
+"""Fraction of a spot's probability below which a root is dropped."""
 UNAFFECTED = 1.15
-"""Ranges whose sigma is at most so many times that of known fog do not rest on the prior."""
-LARGEST = 0.3
-"""Sigma over range beyond which fog leaves a range too uncertain."""
+"""Maximum sigma, over that in known fog, of ranges that do not depend on the prior."""
+MAX_RELATIVE_SIGMA = 0.3
+"""Maximum sigma over range."""
+REFLECTANCE_MEDIAN = 0.27
+REFLECTANCE_LOG_SIGMA = 0.8
+"""Reflectance prior of materials at 1550 nm (median 0.35, standard deviation of ln 0.65) times the
+cosine at which beams meet surfaces (uniform in solid angle: mean 0.77 of the normal's, skewed
+down)."""
+ODD = 0.07
+"""Prior probability of anything else, uniform in ln: water, ice, mirrors, edges."""
+ODD_FROM, ODD_TO = 1e-4, 1e2
 
 
 def underdetermined_solver(
@@ -86,54 +94,70 @@ def underdetermined_solver(
     optics: Optics | None,
     combine: Floats,
     response: Callable[[Floats], Floats],
-    longest_m: float,
+    max_range_m: float,
 ) -> FogSolver:
-    """Solver of one recording's readings, which ``combine`` (2, readings) makes two numbers."""
+    """Solver for a recording's readings, which ``combine`` (2, readings) reduces to two."""
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    tables = RootTables(spots, optics if scaled else None, response, longest_m, EXTINCTIONS_PER_M)
-    log_density = log_of_surfaces if scaled else log_of_anything
+    tables = RootTables(spots, optics if scaled else None, response, max_range_m, EXTINCTIONS_PER_M)
+    log_density = surface_log_prior if scaled else flat_log_prior
     stated = weather_of(spots)
-    reported = not np.isnan(stated.visibility_m)
+    visibility_stated = not np.isnan(stated.visibility_m)
     noise = chi_squared_limit(PER_TARGET, normal_cdf(-MIN_SIGNAL))
 
     def solve(
-        spots: Spots, belief: FogBelief, brightness: Brightness | None
-    ) -> tuple[Ranges, FogBelief]:
+        spots: Spots, prior: FogState, brightness: Brightness | None
+    ) -> tuple[Ranges, FogState]:
         assert isinstance(spots, CwSpots | PulsedSpots)
         readings = spots.electrons(spots.taps[0])
         covariance = Symmetric.of((combine * spots.variance(readings)[:, None]) @ combine.T)
         pairs = readings @ combine.T
         saturated = spots.saturated[0].any(axis=1)
         dark = covariance.squares(*pairs.T) < noise
-        backscatter = np.exp(belief.log_median[:, None] + belief.log_sigma[:, None] * NODES)
+        backscatter = np.exp(prior.log_median[:, None] + prior.log_sigma[:, None] * NODES)
         roots = tables.roots(pairs, covariance, backscatter, log_density)
-        displayed = brightness is not None and np.isfinite(brightness.electrons).any()
-        seen = brightness if displayed and tables.empty_pixel is not None else None
-        guessed = seen is None and not reported
+        image_known = brightness is not None and np.isfinite(brightness.electrons).any()
+        seen = brightness if image_known and tables.empty_pixel is not None else None
+        guessed = seen is None and not visibility_stated
         weight, by_root, support = _weights(
-            tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, belief, seen
+            tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, prior, seen
         )
         supported = np.zeros(support.shape, dtype=bool)
         if guessed:
-            held = support - NODES**2 / 2 + belief.log_ratio(CLEAR)[:, None]
-            supported = held >= held.max() - SUPPORT
-        reaching = supported[roots.node, roots.draw]
+            plausibility = support - NODES**2 / 2 + prior.log_ratio(CLEAR)[:, None]
+            supported = plausibility >= plausibility.max() - SUPPORT
+        supporting = supported[roots.node, roots.draw]
         estimate = Posterior(
-            _spot_posteriors(roots, by_root, reaching), belief.updated(weight, backscatter)
+            _spot_posteriors(roots, by_root, supporting), prior.update(weight, backscatter)
         )
-        widest_m = SURE_M if guessed else np.inf
+        max_sigma_m = MAX_SIGMA_M if guessed else np.inf
         statuses = tuple(
             "saturated"
             if saturated[k]
             else "weak"
             if dark[k]
-            else _status(each, longest_m, widest_m)
+            else _status(each, max_range_m, max_sigma_m)
             for k, each in enumerate(estimate.spots)
         )
         fog = estimate.fog.optics(EXTINCTIONS_PER_M)
         return ranges_of(estimate.spots, statuses, readings.mean(axis=1), fog), estimate.fog
 
-    return FogSolver(FogBelief.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
+    return FogSolver(FogState.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
+
+
+def surface_log_prior(reflectance: Floats) -> Floats:
+    """Log prior density (...) of reflectances (...)."""
+    log = np.log(reflectance)
+    usual = np.exp(-(((log - np.log(REFLECTANCE_MEDIAN)) / REFLECTANCE_LOG_SIGMA) ** 2) / 2) / (
+        REFLECTANCE_LOG_SIGMA * np.sqrt(2 * np.pi)
+    )
+    within = (reflectance > ODD_FROM) & (reflectance < ODD_TO)
+    odd = np.where(within, 1 / np.log(ODD_TO / ODD_FROM), 1e-12)
+    return np.asarray(np.log((1 - ODD) * usual + ODD * odd) - log)
+
+
+def flat_log_prior(reflectance: Floats) -> Floats:
+    """Log prior density without a radiometric scale: uniform in ln."""
+    return np.asarray(-np.log(reflectance) - np.log(np.log(ODD_TO / ODD_FROM)))
 
 
 def _weights(
@@ -143,12 +167,12 @@ def _weights(
     covariance: Symmetric,
     usable: Mask,
     backscatter: Floats,
-    belief: FogBelief,
+    prior: FogState,
     brightness: Brightness | None,
 ) -> tuple[Floats, Floats, Floats]:
     """Posterior (K, B) of fogs, of each root (C,) within its spot, and log likelihood (K, B).
 
-    A spot without a target has the echo of fog alone, and a pixel with its veil.
+    Without a target a spot has the echo of fog alone, and its pixel the veil.
     """
     log_empty = np.log(EMPTY) + _log_density_of_fog(tables, pairs, covariance, backscatter)
     log_target = np.log(1 - EMPTY) + roots.log_prior
@@ -160,10 +184,10 @@ def _weights(
     if starts.size:
         peak[having] = np.maximum(peak[having], np.maximum.reduceat(log_target, starts))
     empty, target = np.exp(log_empty.ravel() - peak)[None], np.exp(log_target - peak[group])[None]
-    prior = np.ones(1)
+    light_prior = np.ones(1)
     if brightness is not None:
         assert tables.empty_pixel is not None
-        prior = LIGHT_PRIOR
+        light_prior = LIGHT_PRIOR
         veil = (tables.empty_pixel[..., None] * backscatter).ravel()
         own = np.repeat(np.arange(4), fogs[0] * fogs[1])
         empty = empty * _likelihood_of_pixel(
@@ -175,12 +199,12 @@ def _weights(
     total = empty.copy()
     if starts.size:
         total[:, having] += np.add.reduceat(target, starts, axis=1)
-    by_spot = np.log(total).reshape(prior.size, 4, -1) + peak.reshape(4, -1)
+    by_spot = np.log(total).reshape(light_prior.size, 4, -1) + peak.reshape(4, -1)
     evidence = by_spot[:, usable].sum(axis=1)
     support = evidence.max(axis=0).reshape(fogs)
-    evidence += np.log(prior)[:, None]
+    evidence += np.log(light_prior)[:, None]
     evidence += np.log(
-        np.maximum(belief.fraction, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
+        np.maximum(prior.probability, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
     ).T.ravel()
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
@@ -192,7 +216,7 @@ def _weights(
 def _log_density_of_fog(
     tables: RootTables, pairs: Floats, covariance: Symmetric, backscatter: Floats
 ) -> Floats:
-    """Of readings of each spot, without a target, in each fog: (4, K, B)."""
+    """Log density (4, K, B) of each spot's readings in each fog, without a target."""
     beta = backscatter[None]
     x, y = pairs.T[..., None, None]
     own = Symmetric(*(each[:, None, None] for each in vars(covariance).values()))
@@ -205,7 +229,7 @@ def _log_density_of_fog(
 def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma: Floats) -> Floats:
     """Likelihood (A, n) of pixels (n,) with so much of surface and, times `ASIDES`, veil.
 
-    Student's t, up to a factor; 1 where nothing is known of a pixel.
+    Student's t, up to a factor; 1 if the pixel is unknown.
     """
     veil = ASIDES[:, None] * veil
     spread = (TEXTURE * surface) ** 2 + (VEIL * veil) ** 2
@@ -217,10 +241,10 @@ def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma
     return np.where(np.isfinite(likelihood) & (likelihood > 0), likelihood, 1.0)
 
 
-def _spot_posteriors(roots: Roots, by_root: Floats, reaching: Mask) -> tuple[SpotPosterior, ...]:
-    """What is known of each spot; roots that are close to each other are one alternative.
+def _spot_posteriors(roots: Roots, by_root: Floats, supporting: Mask) -> tuple[SpotPosterior, ...]:
+    """Posterior of each spot, with close roots merged into alternatives.
 
-    Sigma reaches to the farthest of some (C,).
+    Sigma covers the farthest of the ``supporting`` roots (C,).
     """
     of_spot = np.bincount(roots.spot, by_root, minlength=4)
     here = np.flatnonzero(by_root > NEGLIGIBLE * of_spot[roots.spot])
@@ -237,7 +261,7 @@ def _spot_posteriors(roots: Roots, by_root: Floats, reaching: Mask) -> tuple[Spo
 
     centre, noise_m2 = mean(range_m), mean(roots.noise_m2[here])
     away_m = range_m - np.repeat(centre, np.diff(np.append(starts, here.size)))
-    farthest_m2 = np.maximum.reduceat(np.where(reaching[here], away_m**2, 0.0), starts)
+    farthest_m2 = np.maximum.reduceat(np.where(supporting[here], away_m**2, 0.0), starts)
     sigma_m = np.sqrt(noise_m2 + np.maximum(mean(away_m**2), farthest_m2))
     strength, signal = mean(roots.strength[here]), mean(roots.signal[here])
     noise_m = np.sqrt(mean(roots.reading_m2[here]))
@@ -262,13 +286,16 @@ def _spot_posteriors(roots: Roots, by_root: Floats, reaching: Mask) -> tuple[Spo
     return tuple(of(number) for number in range(4))
 
 
-def _status(spot: SpotPosterior, longest_m: float, widest_m: float) -> Status:
-    """What a range rests on, or why there is none."""
-    if not spot.alternatives or spot.target < CERTAIN or spot.strength < spot.needed:
+def _status(spot: SpotPosterior, max_range_m: float, max_sigma_m: float) -> Status:
+    """Status of a range."""
+    if not spot.alternatives or spot.target < MIN_PROBABILITY or spot.strength < spot.needed:
         return "fog"
     likeliest = spot.alternatives[0]
-    if likeliest.weight < CERTAIN or likeliest.range_m > longest_m - MIN_SIGNAL * likeliest.sigma_m:
+    if (
+        likeliest.weight < MIN_PROBABILITY
+        or likeliest.range_m > max_range_m - MIN_SIGNAL * likeliest.sigma_m
+    ):
         return "ambiguous"
-    if likeliest.sigma_m > min(widest_m, LARGEST * likeliest.range_m):
+    if likeliest.sigma_m > min(max_sigma_m, MAX_RELATIVE_SIGMA * likeliest.range_m):
         return "fog"
     return "ok" if likeliest.sigma_m <= UNAFFECTED * spot.noise_m else "weather prior"

@@ -1,11 +1,11 @@
-"""Methods of ranging, one module each; the one named as a kind of readings is its plain one."""
+"""Ranging methods, one module each; the plain method of a kind of readings has its name."""
 
 from ...base.errors import InputError
 from ...base.registry import Registry
 from ...capture import Spots
 from ...capture.schema import between
 from ..method import RangingMethod
-from ..ranges import LONGEST_IN_FOG_M, Ranges
+from ..ranges import MAX_FOG_RANGE_M, Ranges
 
 RANGING_METHODS: Registry[RangingMethod] = Registry(
     "ranging method", package=__name__, attribute="METHOD", group="reconstruction.rangings"
@@ -13,7 +13,7 @@ RANGING_METHODS: Registry[RangingMethod] = Registry(
 
 
 def ranging_method(name: str, spots: Spots) -> RangingMethod:
-    """Method of this name; InputError if there is none, or it reads another kind of readings."""
+    """Method by name; raises InputError if it is unknown or reads other readings."""
     method = RANGING_METHODS[name]
     if not isinstance(spots, method.reads):
         fitting = [
@@ -34,21 +34,28 @@ def reads(name: str, spots: Spots) -> bool:
 
 
 def usual_rangings(spots: Spots) -> tuple[str, ...]:
-    """The plain method of these readings; before it the one that knows of fog, unless it is clear.
+    """Default methods of these readings: the plain one, preceded by fog ranging unless the air is
+    clear.
 
-    Readings that tell of targets farther off than drones fly in fog would lose these.
+    Fog ranging is left out for readings of a longer maximum range, which it would cut off.
     """
     fog = RANGING_METHODS["fog"]
     clear = spots.clear_probability == 1
-    if not clear and reads("fog", spots) and fog.unambiguous_range_m(spots) <= LONGEST_IN_FOG_M:
+    if not clear and reads("fog", spots) and fog.unambiguous_range_m(spots) <= MAX_FOG_RANGE_M:
         return "fog", spots.method
     return (spots.method,)
 
 
 def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:
-    """Ranges of one frame by a method, the plain one of these readings where None.
+    """Ranges of one frame.
 
-    What a user sees first is the default ranging, of `reconstruction.reconstruct`.
+    Parameters
+    ----------
+    spots : Spots
+        Readings of a recording.
+    method : str, optional
+        Name; the plain method of these readings by default. `reconstruction.reconstruct` instead
+        defaults to the first of `usual_rangings`.
     """
     solver = ranging_method(method or spots.method, spots).compile(between(spots, 0, 0))
     return solver(between(spots, frame, frame + 1))

@@ -1,7 +1,7 @@
 """Continuous-wave indirect time of flight: taps -> phases -> path length.
 
-Tap k reads S_k = B + A cos(phi + phase_offset_k - phase_k), phi = 2 pi f L / c, with L the whole
-optical path from the laser over the spot to the detector.
+Tap k reads S_k = B + A cos(phi + phase_offset_k - phase_k), phi = 2 pi f L / c, with L the optical
+path from the laser via the spot to the detector.
 """
 
 import numpy as np
@@ -16,23 +16,23 @@ from ..unwrap import path_from_phases, unambiguous_path_m
 
 
 class Cw:
-    """Phases by least squares over any number of taps >= 3 of each frequency.
+    """Phases by least squares over three or more taps of each frequency.
 
-    A frequency shows no signal if its amplitude is below MIN_SIGNAL standard deviations, and a
-    spot none if one of its frequencies does not. With one frequency f paths are unambiguous below
-    c / f only; with several, see `path_from_phases`.
+    A frequency has no signal if its amplitude is below MIN_SIGNAL standard deviations, and a spot
+    has none if one of its frequencies has none. With one frequency f, paths are unambiguous below c
+    / f only; with several, see `path_from_phases`.
     """
 
     title = "phase"
     reads = CwSpots
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver of one recording's taps; InputError where nothing tells their noise."""
+        """Solver for a recording's taps; raises InputError if their noise is unknown."""
         assert isinstance(spots, CwSpots)
         spots.check_noise(4)
         frequencies = np.unique(spots.tap_frequencies_hz)
         first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
-        tap_phases = spots.tap_phases_rad - spots.phase_offsets_rad
+        tap_phases = spots.phases_rad
         of_each = [spots.tap_frequencies_hz == frequency for frequency in frequencies]
         weights = [quadrature_weights(tap_phases[of]) for of in of_each]
 
@@ -65,7 +65,7 @@ class Cw:
         return solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
-        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        """Range beyond which a spot appears nearer than it is."""
         assert isinstance(spots, CwSpots)
         return unambiguous_path_m(spots.tap_frequencies_hz) / 2
 
@@ -73,13 +73,22 @@ class Cw:
 def demodulate(
     taps: Floats, variance: Floats, inverse: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Phase, amplitude, offset and standard deviation of the phase, each (...,), of taps (..., K).
+    """Demodulate taps by least squares.
 
-    ``inverse`` (3, K) are the `quadrature_weights` of the taps' phases.
-    Least squares on B + (A cos phi) cos theta_k + (A sin phi) sin theta_k; four taps at quarter
-    periods give atan2(S1 - S3, S0 - S2). The variance of each tap is carried to the phase to first
-    order: [sin^2 phi (v0 + v2) + cos^2 phi (v1 + v3)] / 4 A^2 for four taps. It is infinite where
-    there is no amplitude.
+    Fits B + (A cos phi) cos theta_k + (A sin phi) sin theta_k; four taps at quarter periods give
+    atan2(S1 - S3, S0 - S2). The variance of the taps propagates to first order: [sin^2 phi (v0 +
+    v2) + cos^2 phi (v1 + v3)] / 4 A^2 for four taps; it is infinite without amplitude.
+
+    Parameters
+    ----------
+    taps, variance : array, (..., K)
+    inverse : array, (3, K)
+        `quadrature_weights` of the taps' phases.
+
+    Returns
+    -------
+    phase, amplitude, offset, sigma : array, (...,)
+        With the standard deviation of the phase.
     """
     offset, cosine, sine = np.moveaxis(taps @ inverse.T, -1, 0)
     phase, amplitude = np.arctan2(sine, cosine), np.hypot(cosine, sine)
@@ -90,7 +99,7 @@ def demodulate(
 
 
 def quadrature_weights(tap_phases_rad: Floats) -> Floats:
-    """The (3, K) matrix that takes K taps to B, A cos phi and A sin phi by least squares."""
+    """Matrix (3, K) from K taps to B, A cos phi and A sin phi by least squares."""
     model = [np.ones_like(tap_phases_rad), np.cos(tap_phases_rad), np.sin(tap_phases_rad)]
     return np.linalg.pinv(np.stack(model, axis=1))
 

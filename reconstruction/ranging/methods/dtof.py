@@ -12,25 +12,25 @@ from ..method import RangingSolver
 from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 
 NO_PILE_UP = 10_000
-"""Cycles per cycle where each can have one arrival only without hiding another."""
+"""Factor on the cycles that makes pile-up negligible."""
 
 
 class DirectTof:
-    """A pulse in the histogram by maximum likelihood (see `find_pulses`).
+    """Maximum-likelihood pulse in the histogram (see `find_pulses`).
 
-    A pulse is no signal if as strong a one is as likely anywhere in noise as one of MIN_SIGNAL
-    standard deviations at a given place, and ambiguous if its centre lies outside of the bins.
+    A pulse is no signal if noise makes one as strong anywhere as often as one of MIN_SIGNAL
+    standard deviations at a given position, and ambiguous if its centre lies outside the bins.
     """
 
     title = "strongest pulse"
     reads = HistogramSpots
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver of one recording's histograms."""
+        """Solver for a recording's histograms."""
         return _solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
-        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        """Range beyond which a spot appears nearer than it is."""
         return np.inf
 
 
@@ -39,7 +39,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     finite = np.isfinite(spots.response_sigma_s)
     width = spots.response_sigma_s / spots.bin_width_s if finite else None
     counts = spots.counts[0].astype(np.float64)
-    # Of very many cycles with few arrivals each, none would hide another.
+    # With very many cycles of few arrivals each, no arrival hides another.
     cycles = spots.pulses if spots.piles_up else NO_PILE_UP * spots.pulses
     pulses = find_pulses(counts, cycles, width)
     bins = counts.shape[-1]

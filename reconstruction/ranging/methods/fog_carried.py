@@ -1,34 +1,32 @@
-"""Ranges through fog that changes slowly: what a frame tells of the fog helps with the next.
+"""Ranges through slowly changing fog: the posterior of a frame predicts the prior of the next.
 
-For recordings whose frames are reconstructed in their order, as of a flight. The extinction and
-backscattering of each frame are those of the one before but for a drift, and now and then another
-fog altogether: a Bayesian filter over the extinctions, each with a log-normal backscattering.
+For recordings reconstructed in order, as of a flight: a Bayesian filter over the extinctions, each
+with a log-normal backscattering, which drift from frame to frame and rarely change altogether.
 """
 
 from ...capture import Optics, Spots
 from ..brightness import Brightness
 from ..fog.solvers import fog_solver
 from ..method import RangingSolver
-from ..ranges import LONGEST_IN_FOG_M, Ranges
+from ..ranges import Ranges
 from .fog import Fog
 
 
 class FogCarried(Fog):
-    """The joint likelihood of `Fog`, with the fog of the frame before in place of any fog."""
+    """The joint likelihood of `Fog`, with the predicted fog of the last frame as its prior."""
 
     title = "fog of the last frame and target"
     carries = True
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver that remembers the fog of the frame that it solved last; InputError as `Fog`."""
-        longest_m = min(self.unambiguous_range_m(spots), LONGEST_IN_FOG_M)
-        prior, solver = fog_solver(spots, longest_m, optics)
-        belief = prior
+        """Solver that remembers the fog of the last frame; raises InputError as `Fog`."""
+        prior, solver = fog_solver(spots, optics)
+        predicted = prior
 
         def solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
-            nonlocal belief
-            ranges, after = solver(spots, belief, brightness)
-            belief = after.predict(prior)
+            nonlocal predicted
+            ranges, posterior = solver(spots, predicted, brightness)
+            predicted = posterior.predict(prior)
             return ranges
 
         return solve

@@ -1,10 +1,10 @@
 """Pulsed indirect time of flight: light in adjacent windows -> delay -> path length.
 
-A rectangular pulse as long as the windows that arrives within the first one leaves the share r of
-its light in the second: r = (S2 - S0) / (S1 + S2 - 2 S0), with S0 the window that sees background
-only (S. Kawahito et al., "A CMOS time-of-flight range image sensor with gates-on-field-oxide
-structure", IEEE Sensors J. 7, 1578 (2007)). Rounded edges of the pulse bend this near r = 0 and 1.
-Of more than two windows for the echo, the two neighbours with most light are taken.
+A rectangular pulse as long as the windows that arrives within the first one leaves a fraction r of
+its light in the second: r = (S2 - S0) / (S1 + S2 - 2 S0), with S0 the background window (S.
+Kawahito et al., "A CMOS time-of-flight range image sensor with gates-on-field-oxide structure",
+IEEE Sensors J. 7, 1578 (2007)). Rounded pulse edges bend this near r = 0 and 1. With more than two
+windows for the echo, the two neighbours with most light are used.
 """
 
 import numpy as np
@@ -19,24 +19,23 @@ from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 
 
 class Pulsed:
-    """The share of a pulse in the second of two windows.
+    """Fraction of a pulse in the second of two windows.
 
-    No signal is a pulse below MIN_SIGNAL standard deviations. It is ambiguous where one of the
-    two windows has none of it so far as noise can tell: the pulse may then as well lie partly
-    outside of both.
+    A pulse below MIN_SIGNAL standard deviations is no signal. It is ambiguous if one of the two
+    windows has no significant light, as it may then lie partly outside both.
     """
 
     title = "share of windows"
     reads = PulsedSpots
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver of one recording's windows; InputError where their noise is not known."""
+        """Solver for a recording's windows; raises InputError if their noise is unknown."""
         assert isinstance(spots, PulsedSpots)
         spots.check_noise(4)
         return _solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
-        """Range from which on a spot looks nearer than it is; infinite where none does."""
+        """Range beyond which a spot appears nearer than it is."""
         return np.inf
 
 
@@ -47,7 +46,7 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     taken = np.stack([np.zeros_like(first), first, first + 1], axis=1)
     electrons = np.take_along_axis(every, taken, axis=1)
     variance = np.take_along_axis(spots.variance(every), taken, axis=1)
-    fraction, signal, sigma = fraction_in_second(electrons, variance)
+    fraction, signal, sigma = second_window_fraction(electrons, variance)
     delay = spots.window_starts_s[first] + fraction * spots.pulse_width_s - spots.delay_offset_s
     echoes = electrons[:, 1:] - electrons[:, :1]
     in_each = echoes > MIN_SIGNAL * np.sqrt(variance[:, 1:] + variance[:, :1])
@@ -64,14 +63,14 @@ def _solve(spots: Spots, brightness: Brightness | None = None) -> Ranges:
     return ranges_from_paths(paths, spots)
 
 
-def fraction_in_second(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
-    """Share r of the pulse in the second window, its whole signal s, and the deviation of r.
+def second_window_fraction(windows: Floats, variance: Floats) -> tuple[Floats, Floats, Floats]:
+    """Fraction r of the pulse in the second window, total signal s, and sigma of r, each (...,).
 
-    Each (...,), from background, first and second window (..., 3) and their variances, carried to
-    first order: var(r) = [r^2 v1 + (1 - r)^2 v2 + (1 - 2 r)^2 v0] / s^2, which for shot noise of
-    the signal and a variance v of all else in each window is r (1 - r) / s + v [r^2 + (1 - r)^2 +
-    (1 - 2 r)^2] / s^2. To second order r is off by -3 v (1 - 2 r) / s^2, which is not corrected.
-    Where there is no signal, r is 0 and its deviation infinite.
+    From background, first and second window (..., 3) and their variances. To first order var(r) =
+    [r^2 v1 + (1 - r)^2 v2 + (1 - 2 r)^2 v0] / s^2, which for shot noise of the signal and another
+    variance v in each window is r (1 - r) / s + v [r^2 + (1 - r)^2 + (1 - 2 r)^2] / s^2. The
+    second-order bias -3 v (1 - 2 r) / s^2 is not corrected. Without signal, r is 0 and its sigma
+    infinite.
     """
     background, first, second = np.moveaxis(windows, -1, 0)
     signal = first + second - 2 * background

@@ -46,10 +46,10 @@ def record(
     readings, mean = record_frames(
         scene, instrument, light, truths, streams, noise=noise, frames=frames
     )
-    plan, *later_plans = instrument.pattern_plans[:frames]
+    plan, *following_plans = instrument.pattern_plans[:frames]
     return Capture(
         plan=plan,
-        later_plans=tuple(later_plans),
+        following_plans=tuple(following_plans),
         buckets=readings.buckets,
         spots=readings.spots,
         pattern_taps=readings.pattern_taps,
