@@ -1,6 +1,6 @@
 """Results that were written, as shots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.errors import InputError, nearest
 from ..capture import Optics, hdf5
-from ..chosen_methods import Names
+from ..chosen_methods import Methods
 from ..outputs.result_file import FORMAT, read_result
 from ..result import Result
 from .shot import Shot
@@ -26,7 +26,7 @@ def is_result(path: Path) -> bool:
     return False
 
 
-def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> Shot:
+def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Methods]) -> Shot:
     """What a result shows, by the first method named of each station, else by its default one.
 
     It tells neither where its spots point nor when it was taken: its ranges are left out. Raises
@@ -42,10 +42,12 @@ def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> S
                 warnings=result.warnings)  # fmt: skip
 
 
-def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> Any:
-    name = names if names is None or isinstance(names, str) else next(iter(names), None)
-    if name is None:
+def _picked(maps: Mapping[str, Any], methods: Methods, station: str, path: Path) -> Any:
+    if isinstance(methods, Sequence) and not isinstance(methods, str):
+        methods = next(iter(methods), None)
+    if methods is None:
         return next(iter(maps.values()), None)
+    name = methods if isinstance(methods, str) else methods.name
     if name not in maps:
         raise InputError(f"{path}: holds no {station} by {name!r}: {nearest(name, maps)}")
     return maps[name]

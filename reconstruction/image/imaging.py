@@ -1,7 +1,8 @@
 """Image methods compiled for a pattern plan, for whichever of its readings are usable."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -28,11 +29,15 @@ class Imaging:
     ``plans`` are those of successive frames, over and over. Readings that are not usable have
     infinite noise, which takes no compiling. Only where patterns are not orthogonal, and so every
     coefficient rests on every reading, the usable ones are compiled for, and kept as long as it is
-    the same ones. Methods that carry something from frame to frame begin here.
+    the same ones. Methods that carry something from frame to frame begin here. ``own`` are methods
+    that are not registered, by name.
     """
 
-    def __init__(self, *plans: PatternPlan) -> None:
+    def __init__(
+        self, *plans: PatternPlan, own: Mapping[str, ImageMethod] = MappingProxyType({})
+    ) -> None:
         self._plans = plans
+        self._own = own
         self._whole: dict[int, CompiledPlan] = {}
         self._fewer: tuple[tuple[int, bytes], CompiledPlan] | None = None
         self._begun: dict[str, ImageMethod] = {}
@@ -56,7 +61,7 @@ class Imaging:
     def _method(self, name: str) -> ImageMethod:
         """A method by its name, for this recording alone where it carries something."""
         if name not in self._begun:
-            method = image_method(name)
+            method = self._own[name] if name in self._own else image_method(name)
             if isinstance(method, CarryingMethod):
                 method = method.begin([decoder_for(plan).operator for plan in self._plans])
             self._begun[name] = method

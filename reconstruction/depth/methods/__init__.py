@@ -13,9 +13,9 @@ DEPTH_METHODS: Registry[DepthMethod] = Registry(
 )
 
 
-def depth_method(name: str, setup: Setup) -> DepthMethod:
-    """Method of this name; InputError if there is none, or the recording lacks what it needs."""
-    method = DEPTH_METHODS[name]
+def depth_method(name: str, setup: Setup, own: DepthMethod | None = None) -> DepthMethod:
+    """Return ``own``, or the method of this name; InputError if the recording lacks its needs."""
+    method = DEPTH_METHODS[name] if own is None else own
     missing = lacks(method, setup)
     if missing:
         parts = " and ".join(part.replace("_", " ") for part in missing)
