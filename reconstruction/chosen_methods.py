@@ -143,9 +143,9 @@ def denoiser(
     if not callable(function):
         raise InputError(f"a denoiser is a function of image and sigma, got {function!r}")
     image_method(method)
-    made = _Denoiser(function, name or getattr(function, "__name__", "denoiser"), method)
-    check_name(IMAGE_METHODS.kind, made.name)
-    return made
+    chosen: str = name or getattr(function, "__name__", "denoiser")
+    check_name(IMAGE_METHODS.kind, chosen)
+    return _Denoiser(function, chosen, method)
 
 
 def own_methods(station: str, methods: Methods) -> dict[str, Any]:
@@ -171,7 +171,7 @@ def _check_method(station: str, method: Any) -> None:
     members = MEMBERS[station]
     missing = [member for member in members if not hasattr(method, member)]
     kind, needed = REGISTRIES[station].kind, " and ".join(members)
-    if isinstance(method, type) and not missing:
+    if isinstance(method, type) and "compile" not in missing:
         raise InputError(f"{station}: {method.__qualname__} is a class; give an instance of it")
     if "compile" in missing or not callable(method.compile):
         hint = "; `denoiser` makes an image method of a function" if callable(method) else ""

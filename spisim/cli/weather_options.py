@@ -1,10 +1,8 @@
 """Options of the weather, the same for all commands that send light through a scene."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
-from functools import wraps
-from inspect import Parameter, signature
-from typing import Annotated, Any, get_type_hints
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import typer
 
@@ -33,7 +31,7 @@ Drops = Annotated[bool, typer.Option("--drops", help="Rain or snow of single dro
 
 @dataclass(frozen=True)
 class Weather:
-    """What takes the place of a scene's own weather; nothing where nothing is told."""
+    """Weather that replaces the scene's own; by default the scene keeps its own."""
 
     visibility: Visibility = None
     fog: Fog = None
@@ -53,7 +51,7 @@ class Weather:
             raise InputError("--drops goes with --rain or --snow")
 
     def sections(self, own_fog: Callable[[], dict[str, Any] | None]) -> dict[str, Any]:
-        """Sections of a scene file that change; `own_fog` reads the scene's, None clears one."""
+        """Sections to replace, None to remove; `own_fog` reads the fog of the scene's file."""
         from spisim.atmosphere.sections import WEATHER
 
         if self.clear:
@@ -73,45 +71,13 @@ class Weather:
 
 @dataclass(frozen=True)
 class WeatherOfDrops(Weather):
-    """Weather whose drops can be single ones: of commands that make readings over time."""
+    """Weather that may have discrete drops, for commands that simulate readings over time."""
 
     drops: Drops = False
 
 
 OWN_WEATHER = Weather()
 OWN_WEATHER_OF_DROPS = WeatherOfDrops()
-
-
-def with_weather(command: Callable[..., None]) -> Callable[..., None]:
-    """The command as Typer reads it: options in place of its parameter `weather`."""
-    kind = get_type_hints(command)["weather"]
-    options = _options(kind)
-
-    @wraps(command)
-    def reported(**given: Any) -> None:
-        command(weather=kind(**{name: given.pop(name) for name in options}), **given)
-
-    parameters: list[Parameter] = []
-    for name, parameter in signature(command, eval_str=True).parameters.items():
-        parameters += options.values() if name == "weather" else [parameter]
-    whole = signature(command).replace(parameters=parameters)
-    reported.__signature__ = whole  # type: ignore[attr-defined]
-    reported.__annotations__ = {each.name: each.annotation for each in parameters}
-    return reported
-
-
-def _options(kind: type[Weather]) -> dict[str, Parameter]:
-    hints = get_type_hints(kind, include_extras=True)
-    return {
-        field.name: Parameter(
-            field.name,
-            Parameter.POSITIONAL_OR_KEYWORD,
-            default=field.default,
-            annotation=hints[field.name],
-        )
-        for field in fields(kind)
-        if hasattr(hints[field.name], "__metadata__")
-    }
 
 
 def _fog(old: dict[str, Any], visibility_m: float | None, kind: str | None) -> dict[str, Any]:
