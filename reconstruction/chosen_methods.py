@@ -99,10 +99,6 @@ class _Denoiser:
     name: str
     inner: str
 
-    @property
-    def title(self) -> str:
-        return f"{self.name} of {self.inner}"
-
     def compile(self, operator: MeasurementOperator) -> ImageSolver:
         solve = image_method(self.inner).compile(operator)
 
@@ -143,7 +139,7 @@ def denoiser(
     if not callable(function):
         raise InputError(f"a denoiser is a function of image and sigma, got {function!r}")
     image_method(method)
-    chosen: str = name or getattr(function, "__name__", "denoiser")
+    chosen = str(name or getattr(function, "__name__", "denoiser"))
     check_name(IMAGE_METHODS.kind, chosen)
     return _Denoiser(function, chosen, method)
 

@@ -49,7 +49,7 @@ def real_option(
 def with_options(command: Callable[..., None]) -> Callable[..., None]:
     """The command as Typer reads it: each parameter that is a data class becomes its options."""
     hints = get_type_hints(command)
-    groups = {name: kind for name, kind in hints.items() if is_dataclass(kind)}
+    groups: dict[str, Any] = {name: each for name, each in hints.items() if is_dataclass(each)}
     options = {name: _options(kind) for name, kind in groups.items()}
 
     @wraps(command)

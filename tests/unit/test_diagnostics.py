@@ -78,7 +78,8 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
         true = np.array([[4.2, 4.4, limit + (0.01 if beyond else -0.01), 4.8]])
         truth = replace(capture.truth, spot_range_m=true)
         warnings = "; ".join(capture_warnings(replace(capture, truth=truth)))
-        assert ("spot 2 lies at 15.00 m, beyond the maximum unambiguous range of 14.99 m" in warnings) == beyond
+        text = "spot 2 lies at 15.00 m, beyond the maximum unambiguous range of 14.99 m"
+        assert (text in warnings) == beyond
 
 
 def test_a_range_where_there_is_nothing_is_told(capture: Capture) -> None:
