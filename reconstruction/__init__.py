@@ -73,31 +73,12 @@ __version__ = "0.1.0"
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __all__ = [
-    "Capture",
-    "Frames",
-    "InputError",
-    "PatternPlan",
-    "Reconstructor",
-    "Result",
-    "Setup",
-    "capture_from_readings",
-    "capture_warnings",
-    "denoiser",
-    "evaluate",
-    "first_patterns",
-    "make_plan",
-    "measure_ranges",
-    "open_capture",
-    "plan_from_matrix",
-    "read_capture",
-    "read_result",
-    "reconstruct",
-    "register",
-    "spots_from_histograms",
-    "spots_from_taps",
-    "write_capture",
-    "write_outputs",
-]
+    "Capture", "Frames", "InputError", "PatternPlan", "Reconstructor", "Result", "Setup",
+    "capture_from_readings", "capture_warnings", "denoiser", "evaluate", "first_patterns",
+    "make_plan", "measure_ranges", "open_capture", "plan_from_matrix", "read_capture",
+    "read_result", "reconstruct", "register", "spots_from_histograms", "spots_from_taps",
+    "write_capture", "write_outputs",
+]  # fmt: skip
 
 _NAMES = {
     "base.errors": "InputError",

@@ -339,7 +339,7 @@ def _print_range(ranges: dict[str, Any], fog: dict[str, Any] | None) -> None:
     print_table(table)
     if fog is not None:
         results.print(
-            f"Of a laser's light on its detector {100 * fog['echo_share']:.2g} % is the fog's. "
+            f"Of a laser's light on its detector {100 * fog['echo_fraction']:.2g} % is the fog's. "
             "Fitted: the Cramér-Rao bound, echo and fog unknown.",
             soft_wrap=True,
         )

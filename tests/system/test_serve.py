@@ -151,7 +151,7 @@ def test_wrong_arguments_are_told_before_any_work(folder, taken):
         (("--pose", "4.9,0,1"), "cannot start here: object 'wall' is less than 0.2 m away"),
         (("--pose", "0,0,99"), "cannot start here: the scene ends 15 m beyond its surfaces"),
         (("--gust", "1,0,1,0,0"), "and last longer than 0 s"),
-        (("--gust", "1,1,x,0,0"), "--gust 1,1,x,0,0: should be START,SECONDS,X,Y,Z"),
+        (("--gust", "1,1,x,0,0"), "--gust 1,1,x,0,0: must be START,SECONDS,X,Y,Z"),
         (("--spacing", "0.5"), "0.5 is not a number from 0.001 to 0.1"),
         ((*long, "--spacing", "0.001"), "has 3001 key poses; at most 2000 are allowed in real"),
     ]:

@@ -53,7 +53,7 @@ def test_fields_are_options_where_their_group_stands() -> None:
 
 def test_a_group_checks_itself() -> None:
     assert str(CliRunner().invoke(app, ["oak", "--saw", "12"]).exception) == "--saw is at most 9"
-    assert "not a valid integer" in CliRunner().invoke(app, ["oak", "--saw", "x"]).output
+    assert CliRunner().invoke(app, ["oak", "--saw", "x"]).exit_code == 2
 
 
 def test_light_is_a_number_of_paths_or_an_error() -> None:

@@ -56,10 +56,10 @@ def layout(pose: Floats, scene: Scene | None) -> Any:
             rrb.Vertical(
                 rrb.Spatial3DView(origin="world", name="space", eye_controls=looking),
                 reported,
-                row_fractions=[3, 1],
+                row_shares=[3, 1],
             ),
-            rrb.Vertical(pictures, readings, row_fractions=[3, 2]),
-            column_fractions=[3, 2],
+            rrb.Vertical(pictures, readings, row_shares=[3, 2]),
+            column_shares=[3, 2],
         ),
         collapse_panels=True,
     )
