@@ -28,20 +28,18 @@ from .result import BASELINE
 
 
 class Method(Protocol):
-    """A method given as an object, of any station.
+    """A method given as an object: as `ImageMethod`, `RangingMethod` or `DepthMethod`, with a name.
 
-    An image method has these two members; a ranging method also ``reads``, a depth method also
-    ``needs`` (see `reconstruction.image.ImageMethod`, `reconstruction.ranging.RangingMethod` and
-    `reconstruction.depth.DepthMethod`). ``title``, a few words for plots and tables, is optional.
+    ``title``, a few words for plots and tables, is optional.
     """
 
     @property
     def name(self) -> str:
-        """Name under which results hold its output: letters, digits, ``-``, ``_`` and ``.``."""
+        """Name in results: letters, digits, ``-``, ``_`` and ``.``."""
 
     @property
     def compile(self) -> Callable[..., Any]:
-        """Function that does everything that frames share and returns the solver of a frame."""
+        """Function that does what frames share and returns the solver of a frame."""
 
 
 Methods = str | Method | Sequence[str | Method] | None
@@ -164,21 +162,16 @@ def own_methods(station: str, methods: Methods) -> dict[str, Any]:
 
 
 def _check_method(station: str, method: Any) -> None:
-    members = MEMBERS[station]
+    members, kind = MEMBERS[station], REGISTRIES[station].kind
     missing = [member for member in members if not hasattr(method, member)]
-    kind, needed = REGISTRIES[station].kind, " and ".join(members)
     if isinstance(method, type) and "compile" not in missing:
         raise InputError(f"{station}: {method.__qualname__} is a class; give an instance of it")
-    if "compile" in missing or not callable(method.compile):
+    if missing or not callable(method.compile):
+        lacking = " and ".join(missing) or "a compile that can be called"
         hint = "; `denoiser` makes an image method of a function" if callable(method) else ""
         raise InputError(
-            f"{station}: {method!r} is neither the name of a method nor a method, which has "
-            f"{needed}{hint}"
-        )
-    if missing:
-        raise InputError(
-            f"{station}: {type(method).__qualname__} lacks {' and '.join(missing)}; "
-            f"{kind}s given as objects have {needed}"
+            f"{station}: {method!r} is neither the name of a method nor a method: it lacks "
+            f"{lacking}; {kind}s have {' and '.join(members)}{hint}"
         )
     check_name(kind, method.name)
 
