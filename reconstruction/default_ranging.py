@@ -1,4 +1,4 @@
-"""Ranges as a user sees them first, for those who need nothing else of a frame."""
+"""Ranges by the default method, for callers who need nothing else of a frame."""
 
 import hashlib
 from contextlib import suppress
@@ -14,7 +14,7 @@ from .reconstructor import Reconstructor
 
 
 def default_ranges(recording: Recording, frame: int = 0) -> Ranges | None:
-    """Ranges of one frame as `reconstruct` gives them by default; None where it gives none."""
+    """Default ranges of one frame, equal to those of `reconstruct`; None if there are none."""
     setup = recording.setup
     try:
         return _ranging_alone(SetupKey(setup))(recording.batch(frame, frame + 1)).ranges
@@ -41,9 +41,9 @@ class SetupKey:
 
 
 @lru_cache(maxsize=2)
-def _ranging_alone(same: SetupKey) -> Reconstructor:
-    """With the image that ranging looks at, and nothing else."""
+def _ranging_alone(key: SetupKey) -> Reconstructor:
+    """Only the ranging, and the image that it uses."""
     for name in USUAL_IMAGES:
         with suppress(InputError):
-            return Reconstructor(same.setup, image=name, depth=())
-    return Reconstructor(same.setup, depth=())
+            return Reconstructor(key.setup, image=name, depth=())
+    return Reconstructor(key.setup, depth=())

@@ -1,4 +1,4 @@
-"""What about a capture its user should know before believing what is made of it."""
+"""Warnings about a capture: what makes its image or ranges wrong, uncertain or missing."""
 
 from collections.abc import Sequence
 
@@ -18,21 +18,21 @@ ENOUGH = 0.9**2 / (1 - 0.9**2)
 times as much as without noise: the correlation has the factor 1 / sqrt(1 + 1 / SNR^2)."""
 
 NOT_TRACED = (
-    "the light of this simulation is a fast surrogate's, not traced: good to learn from, but not "
-    "to judge by"
+    "the light of this simulation is a fast surrogate, not traced: use it to train methods, not to "
+    "judge them"
 )
 
 MAX_UNUSABLE = 0.05
-"""Share of the readings without which a plan can still be doubted."""
+"""Largest fraction of unusable readings with which the plan is still checked."""
 
 BIASED = 5.0
-"""Standard deviations by which no range is off by noise alone."""
+"""Error in standard deviations that noise alone does not explain."""
 
 NO_RANGE = {
     "saturated": "is saturated",
-    "no signal": "shows no signal",
-    "too close": "is too close to tell its path from the way between laser and detector",
-    "weak": "is too weak to tell from noise and fog",
+    "no signal": "has no signal",
+    "too close": "is too close: its path is no longer than the baseline from laser to detector",
+    "weak": "is too weak to separate from noise and fog",
     "fog": "is lost in fog: its range is too uncertain",
     "ambiguous": "is ambiguous (several ranges explain it, or none does)",
 }
@@ -41,12 +41,24 @@ NO_RANGE = {
 def capture_warnings(
     capture: Capture, frame: int | None = None, ranges: Ranges | None = None
 ) -> list[str]:
-    """A sentence for each thing that spoils image or ranges of a frame, or of any if None.
+    """Warn about everything that makes an image or ranges wrong, uncertain or missing.
 
-    ``ranges`` are those of that frame that are shown; the default ones without.
+    Parameters
+    ----------
+    capture
+        A capture in memory.
+    frame
+        Index of the frame to check; every frame if None.
+    ranges
+        Ranges of this frame that the user sees; the default ones if None.
+
+    Returns
+    -------
+    list of str
+        One sentence for each problem, the same for several frames only once.
     """
     frames = range(capture.frames) if frame is None else [frame]
-    result = (
+    by_frame = (
         warning
         for number in frames
         for warnings in (
@@ -61,17 +73,17 @@ def capture_warnings(
         *_layout_warnings(capture, frames[0]),
         *_pattern_warnings(capture),
         *_noise_warnings(capture, frames),
-        *dict.fromkeys(result),
+        *dict.fromkeys(by_frame),
     ]
 
 
 def result_warnings(result: Result, capture: Capture) -> list[str]:
-    """Warnings of the frame that a result is of, given its ranges, and of the methods."""
+    """Warnings about the frame of a result, given its ranges, and about its methods."""
     return [*capture_warnings(capture, result.frame, result.ranges), *result.warnings]
 
 
 def _layout_warnings(capture: Capture, frame: int) -> list[str]:
-    """Of a recording alone: what a simulation showed is known."""
+    """Warn if readings contradict the pattern plan, which is certain only in simulations."""
     signal, usable = capture.buckets.signal[frame], capture.buckets.usable[frame]
     if capture.provenance.source == "simulation" or usable.mean() < 1 - MAX_UNUSABLE:
         return []
@@ -81,7 +93,7 @@ def _layout_warnings(capture: Capture, frame: int) -> list[str]:
 
 
 def _pattern_warnings(capture: Capture) -> list[str]:
-    """Of patterns that are all the same one."""
+    """Warn if all patterns are the same one."""
     index = np.concatenate([plan.index for plan in capture.setup.plans])
     if np.ptp(index) > 0 or not capture.plan.shows_image:
         return []
@@ -89,28 +101,27 @@ def _pattern_warnings(capture: Capture) -> list[str]:
 
 
 def _noise_warnings(capture: Capture, frames: Sequence[int]) -> list[str]:
-    """Frames whose coefficients are noise more than image."""
+    """Warn about frames whose coefficients are more noise than image."""
     imaging = Imaging(capture.plan)
     try:
-        reported = [_coefficient_snr(imaging, capture.frame(number)) for number in frames]
+        estimated = [_coefficient_snr(imaging, capture.frame(number)) for number in frames]
     except InputError as error:
         return [f"there is no image: {error}"]
-    snr = [each for each in reported if each is not None]
-    weak = [each for each in snr if each < 1]
+    weak = [each for each in estimated if each is not None and each < 1]
     if not weak:
         return []
     typical = float(np.median(weak))
     which = "there is" if len(frames) == 1 else f"in {len(weak)} of {len(frames)} frames there is"
     return [
         f"{which} hardly an image: signal over noise is about {typical:.2g} per coefficient, so "
-        "that a flat image is nearer to the truth than the zero-filled one; the mean of some "
-        f"{np.ceil(ENOUGH / typical**2):.0f} frames has nine tenths of the correlation with the "
-        "truth that these patterns allow"
+        "that a flat image is closer to the truth than the zero-filled one; average about "
+        f"{np.ceil(ENOUGH / typical**2):.0f} frames for 90 % of the correlation with the truth "
+        "that these patterns allow"
     ]
 
 
 def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
-    """Of the coefficients other than the level; None where it is not known, or nothing usable."""
+    """SNR of all coefficients but DC; None if it is unknown or no reading is usable."""
     buckets = frame.buckets
     readings = imaging.of(buckets.usable[0])
     varying = readings.decoder.operator.varying & readings.measured
@@ -122,13 +133,13 @@ def _coefficient_snr(imaging: Imaging, frame: Frames) -> float | None:
 def _image_warnings(capture: Capture, frame: int) -> list[str]:
     usable = capture.buckets.usable[frame]
     if usable.sum() > 1 and np.ptp(capture.buckets.counts[frame][usable]) == 0:
-        return [f"all {usable.sum()} bucket readings are the same: there is no image in them"]
+        return [f"all {usable.sum()} bucket readings are equal: there is no image in them"]
     saturated = ~usable
     if not saturated.any():
         return []
     return [
         f"{saturated.sum()} of {saturated.size} bucket readings ({100 * saturated.mean():.3g} %) "
-        "are marked saturated: what rests on them is left out of the image"
+        "are marked saturated: the image does without the coefficients that they measure"
     ]
 
 
@@ -140,17 +151,17 @@ def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[
     if ranges is None:
         return []
     warnings = [
-        f"spot {spot} {NO_RANGE[status]}: it gives no range"
+        f"spot {spot} {NO_RANGE[status]}: it has no range"
         for spot, status in enumerate(ranges.status)
         if status not in RANGED
     ]
     truth = _truth(capture, frame)
     if truth is not None:
-        farthest_m = RANGING_METHODS[spots.method].unambiguous_range_m(spots)
+        max_m = RANGING_METHODS[spots.method].unambiguous_range_m(spots)
         warnings += [
-            f"spot {spot} {_untrue(float(true_m), farthest_m)}"
+            f"spot {spot} {_aliased(float(true_m), max_m)}"
             for spot, true_m in enumerate(truth.spot_range_m)
-            if ranges.valid[spot] and not true_m <= farthest_m
+            if ranges.valid[spot] and not true_m <= max_m
         ]
         warnings += [
             f"spot {spot} {_biased(off_m, sigma_m)}"
@@ -162,26 +173,26 @@ def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[
                     strict=True,
                 )
             )
-            if true_m <= farthest_m and abs(off_m) > max(BIASED * sigma_m, MIN_DIFFERENCE_M)
+            if true_m <= max_m and abs(off_m) > max(BIASED * sigma_m, MIN_DIFFERENCE_M)
         ]
     return warnings
 
 
-def _untrue(true_m: float, farthest_m: float) -> str:
-    """Why a range that was measured is none of a spot there."""
+def _aliased(true_m: float, max_m: float) -> str:
+    """Why the measured range cannot be that of the spot."""
     if np.isnan(true_m):
-        return "meets nothing: its range is that of noise or fog"
+        return "hits no surface: its range is that of noise or fog"
     return (
-        f"lies at {true_m:.2f} m, beyond the {farthest_m:.2f} m up to which a range is "
-        "unambiguous: it is measured a multiple of that too near"
+        f"lies at {true_m:.2f} m, beyond the maximum unambiguous range of {max_m:.2f} m: it is "
+        "measured too near by a multiple of that"
     )
 
 
 def _biased(off_m: float, sigma_m: float) -> str:
-    """By how much a range is off, if noise alone does not explain it."""
+    """How wrong a range is that noise alone does not explain."""
     way = "far" if off_m > 0 else "near"
     return (
-        f"is measured {abs(off_m):.2f} m too {way}, beyond its sigma of {sigma_m:.2g} m: fog or "
+        f"is measured {abs(off_m):.2f} m too {way}, with a sigma of {sigma_m:.2g} m: fog or "
         "further echoes bias it"
     )
 
@@ -194,16 +205,14 @@ def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:
     if saturated.any():
         warnings.append(
             f"the taps of {saturated.sum()} of {saturated.size} exposures "
-            f"({100 * saturated.mean():.3g} %) are marked saturated: what rests on them is left "
-            "out of the dense ranges"
+            f"({100 * saturated.mean():.3g} %) are marked saturated: dense ranges do without them"
         )
     warnings += _wrapped_pixels(capture, frame)
     if capture.optics is None:
-        warnings.append("the optics are not known: there are no dense ranges")
+        warnings.append("the optics are unknown: there are no dense ranges")
     elif not decoder_for(capture.setup.plan_of(frame), ~saturated).has_dc:
         warnings.append(
-            "pattern 0, the level of all light, is not shown or saturated: there are no dense "
-            "ranges"
+            "pattern 0, the DC coefficient, is not exposed or saturated: there are no dense ranges"
         )
     return warnings
 
@@ -212,18 +221,18 @@ def _wrapped_pixels(capture: Capture, frame: int) -> list[str]:
     truth = _truth(capture, frame)
     if truth is None or capture.pattern_taps is None:
         return []
-    farthest_m = unambiguous_path_m(capture.pattern_taps.tap_frequencies_hz) / 2
-    beyond = truth.range_m > farthest_m
+    max_m = unambiguous_path_m(capture.pattern_taps.tap_frequencies_hz) / 2
+    beyond = truth.range_m > max_m
     if not beyond.any():
         return []
     return [
-        f"the scene reaches to {np.nanmax(truth.range_m):.2f} m, beyond the "
-        f"{farthest_m:.2f} m up to which a dense range is unambiguous: {100 * beyond.mean():.3g} % "
-        "of the pixels are measured a multiple of that too near"
+        f"the scene extends to {np.nanmax(truth.range_m):.2f} m, beyond the maximum unambiguous "
+        f"range of {max_m:.2f} m: {100 * beyond.mean():.3g} % of the pixels are measured too near "
+        "by a multiple of that"
     ]
 
 
 def _truth(capture: Capture, frame: int) -> FrameTruth | None:
-    """The truth of one frame, None where it is not known."""
+    """The truth of one frame, None if it is unknown."""
     truth = capture.truth
     return None if truth is None or not truth.knows(frame) else truth.at(frame)

@@ -1,9 +1,8 @@
-"""From frames to image, ranges and depth map: compiled once for a recording, called per frame."""
+"""Compiled once for a recording, called per frame: readings to image, ranges and depth map."""
 
 import logging
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,7 +13,15 @@ from .base.errors import InputError
 from .base.timing import timed
 from .capture import Frames, Recording, Setup
 from .checks import checked, checked_depths, checked_ranges
-from .chosen_methods import Names, depth_names, image_names, ranging_solvers, warm_up_frames
+from .chosen_methods import (
+    Methods,
+    check_methods,
+    depth_methods,
+    image_names,
+    own_methods,
+    ranging_solvers,
+    warm_up_frames,
+)
 from .depth import (
     MIN_FREE,
     Context,
@@ -22,7 +29,6 @@ from .depth import (
     DepthEstimate,
     View,
     check_min_free,
-    depth_method,
     pixel_of,
     pixel_rays,
 )
@@ -47,72 +53,101 @@ logger = logging.getLogger(__name__)
 
 
 class Reconstructor:
-    """Reconstructs frames of one recording, or of others that have the same ``setup``.
+    """Reconstructs frames of one recording, or of others that have the same setup.
 
-    ``image``, ``ranging`` and ``depth`` name methods (see `Names`): of each station the first of
-    the usual ones that fits the recording, unless others are named. The zero-filled image is always
-    among the images: all others are compared with it. A name ``method:dictionary`` is an image
-    method with another dictionary than its own. ``weather`` is what the user states of it: "clear",
-    "fog", "unknown" or a visibility in metres, in place of what the recording states; ranging in
-    fog takes it as its prior, and in clear air the plain ranges come first. ``min_free``: an
-    obstacle is where the probability that the corridor ahead is free falls below this. Everything
-    that the frames share is computed here; the work per frame does not depend on how many there
-    are.
+    The constructor computes everything that frames share; the time per frame does not depend on
+    how many there are.
 
-    ``failed`` hears of a method that raises in a frame, by its station and name, whose result then
-    goes without it; unless it is given, the error is the caller's.
+    Parameters
+    ----------
+    setup
+        What the frames have in common: `Capture.setup`.
+    image, ranging, depth
+        Methods of each station: a name, an object that is a method, or several of these, the
+        default one first. If None, the first of the usual methods that suits the recording. The
+        zero-filled image, to which the others are compared, is always among the images.
+        ``method:dictionary`` is an image method with another dictionary than its own.
+    weather
+        Replaces what the recording states: "clear", "fog", "unknown", or a visibility in metres.
+        It is the prior of ranging in fog; in clear air the plain ranges come first.
+    min_free
+        An obstacle is where the probability that the corridor ahead is free falls below this.
+    failed
+        Called with station and name of a method, and the exception that it raised in a frame; the
+        result is then without this method. If None, the exception propagates.
 
-    Raises InputError for unknown names, methods that the recording does not suit, plans that do
-    not tell the background, and ``min_free`` that is no probability above 0 and below 1.
+    Raises
+    ------
+    InputError
+        If a method is unknown or does not suit the recording, if the pattern plans do not determine
+        the background, or if ``min_free`` does not lie between 0 and 1.
     """
 
     def __init__(
         self,
         setup: Setup,
         *,
-        image: Names = None,
-        ranging: Names = None,
-        depth: Names = None,
+        image: Methods = None,
+        ranging: Methods = None,
+        depth: Methods = None,
         weather: str | float | None = None,
         min_free: float = MIN_FREE,
         failed: Callable[[str, Exception], None] | None = None,
     ) -> None:
+        check_methods(image, ranging, depth)
         check_min_free(min_free)
         self._failed = failed
         if weather is not None:
             setup = with_weather(setup, Weather.parsed(weather))
         self.setup, self._min_free = setup, min_free
-        self._imaging = Imaging(*setup.plans)
-        everything = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
-        self._images = image_names(image, everything)
+        self._imaging = Imaging(*setup.plans, own=own_methods("image", image))
+        every = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
+        self._images = image_names(image, every)
         self._rangings, self._refused = ranging_solvers(ranging, setup)
         context = Context(setup, self._imaging)
-        unranged = f"ranging {setup.spots.method}" in self._refused if setup.spots else False
-        ranged = replace(setup, spots=None) if unranged else setup
+        ranged = not (setup.spots and f"ranging {setup.spots.method}" in self._refused)
         self._depths = {
-            name: depth_method(name, setup).compile(context) for name in depth_names(depth, ranged)
+            name: method.compile(context)
+            for name, method in depth_methods(depth, setup, ranged=ranged).items()
         }
         self._corridor: Corridor | None = None
-        self._stretch: Image | None = None
+        self._range_over_depth: Image | None = None
         if setup.optics is not None:
             rays = pixel_rays(setup.optics, setup.plan.shape)
             self._corridor = Corridor(rays)
             if setup.spots is not None:
                 self._spots = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
-            self._stretch = np.linalg.norm(rays, axis=-1).astype(np.float32)
+            self._range_over_depth = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
-            "methods of image: %s; of ranging: %s; of depth: %s",
+            "image methods: %s; ranging methods: %s; depth methods: %s",
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
         )
 
     def __call__(self, frame: Frames) -> Result:
-        """Reconstruct one frame; InputError for several, and if nothing in it is usable."""
+        """Reconstruct one frame.
+
+        Raises
+        ------
+        InputError
+            For several frames, for frames of another recording, and if no reading is usable.
+        """
         if isinstance(frame, Frames) and len(frame) != 1:
-            raise InputError(f"{len(frame)} frames: one is needed here; `batch` takes several")
+            raise InputError(f"got {len(frame)} frames, expected one; `batch` takes several")
         return self.batch(frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
-        """Reconstruct frames; InputError as for one, and where they are of another recording."""
+        """Reconstruct any number of frames; some methods are faster with many at once.
+
+        Returns
+        -------
+        list of Result
+            One for each frame, in their order.
+
+        Raises
+        ------
+        InputError
+            For frames of another recording, and if no reading of a frame is usable.
+        """
         self._check(frames)
         buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
@@ -132,11 +167,11 @@ class Reconstructor:
             readings, outliers = self._readings(frame.first, signal, usable)
             coefficients = readings.decode(signal, variance)
         for shared in (coefficients.values, coefficients.noise):
-            shared.setflags(write=False)  # by methods, one after the other
+            shared.setflags(write=False)  # several methods read them
         return _Decoded(frame, readings, coefficients, outliers, timings, {})
 
     def _imaged_together(self, decoded: Sequence["_Decoded"]) -> None:
-        """By those methods that are faster with several frames at once."""
+        """Apply the image methods that are faster with several frames at once."""
         for name in self._images:
             solvers: dict[Any, None] = dict.fromkeys(each.readings.solver(name) for each in decoded)
             for solver in solvers:
@@ -152,8 +187,8 @@ class Reconstructor:
 
     def _check(self, frames: Frames) -> None:
         if not isinstance(frames, Frames) or not len(frames):
-            raise InputError(f"frames of a recording are needed, not {type(frames).__name__}")
-        expected, result = (
+            raise InputError(f"got {type(frames).__name__}, expected `Frames`, as of Capture.batch")
+        expected, given = (
             (
                 f"{exposures} exposures, {type(part.spots).__name__}, "
                 f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
@@ -163,9 +198,9 @@ class Reconstructor:
                 (frames, frames.buckets.counts.shape[1]),
             )
         )
-        if result != expected:
+        if given != expected:
             raise InputError(
-                f"frames of {result}, compiled for {expected}: they are of another recording"
+                f"frames of another recording: they have {given}; compiled for {expected}"
             )
 
     def _frame(self, decoded: "_Decoded") -> Result:
@@ -190,9 +225,9 @@ class Reconstructor:
         maps: dict[str, DepthEstimate] = {}
         for name, solve_depth in self._depths.items():
             with self._contained(f"depth {name}"), timed(timings, f"depth {name}"):
-                result = solve_depth(view)
-                if result is not None:
-                    maps[name] = checked_depths(f"depth method {name!r}", result, self._shape)
+                estimate = solve_depth(view)
+                if estimate is not None:
+                    maps[name] = checked_depths(f"depth method {name!r}", estimate, self._shape)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -204,7 +239,7 @@ class Reconstructor:
             no_returns=_single({name: each.no_return for name, each in maps.items()}),
             free_probabilities=self._free(maps.items()),
             min_free=self._min_free,
-            range_over_depth=self._stretch,
+            range_over_depth=self._range_over_depth,
             timings_s=timings,
             unit=frame.buckets.unit,
             recording=frame.digest(self.setup),
@@ -215,7 +250,7 @@ class Reconstructor:
 
     @contextmanager
     def _contained(self, method: str) -> Iterator[None]:
-        """Tell whoever wants to hear of it what a method raises."""
+        """Pass what a method raises to ``failed``, if there is one."""
         try:
             yield
         except Exception as error:
@@ -226,23 +261,22 @@ class Reconstructor:
     def _readings(
         self, frame: int, signal: Floats, usable: NDArray[np.bool_]
     ) -> tuple[UsableReadings, NDArray[np.bool_]]:
-        """What is compiled for the readings (M,) of a frame, and which of them are spoilt."""
+        """What is compiled for the readings (M,) of a frame, and which of them are outliers."""
         readings = self._imaging.of(usable, frame)
         outliers = readings.outliers(signal)
         if outliers.any():
             readings = self._imaging.of(usable & ~outliers, frame)
         if not readings.patterns:
             raise InputError(
-                f"frame {frame}: every pattern rests on a saturated reading, so there is "
-                "no image; record again with less light (projector power, exposure time) or a "
-                "larger full scale"
+                f"frame {frame}: no image, because every pattern has a saturated reading; record "
+                "again with less light (projector power, exposure time) or a larger full scale"
             )
         return readings, outliers
 
     def _images_of(
         self, decoded: "_Decoded", notes: dict[str, str]
     ) -> tuple[dict[str, Floats], dict[str, Floats]]:
-        """Images and their deviations by method, of one at least."""
+        """Images and their standard deviations by method, at least one."""
         readings, estimates = decoded.readings, decoded.estimates
         images: dict[str, Floats] = {}
         sigmas: dict[str, Floats] = {}
@@ -258,31 +292,31 @@ class Reconstructor:
                 if estimate.note is not None:
                     notes[f"image {name}"] = estimate.note
         if not images:
-            raise InputError("every method of the image has failed")
+            raise InputError("every image method failed")
         return images, sigmas
 
     def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
         who = f"image method {name!r}"
         if not isinstance(estimate, Estimate):
-            raise InputError(f"{who} gave {type(estimate).__name__}, not an Estimate")
+            raise InputError(f"{who} returned {type(estimate).__name__}, not an Estimate")
         image = checked(who, estimate.image, self._shape)
         sigma = estimate.sigma
         if sigma is not None:
-            sigma = checked(f"{who}, of the deviation,", sigma, self._shape)
+            sigma = checked(f"{who}, as sigma,", sigma, self._shape)
         for values in (image, *([] if sigma is None else [sigma])):
             if not np.isfinite(values).all():
-                raise InputError(f"{who} gave values that are not finite")
-        if not readings.has_dc:  # the darkest pixel is taken to be dark
+                raise InputError(f"{who} returned values that are not finite")
+        if not readings.has_dc:  # assume that the darkest pixel is dark
             image = image - image.min()
         return Estimate(image, sigma, estimate.note)
 
     def _free(self, maps: Iterable[tuple[str, DepthEstimate]]) -> dict[str, Floats]:
-        """Of the corridor ahead by each method, left out where no depth is known at all."""
-        stated = {
+        """Probability that the corridor ahead is free, by each method that has any depth."""
+        free = {
             name: each.free if self._corridor is None else self._corridor.stated(each)
             for name, each in maps
         }
-        return {name: free for name, free in stated.items() if free is not None}
+        return {name: each for name, each in free.items() if each is not None}
 
     def _brightness(
         self,
@@ -290,16 +324,18 @@ class Reconstructor:
         sigmas: Mapping[str, Floats],
         readings: UsableReadings,
     ) -> Brightness | None:
-        """What the first image with a sigma shows at the spots; None without any, or a level."""
+        """The first image that has a sigma, at the spots; None without one or its DC coefficient.
+
+        AC coupling loses the DC coefficient.
+        """
         name = next((each for each in images if each in sigmas), None)
         setup = self.setup
-        coupled = setup.buckets.baseline_electrons > 0  # then the level of all light is lost
         if (
             setup.optics is None
             or setup.spots is None
             or not setup.spots.are_four
             or name is None
-            or coupled
+            or setup.buckets.baseline_electrons > 0
             or setup.buckets.unit != "electron"
             or not readings.has_dc
         ):
@@ -312,7 +348,7 @@ class Reconstructor:
 
 
 class _Decoded(NamedTuple):
-    """A frame from its readings on, and the images of it that were made with those of others."""
+    """A decoded frame, and those of its images that were made together with other frames'."""
 
     frame: Frames
     readings: UsableReadings
@@ -326,24 +362,37 @@ def reconstruct(
     recording: Recording,
     frame: int = 0,
     *,
-    image: Names = None,
-    ranging: Names = None,
-    depth: Names = None,
+    image: Methods = None,
+    ranging: Methods = None,
+    depth: Methods = None,
     weather: str | float | None = None,
     min_free: float = MIN_FREE,
 ) -> Result:
-    """Reconstruct one frame of a recording; see `Reconstructor`.
+    """Reconstruct one frame of a recording.
 
-    Unless methods are named there are all usual ones, for the default ones to be compared with.
-    Methods that carry something from frame to frame begin `WARM_UP` frames before it. Raises
-    InputError if there is no such frame or nothing usable in it.
+    Parameters
+    ----------
+    recording
+        A capture in memory or in its file.
+    frame
+        Index of the frame. Methods that carry state from frame to frame start `WARM_UP` frames
+        before it.
+    image, ranging, depth
+        As for `Reconstructor`; if None, all usual methods, to compare the default one with.
+    weather, min_free
+        As for `Reconstructor`.
+
+    Raises
+    ------
+    InputError
+        As `Reconstructor`, and if there is no such frame or none of its readings is usable.
     """
-    recording.batch(frame, frame + 1)  # told before any other
+    recording.batch(frame, frame + 1)  # a missing frame is reported first
     reconstructor = Reconstructor(
         recording.setup,
-        image=_or_usual(image),
-        ranging=_or_usual(ranging),
-        depth=_or_usual(depth),
+        image="usual" if image is None else image,
+        ranging="usual" if ranging is None else ranging,
+        depth="usual" if depth is None else depth,
         weather=weather,
         min_free=min_free,
     )
@@ -352,15 +401,11 @@ def reconstruct(
     return reconstructor(recording.batch(frame, frame + 1))
 
 
-def _or_usual(names: Names) -> Names:
-    return "usual" if names is None else names
-
-
 def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
-    """Of ranges that rest on a prior over weather which no image has narrowed."""
+    """Notes on ranges whose prior over the weather no image has narrowed."""
     note = (
-        "without the image (no sigma, no level or no optics) fog is hardly told: state the weather "
-        "for ranges that are narrower, or more of them"
+        "uncertain about fog for lack of the image (no sigma, DC coefficient or optics): state the "
+        "weather to get more ranges, with smaller sigma"
     )
     return {
         f"ranging {name}": note for name, each in rangings.items() if "weather prior" in each.status
@@ -368,16 +413,16 @@ def _notes_without_image(rangings: Mapping[str, Ranges]) -> dict[str, str]:
 
 
 def _note_of_readings(
-    frame: int, outliers: NDArray[np.bool_], varying: NDArray[np.bool_], result: Coefficients
+    frame: int, outliers: NDArray[np.bool_], varying: NDArray[np.bool_], decoded: Coefficients
 ) -> dict[str, str]:
-    """What to say of the readings (M,) of a frame, and of what they tell in ``varying`` (K,)."""
+    """A note on the readings (M,) of a frame and its ``varying`` coefficients (K,)."""
     notes = []
     if outliers.any():
-        why = "what is shown twice differs there (lost, or disturbed?)"
+        why = "repeated exposures disagree there (lost or disturbed?)"
         notes.append(f"without {outliers.sum()} of its {outliers.size} readings: {why}")
-    ratio = result.signal_over_noise(varying)
-    if varying.any() and not result.values[varying].any():
-        notes.append("without an image: readings of all its patterns are alike")
+    ratio = decoded.signal_over_noise(varying)
+    if varying.any() and not decoded.values[varying].any():
+        notes.append("without an image: the readings of all its patterns are equal")
     elif ratio is not None and ratio < 1:
         notes.append(
             f"hardly above its noise: signal over noise is about {ratio:.2g} per coefficient"

@@ -1,4 +1,4 @@
-"""What one frame shows."""
+"""The result of one frame."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,27 +16,38 @@ from .ranging import RANGED, Ranges
 Image = NDArray[np.float32]
 
 BASELINE = "zero-filled"
-"""Image method whose image every result holds: the plain one, to compare others with."""
+"""Image method in every result, to compare the others with."""
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
     """Image, ranges and depth of one frame by one or several methods, the default one first.
 
-    ``images``: what each virtual pixel contributes to an exposure, (H, W) in ``unit`` (counts where
-    their scale is unknown), by method, and ``sigmas`` the standard deviation of each pixel, by
-    those methods that can tell.
-    ``rangings``: the four spots, empty without time of flight.
-    ``depths``: metres along the optical axis, (H, W), nan where there is none; empty where no
-    method finds any. By those methods that can tell, ``log_depth_sigmas`` is the standard deviation
-    of ln depth, nan where there is no depth, and ``no_returns`` the probability that there is
-    nothing within reach (see `DepthEstimate`). ``free_probabilities``, by all of them, is the
-    probability that the corridor ahead is free up to each of `reconstruction.depth.DISTANCES_M`
-    (K,); an obstacle is where it falls below ``min_free``. ``range_over_depth`` (H, W): length of
-    each pixel's ray per unit of depth, None where the optics are unknown. ``timings_s``: seconds
-    per stage; ``notes``: what the user must know of some images, ranges and depths, by stage, as
-    "depth anchored" or "ranging cw". ``recording``: the digest of the readings, ``frame`` their
-    number in the capture and ``patterns`` the number of distinct ones that the images rest on.
+    Attributes
+    ----------
+    images, sigmas
+        By method, what each virtual pixel contributes to an exposure (H, W), in ``unit``, and its
+        standard deviation, for methods that state one.
+    rangings
+        Ranges of the four spots by method; empty without time of flight.
+    depths, log_depth_sigmas
+        Depth along the optical axis (H, W) in metres by method, nan where there is none, and the
+        standard deviation of ln depth, for methods that state one.
+    no_returns
+        Probability (H, W) of no return within the maximum range, by method (see `DepthEstimate`).
+    free_probabilities, min_free
+        Probability (K,) that the corridor ahead is free up to each of
+        `reconstruction.depth.DISTANCES_M`, by method; an obstacle is where it falls below
+        ``min_free``.
+    range_over_depth
+        Length of each pixel's ray per unit of depth (H, W), None if the optics are unknown.
+    unit
+        Unit of the images; counts if their scale is unknown.
+    timings_s, notes
+        Seconds, and what the user must know, by stage: "depth anchored" or "ranging cw".
+    recording, frame, patterns
+        Digest of the readings, their frame's index in the capture, and the number of distinct
+        patterns behind the images.
     """
 
     images: Mapping[str, Image]
@@ -87,9 +98,16 @@ class Result:
         return facts | {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
 
     def plot(self) -> Any:
-        """Draw image, depth map and ranges with their sigma, those of them that there are.
+        """Draw image, depth map, and ranges with their sigma.
 
-        Returns the axes of Matplotlib, (panels,). InputError if there is no Matplotlib.
+        Returns
+        -------
+        ndarray of matplotlib.axes.Axes, (panels,)
+
+        Raises
+        ------
+        InputError
+            If Matplotlib is not installed.
         """
         depth_m, ranges = self.depth_m, self.ranges
         image, *others = axes = panels(1 + (depth_m is not None) + (ranges is not None))
@@ -111,7 +129,7 @@ class Result:
 
     @property
     def sigma(self) -> Image | None:
-        """Standard deviation of the image's pixels, None where the default method cannot tell."""
+        """Standard deviation of the image's pixels, None if the default method states none."""
         return self.sigmas.get(next(iter(self.images)))
 
     @property
@@ -121,27 +139,27 @@ class Result:
 
     @property
     def depth_m(self) -> Image | None:
-        """Depth along the optical axis by the default method, None where there is none."""
+        """Depth along the optical axis by the default method, None if there is none."""
         return next(iter(self.depths.values()), None)
 
     @property
     def log_depth_sigma(self) -> Image | None:
-        """Standard deviation of its logarithm, None where the default method cannot tell."""
+        """Standard deviation of ln depth, None if the default method states none."""
         return self.log_depth_sigmas.get(next(iter(self.depths), ""))
 
     @property
     def no_return(self) -> Image | None:
-        """Probability of nothing within reach, None where the default method cannot tell."""
+        """Probability of no return, None if the default method states none."""
         return self.no_returns.get(next(iter(self.depths), ""))
 
     @property
     def free_probability(self) -> Floats | None:
-        """Of the corridor up to each of `DISTANCES_M` (K,), None without depths."""
+        """Probability of a free corridor up to each of `DISTANCES_M` (K,), None without depths."""
         return self.free_probabilities.get(next(iter(self.depths), ""))
 
     @property
     def obstacles_m(self) -> dict[str, float]:
-        """By method, the distance at which the corridor is free with ``min_free``; else nan."""
+        """Distance of the nearest obstacle by method, nan if there is none."""
         return {
             name: nearest_obstacle_m(free, self.min_free)
             for name, free in self.free_probabilities.items()
@@ -149,12 +167,12 @@ class Result:
 
     @property
     def obstacle_m(self) -> float | None:
-        """That by the default method; None without depths."""
+        """Distance of the nearest obstacle by the default method, None without depths."""
         return self.obstacles_m.get(next(iter(self.depths), ""))
 
     @property
     def range_m(self) -> Image | None:
-        """The same along each pixel's ray."""
+        """Depth along each pixel's ray instead, None without depths or optics."""
         if self.depth_m is None or self.range_over_depth is None:
             return None
         return self.depth_m * self.range_over_depth

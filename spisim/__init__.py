@@ -1,4 +1,4 @@
-"""Simulator of a single-pixel imaging drone: a scene and an instrument become a capture.
+"""Simulator of a drone's single-pixel camera: a scene and an instrument become a capture.
 
 import spisim
 
@@ -40,7 +40,7 @@ __all__ = [
     "write_report",
 ]
 
-_HOMES = {
+_MODULES = {
     "Instrument": "instrument",
     "Scene": "scene",
     "Simulation": "simulation",
@@ -56,9 +56,9 @@ _HOMES = {
 
 def __getattr__(name: str) -> Any:
     """Import on first use: Mitsuba and Matplotlib are slow to load and often not needed."""
-    if name not in _HOMES:
+    if name not in _MODULES:
         raise AttributeError(f"module 'spisim' has no attribute {name!r}")
-    return getattr(import_module(f"spisim.{_HOMES[name]}"), name)
+    return getattr(import_module(f"spisim.{_MODULES[name]}"), name)
 
 
 def __dir__() -> list[str]:

@@ -1,11 +1,13 @@
-"""Registries of entries by name, extensible by other packages.
+"""Entries by name: those of a folder here, and those that other packages or programs add.
 
-Entries are the modules of a package, named after their files (`zero_filled.py` is "zero-filled"),
-each with its entry in the registry's ``attribute``; folders, and modules whose names begin with an
-underscore, are none. Other packages add theirs as entry points of the registry's ``group``: each
-names an entry itself (``package.module:OBJECT``), or a package of such modules (``package``).
+Entries are the modules of a package, by their file names (`zero_filled.py` is "zero-filled"), each
+of which holds its entry under the registry's ``attribute``; folders, and modules whose names begin
+with an underscore, are none. Other packages add theirs as entry points of the registry's ``group``:
+each names an entry itself (``package.module:OBJECT``), or a package of such modules (``package``).
+A program adds an entry to its own process by `Registry.register`.
 """
 
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterator, Mapping
@@ -18,6 +20,10 @@ from typing import Any, Generic, NamedTuple, TypeVar, cast
 from .errors import InputError, nearest
 
 Entry = TypeVar("Entry")
+
+NAME = re.compile(r"[^\W_][\w.-]*", re.ASCII)
+RESERVED = ("default", "usual", "all")
+"""Words that stand for several entries."""
 
 
 class _Source(NamedTuple):
@@ -52,6 +58,21 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         if name not in self._loaded:
             self._loaded[name] = self._load(name)
         return self._loaded[name]
+
+    def register(self, name: str, entry: Entry) -> None:
+        """Add an entry of this process; InputError, naming both, where the name is taken."""
+        check_name(self.kind, name)
+        if name in self and self._loaded.get(name) is not entry:
+            raise InputError(
+                f"{self.kind} {name!r} is registered by {self.owners(name)} already: "
+                f"give {_place(entry)} another name"
+            )
+        self._sources[name] = [_Source(_place(entry), lambda: entry)]
+        self._loaded[name] = entry
+
+    def owners(self, name: str) -> str:
+        """Packages and objects that register a name."""
+        return " and by ".join(source.owner for source in self._sources[name])
 
     def __iter__(self) -> Iterator[str]:
         """Names, those of packages of modules first, in alphabetical order."""
@@ -118,10 +139,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
             hint = nearest(name, self) if self._sources else f"there is none; {self._hint}"
             raise InputError(f"unknown {self.kind} {name!r}: {hint}")
         if len(sources) > 1:
-            owners = " and by ".join(source.owner for source in sources)
             raise InputError(
-                f"{self.kind} {name!r} is registered by {owners}: uninstall all but one, or "
-                "rename theirs"
+                f"{self.kind} {name!r} is registered by {self.owners(name)}: uninstall all but "
+                "one, or rename theirs"
             )
         (source,) = sources
         if source.owner == self._package:  # our own faults are not input errors
@@ -133,6 +153,21 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
                 f"{self.kind} {name!r} of {source.owner} cannot be loaded: "
                 f"{type(error).__name__}: {error}"
             ) from error
+
+
+def check_name(kind: str, name: object) -> None:
+    """Raise InputError unless a name can stand in lists of names, file names and datasets."""
+    if not (isinstance(name, str) and NAME.fullmatch(name)) or name in RESERVED:
+        raise InputError(
+            f"{kind} {name!r}: a name has letters, digits, '-', '_' and '.', begins with a letter "
+            f"or digit, and is none of {', '.join(RESERVED)}"
+        )
+
+
+def _place(entry: object) -> str:
+    """Where an object of this process comes from."""
+    source: Any = entry if hasattr(entry, "__qualname__") else type(entry)
+    return f"{source.__module__}.{source.__qualname__}"
 
 
 @lru_cache(maxsize=1)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats
 from ..base.errors import InputError
 from ..capture import Buckets, CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
-from ..chosen_methods import Names
+from ..chosen_methods import Methods
 from ..ranging import RANGED, Ranges
 from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result
@@ -21,7 +21,7 @@ MAX_FRAMES = 256
 
 
 def evaluate_recording(
-    recording: Recording, ranging: Names = None, *, weather: str | float | None = None
+    recording: Recording, ranging: Methods = None, *, weather: str | float | None = None
 ) -> dict[str, Any]:
     """Measure the noise of a recording of a still scene, by repetition.
 

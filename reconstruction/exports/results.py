@@ -1,6 +1,6 @@
 """Result files as shots."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 
 from ..base.errors import InputError, nearest
 from ..capture import Optics, hdf5
-from ..chosen_methods import Names
+from ..chosen_methods import Methods
 from ..outputs.result_file import FORMAT, read_result
 from ..result import Result
 from .shot import Shot
@@ -24,7 +24,7 @@ def is_result(path: Path) -> bool:
     return False
 
 
-def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> Shot:
+def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Methods]) -> Shot:
     """Shot of a result file, with the first method named per station, else its default one.
 
     Ranges are left out, as the file has neither directions of its spots nor a time. Raises
@@ -36,10 +36,12 @@ def shot_of_result(path: Path, stamp_ns: int, methods: Mapping[str, Names]) -> S
     return Shot(stamp_ns, image, depth_m, _optics(result), warnings=result.warnings)
 
 
-def _picked(maps: Mapping[str, Any], names: Names, station: str, path: Path) -> Any:
-    name = names if names is None or isinstance(names, str) else next(iter(names), None)
-    if name is None:
+def _picked(maps: Mapping[str, Any], methods: Methods, station: str, path: Path) -> Any:
+    if isinstance(methods, Sequence) and not isinstance(methods, str):
+        methods = next(iter(methods), None)
+    if methods is None:
         return next(iter(maps.values()), None)
+    name = methods if isinstance(methods, str) else methods.name
     if name not in maps:
         raise InputError(f"{path}: holds no {station} by {name!r}: {nearest(name, maps)}")
     return maps[name]

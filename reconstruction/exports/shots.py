@@ -11,7 +11,7 @@ import numpy as np
 
 from ..base.errors import InputError, naming
 from ..capture import CaptureFile, open_capture
-from ..chosen_methods import Names
+from ..chosen_methods import Methods
 from ..reconstructor import Reconstructor
 from .poses import TimestampedPose
 from .results import is_result, shot_of_result
@@ -39,7 +39,7 @@ def frames_in(captures: Sequence[Path]) -> int:
 def shots_of(
     captures: Sequence[Path],
     pose_source: PoseSource = lambda capture, frame: None,
-    methods: Mapping[str, Names] | None = None,
+    methods: Mapping[str, Methods] | None = None,
     weather: str | float | None = None,
 ) -> Iterator[Shot]:
     """Reconstruct all frames of captures.

@@ -1,7 +1,8 @@
 """Image methods compiled for a pattern plan, for the usable readings of each frame."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cached_property
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,10 +34,15 @@ class Imaging:
     ----------
     *plans
         Plans of successive frames, repeated cyclically.
+    own
+        Unregistered methods by name.
     """
 
-    def __init__(self, *plans: PatternPlan) -> None:
+    def __init__(
+        self, *plans: PatternPlan, own: Mapping[str, ImageMethod] = MappingProxyType({})
+    ) -> None:
         self._plans = plans
+        self._own = own
         self._whole: dict[int, CompiledPlan] = {}
         self._fewer: tuple[tuple[int, bytes], CompiledPlan] | None = None
         self._begun: dict[str, ImageMethod] = {}
@@ -70,7 +76,7 @@ class Imaging:
     def _method(self, name: str) -> ImageMethod:
         """Image method by name; one that carries state is started once per recording."""
         if name not in self._begun:
-            method = image_method(name)
+            method = self._own[name] if name in self._own else image_method(name)
             if isinstance(method, CarryingMethod):
                 method = method.begin([decoder_for(plan).operator for plan in self._plans])
             self._begun[name] = method

@@ -7,7 +7,7 @@ from typing import Any
 
 from ..base.errors import InputError, in_words
 from ..capture import Setup
-from ..chosen_methods import Names, check_names
+from ..chosen_methods import Methods, check_methods
 from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
 from ..reconstructor import Reconstructor
 from .counts import Latencies
@@ -22,7 +22,7 @@ FAST_DEPTH = "anchored"
 """Depth method fast enough for video rate."""
 
 
-def fast_depth(setup: Setup) -> Names:
+def fast_depth(setup: Setup) -> Methods:
     """`FAST_DEPTH`, or None for the default method if the setup does not suit it."""
     return None if lacks(DEPTH_METHODS[FAST_DEPTH], setup) else FAST_DEPTH
 
@@ -50,16 +50,16 @@ class Loop:
         self,
         reception: Reception,
         *,
-        image: Names = None,
-        ranging: Names = None,
-        depth: Names = None,
+        image: Methods = None,
+        ranging: Methods = None,
+        depth: Methods = None,
         weather: str | None = None,
         min_free: float = MIN_FREE,
         results: Sequence[Callable[[Outcome], None]] = (),
         states: Sequence[Callable[[State], None]] = (),
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        check_names(image, ranging, depth)
+        check_methods(image, ranging, depth)
         check_min_free(min_free)
         self.latencies = Latencies()
         self._reception = reception

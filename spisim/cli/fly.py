@@ -14,7 +14,7 @@ from . import options as opt
 from .console import print_json, progress_bar, say, warn
 from .inputs import instrument_with, scene_with
 from .outputs import files_read, resumed
-from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
+from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
 
 
-@with_weather
+@opt.with_options
 def command(
     scene: opt.SceneArgument,
     path: Annotated[

@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 from warnings import catch_warnings, simplefilter
 
+import typer
 import yaml
 
 from reconstruction.base.errors import InputError
 
+from . import options as opt
 from .console import warn
 from .weather_options import OWN_WEATHER, Weather
 
 if TYPE_CHECKING:
     from spisim.instrument import Instrument
     from spisim.scene import Scene
+
+
+@dataclass(frozen=True)
+class PlanOptions:
+    """A pattern plan that replaces the instrument's own, as far as it is given."""
+
+    patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None
+    order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None
+    polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None
+    interleave: Annotated[
+        int | None, opt.number_option(1, 256, "Frames that patterns are dealt out to.")
+    ] = None
+
+
+OWN_PLAN = PlanOptions()
 
 
 def scene_with(
@@ -59,11 +77,8 @@ def _weather(stated: str) -> str | float:
 def instrument_with(
     name: str,
     wavelength_nm: float | None = None,
-    patterns: int | None = None,
-    order: str | None = None,
-    polarity: str | None = None,
-    interleave: int | None = None,
     stated: str | None = None,
+    plan: PlanOptions = OWN_PLAN,
 ) -> Instrument:
     """Load an instrument with the wavelength, plan and weather of the command line."""
     from spisim.base.config import dump_yaml, parse_model
@@ -72,8 +87,7 @@ def instrument_with(
     instrument = load_instrument(name)
     if wavelength_nm is not None:
         instrument = instrument.at_wavelength(wavelength_nm)
-    plan = {"patterns": patterns, "order": order, "polarity": polarity, "interleave": interleave}
-    changes = {key: value for key, value in plan.items() if value is not None}
+    changes = {key: value for key, value in asdict(plan).items() if value is not None}
     if not changes and stated is None:
         return instrument
     fields: dict[str, Any] = yaml.safe_load(instrument.text)

@@ -1,9 +1,13 @@
-"""Options shared by several commands."""
+"""Options that several commands share, and groups of options as parameters of a command."""
 
+from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass, fields, is_dataclass
+from functools import wraps
+from inspect import Parameter, signature
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal, get_type_hints
 
 import typer
 
@@ -42,13 +46,42 @@ def real_option(
     return typer.Option(*names, parser=parse, metavar=metavar, help=text)
 
 
-def light_budget(spp: int | None, transport_noise_share: float | None) -> dict[str, Any]:
-    """Return arguments for the light transport. Raises InputError if both are given."""
-    if transport_noise_share is None:
-        return {"spp": SPP if spp is None else spp}
-    if spp is not None:
-        raise InputError("--spp and --transport-noise-share exclude each other")
-    return {"transport_noise_share": transport_noise_share}
+def with_options(command: Callable[..., None]) -> Callable[..., None]:
+    """The command as Typer reads it: each parameter that is a data class becomes its options."""
+    hints = get_type_hints(command)
+    groups: dict[str, Any] = {name: each for name, each in hints.items() if is_dataclass(each)}
+    options = {name: _options(kind) for name, kind in groups.items()}
+
+    @wraps(command)
+    def grouped(**given: Any) -> None:
+        made = {
+            name: kind(**{option: given.pop(option) for option in options[name]})
+            for name, kind in groups.items()
+        }
+        command(**made, **given)
+
+    parameters: list[Parameter] = []
+    for name, parameter in signature(command, eval_str=True).parameters.items():
+        parameters += options[name].values() if name in options else [parameter]
+    whole = signature(command).replace(parameters=parameters)
+    grouped.__signature__ = whole  # type: ignore[attr-defined]
+    grouped.__annotations__ = {each.name: each.annotation for each in parameters}
+    return grouped
+
+
+def _options(kind: Any) -> dict[str, Parameter]:
+    """The fields of a data class that are options, as parameters."""
+    hints = get_type_hints(kind, include_extras=True)
+    return {
+        field.name: Parameter(
+            field.name,
+            Parameter.POSITIONAL_OR_KEYWORD,
+            default=field.default,
+            annotation=hints[field.name],
+        )
+        for field in fields(kind)
+        if hasattr(hints[field.name], "__metadata__")
+    }
 
 
 SceneArgument = Annotated[
@@ -93,7 +126,7 @@ Spp = Annotated[
     int, number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.")
 ]
 SPP = 256
-#: For commands that accept the error of the light instead; see `light_budget`.
+#: For commands that accept the light's error instead; see `LightBudget`.
 SppOrShare = Annotated[
     int | None,
     number_option(1, 2**20, "Light paths per virtual pixel; the error falls as 1/√spp.", SPP),
@@ -125,3 +158,52 @@ Bar = Annotated[
     bool | None,
     typer.Option("--progress/--no-progress", help="Progress bar; by default on a terminal."),
 ]
+
+
+@dataclass(frozen=True)
+class LightBudget:
+    """How much light is traced: a number of paths, or as many as an error asks for."""
+
+    spp: SppOrShare = None
+    transport_noise_share: NoiseShare = None
+
+    def __post_init__(self) -> None:
+        """InputError if both are given."""
+        if self.spp is not None and self.transport_noise_share is not None:
+            raise InputError("--spp and --transport-noise-share exclude each other")
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of a light transport."""
+        if self.transport_noise_share is not None:
+            return {"transport_noise_share": self.transport_noise_share}
+        return {"spp": SPP if self.spp is None else self.spp}
+
+
+@dataclass(frozen=True)
+class LightOptions(LightBudget):
+    """Light that is traced, or a fast surrogate of it."""
+
+    light: Annotated[
+        Literal["traced", "surrogate"],
+        typer.Option(help="surrogate: a fast stand-in, to learn from."),
+    ] = "traced"
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """Arguments of a simulation."""
+        return super().arguments | {"light": self.light}
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """How a command treats existing files, and what it prints."""
+
+    overwrite: Overwrite = False
+    json: Json = False
+    progress: Bar = None
+
+
+TRACED = LightBudget()
+TRACED_OR_SURROGATE = LightOptions()
+RUN = RunOptions()

@@ -11,7 +11,7 @@ from .console import print_json, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
-from .weather_options import OWN_WEATHER, Weather, with_weather
+from .weather_options import OWN_WEATHER, Weather
 
 EXAMPLE = "spisim picture warehouse -o warehouse.exr --fov 50 --clear"
 
@@ -26,7 +26,7 @@ class Camera(Enum):
     DETECTOR = "detector"
 
 
-@with_weather
+@opt.with_options
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],

@@ -1,8 +1,9 @@
 """`spisim simulate`: a capture from a scene and an instrument."""
 
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import typer
 
@@ -11,45 +12,44 @@ from reconstruction.base.timing import timed
 
 from . import options as opt
 from .console import print_json, progress_bar, say, warn
-from .inputs import instrument_with, scene_with
+from .inputs import OWN_PLAN, PlanOptions, instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
-from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
+from .weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
 
 EXAMPLE = "spisim simulate warehouse -o foggy.h5 --visibility 20 --report"
 
-#: Approximate size of a frame's readings and truth.
+#: Approximate size of the readings and truth of a frame.
 BYTES_PER_FRAME = 100_000
 
 
-@with_weather
+@dataclass(frozen=True)
+class ReadingsOptions:
+    """Readings that are made of the light."""
+
+    seed: opt.Seed = 0
+    frames: Annotated[int, opt.number_option(1, 10_000, "Frames, one after the other.")] = 1
+    noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False
+
+
+ONE_NOISY_FRAME = ReadingsOptions()
+
+
+@opt.with_options
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="CAPTURE", help="HDF5 file.")],
     instrument: opt.InstrumentOption = "paper",
     wavelength: opt.Wavelength = None,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
-    patterns: Annotated[int | None, opt.number_option(1, 2**31, "Patterns per frame.")] = None,
-    order: Annotated[str | None, typer.Option(help="Which patterns come first.")] = None,
-    polarity: Annotated[str | None, typer.Option(help="differential or single-ended.")] = None,
-    interleave: Annotated[
-        int | None, opt.number_option(1, 256, "Frames over which patterns are distributed.")
-    ] = None,
+    plan: PlanOptions = OWN_PLAN,
     stated: opt.StatedWeather = None,
-    seed: opt.Seed = 0,
-    light: Annotated[
-        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast, for training data.")
-    ] = "traced",
-    spp: opt.SppOrShare = None,
-    transport_noise_share: opt.NoiseShare = None,
-    frames: Annotated[int, opt.number_option(1, 10_000, "Consecutive frames.")] = 1,
-    noise_free: Annotated[bool, typer.Option("--noise-free", help="Expected readings.")] = False,
+    light: opt.LightOptions = opt.TRACED_OR_SURROGATE,
+    readings: ReadingsOptions = ONE_NOISY_FRAME,
     report: Annotated[
         bool, typer.Option("--report", help="Also reconstruct, into a page beside the capture.")
     ] = False,
-    overwrite: opt.Overwrite = False,
-    json: opt.Json = False,
-    progress: opt.Bar = None,
+    run: opt.RunOptions = opt.RUN,
 ) -> None:
     """Simulate a capture of a scene, with the truth for evaluation.
 
@@ -61,22 +61,20 @@ def command(
     from spisim.simulation.measurement import simulation_warnings
     from spisim.transport import fine_view
 
-    budget = opt.light_budget(spp, transport_noise_share)
-    files = [named(output, "simulated capture", frames * BYTES_PER_FRAME)]
+    files = [named(output, "simulated capture", readings.frames * BYTES_PER_FRAME)]
     files += [beside(output, "capture report")] if report else []
-    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    carried = instrument_with(instrument, wavelength, patterns, order, polarity, interleave, stated)
+    require_outputs(files, files_read(scene, instrument), overwrite=run.overwrite)
+    carried = instrument_with(instrument, wavelength, stated, plan)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     seconds: dict[str, float] = {}
-    with timed(seconds, "simulate"), progress_bar("Tracing light", progress) as advance:
+    with timed(seconds, "simulate"), progress_bar("Tracing light", run.progress) as advance:
         simulation = simulate(
             loaded,
             carried,
-            light=light,
-            **budget,
-            seed=seed,
-            noise=not noise_free,
-            frames=frames,
+            **light.arguments,
+            seed=readings.seed,
+            noise=not readings.noise_free,
+            frames=readings.frames,
             progress=advance,
         )
     write_capture(simulation.capture, output)
@@ -99,7 +97,7 @@ def command(
             title=loaded.name,
         )
     written = [file.path for file in files]
-    if json:
+    if run.json:
         paths = simulation.transport.paths
         print_json(
             {

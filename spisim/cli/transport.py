@@ -10,12 +10,12 @@ from .console import print_json, progress_bar, say
 from .inputs import instrument_with, scene_with
 from .outputs import beside, files_read
 from .outputs import output as named
-from .weather_options import OWN_WEATHER, Weather, with_weather
+from .weather_options import OWN_WEATHER, Weather
 
 EXAMPLE = "spisim transport warehouse -o warehouse.exr --transport-noise-share 0.1 --frequency 15e6"
 
 
-@with_weather
+@opt.with_options
 def command(
     scene: opt.SceneArgument,
     output: Annotated[Path, typer.Option("--output", "-o", metavar="EXR", help="OpenEXR file.")],
@@ -23,8 +23,7 @@ def command(
     wavelength: opt.Wavelength = None,
     weather: Weather = OWN_WEATHER,
     seed: opt.Seed = 0,
-    spp: opt.SppOrShare = None,
-    transport_noise_share: opt.NoiseShare = None,
+    light: opt.LightBudget = opt.TRACED,
     frequency: Annotated[
         list[float] | None,
         opt.real_option(
@@ -62,7 +61,6 @@ def command(
     from spisim.simulation.light.files import light_channels, write_histograms, write_truth
     from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth
 
-    budget = opt.light_budget(spp, transport_noise_share)
     files = [named(output, "transport image"), beside(output, "histograms")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     histograms = files[1].path
@@ -74,18 +72,25 @@ def command(
     carried = instrument_with(instrument, wavelength)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
-        light = solve(loaded, carried, **budget, seed=seed, outputs=outputs, progress=advance)
-    write_truth(output, ground_truth(loaded, carried), light_channels(light, frequency or ()))
-    write_histograms(histograms, light)
+        traced = solve(
+            loaded,
+            carried,
+            **light.arguments,
+            seed=seed,
+            outputs=outputs,
+            progress=advance,
+        )
+    write_truth(output, ground_truth(loaded, carried), light_channels(traced, frequency or ()))
+    write_histograms(histograms, traced)
     if json:
         print_json(
             {
                 "written": [output, histograms],
                 "warnings": oddities,
-                "paths": light.paths,
-                "seconds": light.seconds,
-                "transport_mean": float(light.image.mean()),
+                "paths": traced.paths,
+                "seconds": traced.seconds,
+                "transport_mean": float(traced.image.mean()),
             }
         )
     else:
-        say(f"Wrote {output} and {histograms}: {light.paths:,} paths in {light.seconds:.1f} s.")
+        say(f"Wrote {output} and {histograms}: {traced.paths:,} paths in {traced.seconds:.1f} s.")

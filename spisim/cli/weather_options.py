@@ -1,10 +1,8 @@
 """Weather options of all commands that simulate light in a scene."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
-from functools import wraps
-from inspect import Parameter, signature
-from typing import Annotated, Any, get_type_hints
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import typer
 
@@ -79,38 +77,6 @@ class WeatherOfDrops(Weather):
 
 OWN_WEATHER = Weather()
 OWN_WEATHER_OF_DROPS = WeatherOfDrops()
-
-
-def with_weather(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with weather options in place of its parameter `weather`, as Typer needs it."""
-    kind = get_type_hints(command)["weather"]
-    options = _options(kind)
-
-    @wraps(command)
-    def wrapped(**given: Any) -> None:
-        command(weather=kind(**{name: given.pop(name) for name in options}), **given)
-
-    parameters: list[Parameter] = []
-    for name, parameter in signature(command, eval_str=True).parameters.items():
-        parameters += options.values() if name == "weather" else [parameter]
-    whole = signature(command).replace(parameters=parameters)
-    wrapped.__signature__ = whole  # type: ignore[attr-defined]
-    wrapped.__annotations__ = {each.name: each.annotation for each in parameters}
-    return wrapped
-
-
-def _options(kind: type[Weather]) -> dict[str, Parameter]:
-    hints = get_type_hints(kind, include_extras=True)
-    return {
-        field.name: Parameter(
-            field.name,
-            Parameter.POSITIONAL_OR_KEYWORD,
-            default=field.default,
-            annotation=hints[field.name],
-        )
-        for field in fields(kind)
-        if hasattr(hints[field.name], "__metadata__")
-    }
 
 
 def _fog(old: dict[str, Any], visibility_m: float | None, kind: str | None) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A simulated drone in place of a rig: its frames as a stream, and it flies as it is told."""
+"""A simulated drone that replaces a rig: streams its frames and flies as commanded."""
 
 from spisim.serving.camera import Camera, provenance, solver
 from spisim.serving.drone import Drone, Follower, Gust, Pilot

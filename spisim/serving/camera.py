@@ -1,4 +1,4 @@
-"""Frames of a drone's motions, from light at key poses."""
+"""Frames recorded along a drone's motions, from light solved at key poses."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate
 from spisim.version import __version__
 
-#: Of all random numbers of a seed, those of frames: others trace the light.
+#: Random stream of the frames of a seed; other streams trace the light.
 STREAM = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A frame, and its image and the image's error (H, W) in electrons an exposure."""
+    """A frame, and its true image (H, W) with standard error, in electrons per exposure."""
 
     number: int
     motion: Motion
@@ -39,11 +39,22 @@ class Shot:
 
 
 class Camera:
-    """Takes frames of an instrument in a scene; light is solved at `keys`, `retained` of them.
+    """Records frames of an instrument in a scene, one after the other.
 
-    Frames are taken one after the other: electronics remember the one before, and the first is
-    settled on itself. Raises InputError where the light of the first key cannot be
-    solved.
+    The electronics carry charge over from the previous frame; the first frame follows itself.
+
+    Parameters
+    ----------
+    scene, instrument
+        What is recorded, and by what.
+    keys
+        Key poses, between which light is interpolated.
+    light
+        Solves the light of a scene at a key pose, as `solver` does.
+    seed
+        Seed of the readings' noise.
+    retained
+        Number of key poses whose light is cached.
     """
 
     def __init__(
@@ -66,7 +77,7 @@ class Camera:
         self._memory: Memory | None = None
 
     def shoot(self, motion: Motion, number: int) -> Shot:
-        """The next frame, of a motion; equal numbers have equal noise."""
+        """Record the next frame, during a motion; equal numbers have equal noise."""
         shot, self._memory = self._shoot(motion, number, self._memory)
         return shot
 
@@ -75,7 +86,7 @@ class Camera:
     ) -> tuple[Shot, Memory | None]:
         light = self.lattice.light(self._keys.positions(motion, self._fractions))
         middle = motion.scene(self.scene, 0.5)
-        # Drops hide behind what they fall in front of.
+        # Drops are visible only in front of the nearest surface.
         truths = [ground_truth(middle, self.instrument, subpixels=1)] if _has_drops(middle) else []
         streams = np.random.SeedSequence(self._seed, spawn_key=(STREAM, number))
         frame, mean = record_frames(
@@ -90,7 +101,7 @@ class Camera:
         return Shot(number, motion, frame, mean.image[0], mean.image_error[0]), mean.after
 
     def setup(self, motion: Motion) -> Setup:
-        """What its frames have in common, by one of any motion."""
+        """Setup of the frames, which is the same for every motion."""
         none = self._shoot(motion, 0, None)[0].frame.between(0, 0)
         plan, *following_plans = self.instrument.pattern_plans
         return Setup(
@@ -106,7 +117,19 @@ class Camera:
 def solver(
     instrument: Instrument, light: LightSource, *, spp: int, seed: int
 ) -> Callable[[Scene], Transport]:
-    """How light is solved at a key: with the same random numbers at all of them."""
+    """Function that solves the light of a scene, with the same random numbers for each.
+
+    Parameters
+    ----------
+    instrument
+        Emits and receives the light.
+    light
+        "traced", or "surrogate" for a fast approximation.
+    spp
+        Light paths per virtual pixel.
+    seed
+        Seed of the light paths.
+    """
     if light == "surrogate":
         return lambda scene: surrogate(scene, instrument, seed=seed)
     outputs = Outputs(orders=True, frequencies_hz=instrument.tap_frequencies_hz)
@@ -121,9 +144,9 @@ def provenance(
     seed: int,
     settings: dict[str, Any],
 ) -> Provenance:
-    """What stream and capture tell of where they come from; `settings` in the capture alone."""
+    """Provenance of stream and capture; `settings` are further entries for its settings."""
     software = f"spisim {__version__}"
-    reported = {"backend": activate(), "media": scene.media_summary(), "noise": True}
+    common = {"backend": activate(), "media": scene.media_summary(), "noise": True}
     return Provenance(
         source="simulation",
         software=software if light == "traced" else f"{software}, {SURROGATE}",
@@ -131,7 +154,7 @@ def provenance(
         instrument=instrument.text,
         scene=scene.text,
         seed=seed,
-        settings=dump_yaml({"light": {"source": light}} | reported | settings),
+        settings=dump_yaml({"light": {"source": light}} | common | settings),
     )
 
 

@@ -1,4 +1,4 @@
-"""Drones: one that flies as it is told and stops before it meets anything, one on its path."""
+"""Pilots: one flies to commanded poses and stops in front of obstacles, one follows a path."""
 
 from __future__ import annotations
 
@@ -16,40 +16,49 @@ from spisim.scene.trajectory import FRAMES
 from spisim.serving.motion import Motion
 from spisim.serving.obstacles import Obstacles
 
-#: No drone is told to be somewhere and is there at once.
+#: Limits at which a drone follows commands.
 TOP_SPEED_M_S = 5.0
 TOP_SPIN_RAD_S = math.pi
-#: A way is looked along in steps of this length for what is in the way.
+#: A motion is checked for obstacles in steps of this length.
 STEP_M = 0.02
 
 
 class Gust(NamedTuple):
-    """Blows the drone off by (forward, left, up), in axes of its start, and it does not notice."""
+    """Displaces the drone by (forward, left, up) in axes of its start, unknown to its odometry."""
 
     start_s: float
     duration_s: float
     offset_m: tuple[float, float, float]
 
     def moved_m(self, time_s: float) -> Floats:
-        """By a time, (3,): smoothly from nothing to all of it."""
+        """Displacement (3,) at a time, which grows smoothly from zero."""
         done = min(max((time_s - self.start_s) / self.duration_s, 0.0), 1.0)
         return np.asarray(self.offset_m) * (1 - math.cos(math.pi * done)) / 2
 
 
 class Pilot(Protocol):
-    """Where a drone goes, frame by frame."""
+    """Decides where a drone goes, frame by frame; `trouble` is what blocks it, if anything."""
 
     trouble: str | None
 
-    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion | None:
-        """Its next motion, towards where it was told last; None where the flight is over."""
+    def fly(self, commanded: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+        """Next motion, towards the last commanded pose; None when the flight is over."""
 
 
 class Drone:
-    """Flies straight to where it is told, at most `TOP_SPEED_M_S` fast, by dead reckoning.
+    """Flies straight to commanded poses by dead reckoning, at most `TOP_SPEED_M_S` fast.
 
-    It begins where the scene has it. `trouble` is what keeps it from going on, None if nothing
-    does. Raises InputError where it cannot even begin.
+    Parameters
+    ----------
+    scene
+        Holds the obstacles, and the drone in its first pose.
+    gusts
+        Displacements that the drone does not notice.
+
+    Raises
+    ------
+    InputError
+        If the first pose lies inside or too close to an object.
     """
 
     def __init__(self, scene: Scene, gusts: tuple[Gust, ...] = ()) -> None:
@@ -59,22 +68,22 @@ class Drone:
         optical = Rotation.from_matrix(scene.drone_pose[:3, :3])
         self._body = optical * FRAMES["body"].inv()
         self._gusts = gusts
-        self._reported = Pose()
+        self._commanded = Pose()
         self._reckoned_m = np.zeros(3)
         self._attitude = Rotation.identity()
         self._drift_m = np.zeros(3)
         self._gap_m = np.inf
         if inside := enclosing_object(scene, self._origin_m):
-            raise InputError(f"{_at(self._origin_m)}: the drone begins inside object {inside!r}")
+            raise InputError(f"{_at(self._origin_m)}: the drone starts inside object {inside!r}")
         if problem := self._obstacles.problem(self._origin_m, 0.0):
-            raise InputError(f"{_at(self._origin_m)}: the drone cannot begin here: {problem}")
+            raise InputError(f"{_at(self._origin_m)}: the drone cannot start here: {problem}")
 
-    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion:
+    def fly(self, commanded: Pose | None, time_s: float, duration_s: float) -> Motion:
         """See `Pilot`."""
-        self._reported = reported or self._reported
-        way_m = np.asarray(self._reported.position_m) - self._reckoned_m
+        self._commanded = commanded or self._commanded
+        way_m = np.asarray(self._commanded.position_m) - self._reckoned_m
         way_m = way_m * _within(float(np.linalg.norm(way_m)), TOP_SPEED_M_S * duration_s)
-        turn = (self._attitude.inv() * Rotation.from_quat(self._reported.quaternion)).as_rotvec()
+        turn = (self._attitude.inv() * Rotation.from_quat(self._commanded.quaternion)).as_rotvec()
         turn = turn * _within(float(np.linalg.norm(turn)), TOP_SPIN_RAD_S * duration_s)
         stop_s = time_s + duration_s
         gusts_m = [gust.moved_m(stop_s) - gust.moved_m(time_s) for gust in self._gusts]
@@ -95,7 +104,7 @@ class Drone:
         return self._body * self._attitude * FRAMES["body"]
 
     def _clear(self, way_m: Floats, time_s: float, duration_s: float) -> float:
-        """Share of a way (3,) that is free; `trouble` tells why it is not the whole."""
+        """Fraction of a displacement (3,) that is free; sets `trouble` unless it is 1."""
         steps = max(1, math.ceil(float(np.linalg.norm(way_m)) / STEP_M))
         start_m = self._position_m
         self.trouble = None
@@ -111,14 +120,14 @@ class Drone:
 
 
 class Follower:
-    """Flies a path, and nothing else."""
+    """Flies a path and ignores commands."""
 
     def __init__(self, path: Trajectory) -> None:
         self.trouble: str | None = None
         self._path = path
 
-    def fly(self, reported: Pose | None, time_s: float, duration_s: float) -> Motion | None:
-        """See `Pilot`; whatever it is told, it does not matter."""
+    def fly(self, commanded: Pose | None, time_s: float, duration_s: float) -> Motion | None:
+        """See `Pilot`."""
         stop_s = time_s + duration_s
         if stop_s > self._path.duration_s * (1 + 1e-9):
             return None
@@ -129,7 +138,7 @@ class Follower:
 
 
 def _within(length: float, maximum: float) -> float:
-    """Share of a way that is no longer than this."""
+    """Fraction of a length that is within the maximum."""
     return min(1.0, maximum / length) if length > 0 else 1.0
 
 

@@ -12,31 +12,38 @@ from spisim.scene import Scene, Trajectory
 from spisim.serving.motion import Motion, scene_at, things_move
 from spisim.simulation.light.lattice import Node
 
-#: Between key poses. Over 5 cm at 2 m light changes by 5 %, and bends away from the straight line
-#: between its ends by 0.05 %; edges are blended over a few pixels.
+#: Distance between key poses. Over 5 cm at 2 m light changes by 5 %, and linear interpolation is
+#: off by 0.05 %; edges are blended over a few pixels.
 SPACING_M = 0.05
-#: About each axis: a pixel or two.
+#: Rotation between key poses about each axis: a pixel or two.
 TURN_RAD = np.radians(0.5)
-#: Where anything else moves.
+#: Maximum time between key poses where anything but the drone moves.
 INTERVAL_S = 0.1
-#: A path is looked at so often, for how far it goes.
-LOOKS_PER_S = 1000.0
+#: Sampling rate at which the length of a path is measured.
+SAMPLES_PER_S = 1000.0
 
 
 class Keys(Protocol):
-    """Places of a motion in steps of a lattice, and the scene at its nodes."""
+    """A lattice of key poses: lattice coordinates of a motion, and the scene at each node."""
 
     def positions(self, motion: Motion, fractions: Floats) -> Floats:
-        """After shares (M,) of the motion, (M, d)."""
+        """Lattice coordinates (M, d) after fractions (M,) of a motion."""
 
     def scene(self, node: Node) -> Scene:
-        """The scene, the drone at rest, at a node."""
+        """The scene at a node, with the drone at rest."""
 
 
 class PoseKeys:
-    """Poses about the first: position and rotation vector in its optical axes, then the time.
+    """Poses relative to the first: position and rotation vector in its optical axes.
 
-    The time is there where anything but the drone moves.
+    A last coordinate is the time where anything but the drone moves.
+
+    Parameters
+    ----------
+    scene
+        Holds the drone in its first pose.
+    spacing_m
+        Distance between key poses.
     """
 
     def __init__(self, scene: Scene, spacing_m: float = SPACING_M) -> None:
@@ -67,13 +74,21 @@ class PoseKeys:
 
 
 class PathKeys:
-    """Times along a path, `count` of them, no farther from each other than key poses."""
+    """Times along a path, `count` of them, spaced so that key poses are close enough.
+
+    Parameters
+    ----------
+    scene, path
+        What moves, and the drone's way through it.
+    spacing_m
+        Maximum distance between key poses.
+    """
 
     def __init__(self, scene: Scene, path: Trajectory, spacing_m: float = SPACING_M) -> None:
         self._scene = scene
         self._path = path
-        looks = int(np.ceil(path.duration_s * LOOKS_PER_S)) + 1
-        self._times_s = np.linspace(0, path.duration_s, looks)
+        samples = int(np.ceil(path.duration_s * SAMPLES_PER_S)) + 1
+        self._times_s = np.linspace(0, path.duration_s, samples)
         between = np.diff(self._times_s)
         rate = np.linalg.norm(path.positions_m(self._times_s[1:], 1), axis=1) / spacing_m
         spin = np.linalg.norm(path.orientations(self._times_s[1:], 1), axis=1) / TURN_RAD
@@ -97,7 +112,7 @@ class PathKeys:
 
 
 def interval_s(scene: Scene, spacing_m: float) -> float:
-    """Time in which nothing in a scene moves or turns farther than from one key to the next."""
+    """Time in which nothing in a scene moves or turns farther than one key step."""
     rates = [1 / INTERVAL_S]
     rates += [float(np.linalg.norm(each.velocity_m_s)) / spacing_m for each in scene.objects]
     spins = (np.linalg.norm(each.angular_velocity_rad_s) for each in scene.objects)

@@ -1,4 +1,4 @@
-"""The line to whoever takes the frames, over which commands come back."""
+"""The line over which frames leave and commands come back."""
 
 from __future__ import annotations
 
@@ -16,11 +16,18 @@ POLL_S = 0.05
 
 
 class Line:
-    """Opens an outlet, and again when it breaks, and the source that commands come from.
+    """Opens an outlet for frames and a source of commands, and reopens them when they break.
 
-    These may be one. Where `lasting`, whoever is at the other end may go and come again; else
-    OSError is raised then, as where there is nobody to come. Commands are heard from one sender at
-    a time.
+    Commands are accepted from one sender at a time.
+
+    Parameters
+    ----------
+    outlet, source
+        Where frames go and commands come from, which may be the same; None without commands.
+    lasting
+        Whether to wait for a new peer when one has gone; otherwise OSError is raised.
+    say, wait, clock
+        Print a sentence, sleep for seconds, and return the time in seconds.
     """
 
     def __init__(
@@ -48,12 +55,12 @@ class Line:
 
     @property
     def address(self) -> str:
-        """Where frames go."""
+        """Address that frames go to."""
         return self._outlet.address
 
     def open(self) -> bool:
-        """Wait until somebody is there; whether nobody was before."""
-        text = False
+        """Wait for a peer; return whether the line was closed before."""
+        announced = False
         was_open = self._open
         while not self._open:
             try:
@@ -65,15 +72,15 @@ class Line:
             except OSError as error:
                 if not self._lasting:
                     raise
-                if not text:
+                if not announced:
                     self._say(f"Waiting for somebody at {self.address}.")
-                text = True
+                announced = True
                 if not isinstance(error, TimeoutError):
                     self._wait(AGAIN_S)
         return not was_open
 
     def send(self, content: bytes) -> bool:
-        """Send a message; False where the other side is gone."""
+        """Send a message; False if the peer has gone."""
         try:
             self._outlet.send(content)
         except OSError as error:
@@ -82,7 +89,7 @@ class Line:
         return True
 
     def messages(self, timeout_s: float) -> list[Message]:
-        """Messages that came, waiting for bytes at most so long; `over` where none will come."""
+        """Messages that arrive within the timeout; sets `over` when no more will come."""
         if self._source is None or self.over:
             return []
         try:
@@ -101,17 +108,17 @@ class Line:
         return [each for each in messages if connected or each.kind != Kind.END]
 
     def give_way(self) -> None:
-        """Let in who else has called, where nothing has come for long from who is there."""
+        """Disconnect a silent peer if another one is waiting."""
         if self._open and self._outlet.wanted and self.senders.quiet(self._clock()):
-            self._break(TimeoutError("no command comes, and somebody else calls"))
+            self._break(TimeoutError("no command arrives, and another peer is waiting"))
 
     @property
     def is_open(self) -> bool:
-        """Whether somebody is there, as far as is known."""
+        """Whether a peer is connected, as far as is known."""
         return self._open
 
     def close(self) -> None:
-        """Nothing more is sent."""
+        """Close both ends."""
         for link in (self._outlet, self._source):
             if link is not None:
                 with suppress(OSError):
@@ -126,5 +133,5 @@ class Line:
 
 
 def _fits(message: Message, length: int) -> bool:
-    """Whether it is a command or an end, by its header."""
+    """Whether the header is that of a command or an end."""
     return length <= {Kind.COMMAND: POSE.size, Kind.END: 0}.get(Kind(message.kind), -1)

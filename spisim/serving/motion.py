@@ -1,4 +1,4 @@
-"""What a drone does while one frame is recorded."""
+"""Motion of a drone during one frame."""
 
 from __future__ import annotations
 
@@ -15,9 +15,16 @@ from spisim.scene.pose import Vector3
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """Straight and even, from `time_s` of the simulation on: positions (3,) and optical axes.
+    """Uniform straight motion and rotation during a frame.
 
-    All in the world; the optical frame is x right, y down, z forward.
+    Attributes
+    ----------
+    time_s, duration_s
+        Start in simulation time, and duration.
+    start_m, stop_m
+        Positions (3,) in the world.
+    start, stop
+        World from optical frame, which is x right, y down, z forward.
     """
 
     time_s: float
@@ -28,15 +35,15 @@ class Motion:
     stop: Rotation
 
     def positions_m(self, fractions: Floats) -> Floats:
-        """(M, 3) after shares (M,) of it."""
+        """Positions (M, 3) after fractions (M,) of the motion."""
         return np.asarray(self.start_m + np.outer(fractions, self.stop_m - self.start_m))
 
     def turns(self, fractions: Floats) -> Rotation:
-        """World from optical frame (M,) after shares (M,) of it."""
+        """World from optical frame (M,) after fractions (M,) of the motion."""
         return self.start * Rotation.from_rotvec(np.outer(fractions, self._turn_rad))
 
     def scene(self, scene: Scene, fraction: float = 0.0) -> Scene:
-        """A scene after a share of it, with the drone where it is then, and as fast."""
+        """The scene after a fraction of the motion, with the drone's pose and velocity."""
         pose = np.eye(4)
         pose[:3, :3] = self.turns(np.array([fraction])).as_matrix()[0]
         pose[:3, 3] = self.positions_m(np.array([fraction]))[0]
@@ -51,7 +58,7 @@ class Motion:
 
     @property
     def _turn_rad(self) -> Floats:
-        """From start to stop, about the axes of the start."""
+        """Rotation vector from start to stop, in the axes of the start."""
         return np.asarray((self.start.inv() * self.stop).as_rotvec())
 
 
@@ -65,7 +72,7 @@ def scene_at(scene: Scene, time_s: float, pose: Floats) -> Scene:
 
 
 def things_move(scene: Scene) -> bool:
-    """Whether anything but the drone does."""
+    """Whether anything but the drone moves."""
     parts: tuple[SceneObject | Volume, ...] = (*scene.objects, *scene.volumes)
     return any(part.moves for part in parts)
 

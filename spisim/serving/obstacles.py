@@ -1,4 +1,4 @@
-"""How near a drone comes to the surfaces of a scene, and to its end."""
+"""Distance of a drone to the surfaces of a scene, and to its bounds."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, SceneObject
 
-#: A drone has a size; and key poses, a step away, must lie on its side of any surface.
+#: Size of a drone, which also keeps key poses, a step away, on its side of any surface.
 CLEARANCE_M = 0.2
-#: Beyond all surfaces there is nothing to be measured.
+#: Distance beyond all surfaces at which the scene ends.
 MARGIN_M = 15.0
 
 
 class Obstacles:
-    """The surfaces of a scene, those that move along with their motion."""
+    """The surfaces of a scene, still and moving."""
 
     def __init__(self, scene: Scene) -> None:
         still = [thing for thing in scene.objects if not thing.moves]
@@ -27,24 +27,24 @@ class Obstacles:
         self._high_m = bounds[:, 1].max(axis=0) + MARGIN_M
 
     def problem(self, position_m: Floats, time_s: float, gap_m: float = np.inf) -> str | None:
-        """Why a drone cannot be at a position (3,), None where it can.
+        """Why a drone cannot be at a position (3,), None if it can.
 
-        It was `gap_m` away from what is nearest before: it may go away from what it is too near to.
+        `gap_m` is its previous distance: it may move away from what it is too close to.
         """
-        estimated_m, name = self.nearest(position_m, time_s)
-        if estimated_m < min(CLEARANCE_M, gap_m):
+        distance_m, name = self.nearest(position_m, time_s)
+        if distance_m < min(CLEARANCE_M, gap_m):
             return f"object {name!r} is less than {CLEARANCE_M:g} m away"
         if (position_m < self._low_m).any() or (position_m > self._high_m).any():
             return f"the scene ends {MARGIN_M:g} m beyond its surfaces"
         return None
 
     def nearest(self, position_m: Floats, time_s: float) -> tuple[float, str]:
-        """How far the nearest surface is, and its name; inf beyond `CLEARANCE_M`."""
-        result = [self._still.nearest(position_m)] if self._still else []
+        """Distance and name of the nearest surface; inf beyond `CLEARANCE_M`."""
+        gaps = [self._still.nearest(position_m)] if self._still else []
         for thing, surfaces in self._moving:
             back = np.linalg.inv(thing.motion(time_s))
-            result.append(surfaces.nearest(back[:3, :3] @ position_m + back[:3, 3]))
-        return min(result)
+            gaps.append(surfaces.nearest(back[:3, :3] @ position_m + back[:3, 3]))
+        return min(gaps)
 
 
 class _Surfaces:
@@ -59,7 +59,7 @@ class _Surfaces:
         self._high_m = self._triangles.max(axis=1) + CLEARANCE_M
 
     def nearest(self, position_m: Floats) -> tuple[float, str]:
-        """As of `Obstacles`."""
+        """See `Obstacles`."""
         around = (position_m >= self._low_m).all(axis=1) & (position_m <= self._high_m).all(axis=1)
         near = np.flatnonzero(around)
         if not near.size:

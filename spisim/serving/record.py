@@ -1,4 +1,4 @@
-"""What was served, with what is true of it: a capture, and the path that was flown."""
+"""Record of a flight: a capture with its truth, and the flown path."""
 
 from __future__ import annotations
 
@@ -20,15 +20,24 @@ from spisim.serving.motion import Motion
 from spisim.simulation.measurement import frame_truth
 from spisim.transport import ground_truth
 
-#: Some minutes, and some hundred megabytes.
+#: A few minutes, and a few hundred megabytes.
 MAX_FRAMES = 32_768
 KIND = "flown path"
 
 
 class FlightRecord:
-    """Keeps frames, and the truth of every `truths`-th, until they are written.
+    """Holds frames, and the truth of some, until they are written.
 
-    `full` after `MAX_FRAMES`: what comes then is not kept.
+    It is `full` after `MAX_FRAMES`, and drops what follows.
+
+    Parameters
+    ----------
+    path
+        Capture file; the flown path goes beside it.
+    scene, instrument
+        What is recorded, and by what.
+    truths
+        The truth of every so many frames is held.
     """
 
     def __init__(self, path: Path, scene: Scene, instrument: Instrument, truths: int) -> None:
@@ -39,25 +48,25 @@ class FlightRecord:
         self._every = truths
         self._frames: list[Frames] = []
         self._motions: list[Motion] = []
-        self._reported: list[Shot] = []
+        self._with_truth: list[Shot] = []
 
     @property
     def outputs(self) -> list[Output]:
-        """Files that it writes."""
+        """Files that `write` writes."""
         return record_outputs(self._path)
 
     def add(self, shot: Shot) -> None:
-        """One more frame."""
+        """Hold a frame."""
         self.full = len(self._frames) >= MAX_FRAMES
         if self.full:
             return
         if len(self._frames) % self._every == 0:
-            self._reported.append(shot)
+            self._with_truth.append(shot)
         self._frames.append(shot.frame)
         self._motions.append(shot.motion)
 
     def write(self, setup: Setup, provenance: Provenance) -> list[Path]:
-        """Write what there is, and tell the names; nothing where there is no frame."""
+        """Write capture and path, and return their names; none without a frame."""
         if not self._frames:
             return []
         capture, path = (output.path for output in self.outputs)
@@ -72,30 +81,30 @@ class FlightRecord:
             name: _joined([getattr(frame, name) for frame in self._frames])
             for name in ("buckets", "spots", "pattern_taps")
         }
-        available = []
-        for shot in self._reported:
+        truths = []
+        for shot in self._with_truth:
             middle = shot.motion.scene(self._scene, 0.5)
             truth = ground_truth(middle, self._instrument, subpixels=1)
-            available.append(frame_truth(shot.image, shot.image_error, truth))
-        numbers = np.array([shot.number - first for shot in self._reported], np.int64)
+            truths.append(frame_truth(shot.image, shot.image_error, truth))
+        numbers = np.array([shot.number - first for shot in self._with_truth], np.int64)
         return Capture(
             plan=plans[0],
             following_plans=tuple(plans[1 : len(self._frames)]),
             optics=setup.optics,
             provenance=provenance,
-            truth=replace(Truth.of(available), frame=numbers),
+            truth=replace(Truth.of(truths), frame=numbers),
             **parts,
         )
 
 
 def record_outputs(path: Path) -> list[Output]:
-    """A capture, and beside it the path."""
+    """The capture, and the path beside it."""
     capture = Output(path, "simulated capture", (".h5", ".hdf5"))
     return [capture, Output(path.parent / f"{path.stem}.csv", KIND)]
 
 
 def flown(motions: list[Motion]) -> str:
-    """Poses at the start of every frame and the end of the last, as `load_trajectory` reads them.
+    """Poses at the start of every frame and the end of the last, in a file for `load_trajectory`.
 
     Quaternions turn the drone's body into the world.
     """
@@ -111,7 +120,7 @@ def flown(motions: list[Motion]) -> str:
 
 
 def _joined(parts: list[Any]) -> Any:
-    """One part with the readings of all, None where frames have none."""
+    """One part with the readings of all frames, None if they have none."""
     first = parts[0]
     if first is None:
         return None

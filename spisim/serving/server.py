@@ -1,4 +1,4 @@
-"""Frames at the rate of the patterns, or one for each command."""
+"""Sends frames in real time, as fast as possible, or one for each command."""
 
 from __future__ import annotations
 
@@ -21,12 +21,21 @@ STATE_EVERY_S = 1.0
 
 @dataclass
 class Tally:
-    """What has become of frames and commands.
+    """Counts of frames and commands.
 
-    ``late`` frames were ready after their time, by ``behind_s`` altogether: so much longer has the
-    flight taken than it should. ``repeated`` ones were asked for again. Of commands, those that
-    were ``refused`` are of another version, or tell no pose, or ask for a frame that is not next;
-    ``corrupted`` ones are not what their checksum says.
+    Attributes
+    ----------
+    frames, late, repeated
+        Frames sent, those that were ready after their due time, and those sent again on request.
+    behind_s
+        Sum of all delays, by which the flight takes longer than it should.
+    commands, refused, corrupted
+        Commands received; those of another version, without a valid pose, or for another frame
+        than the next; and those with a wrong checksum.
+    stops
+        How often an obstacle stopped the drone.
+    discarded_bytes
+        Bytes that were not part of a message.
     """
 
     frames: int = 0
@@ -41,9 +50,20 @@ class Tally:
 
 
 class Server:
-    """Sends the frames of a flight over a line, and has its pilot told what comes back.
+    """Sends the frames of a flight over a line, and passes commands to its pilot.
 
-    `retained` sees every frame. `maximum` is the number of frames after which it ends.
+    Parameters
+    ----------
+    camera, pilot, line
+        Record the frames, decide the motions, and connect to the peer.
+    setup, provenance
+        Sent before the frames.
+    maximum
+        Number of frames after which the flight ends.
+    retained, say, states
+        Called with every frame, with a sentence for the user, and once a second with the server.
+    clock, wait
+        Return the time in seconds, and sleep for seconds.
     """
 
     def __init__(
@@ -73,7 +93,7 @@ class Server:
         self._states = states
         self._clock = clock
         self._wait = wait
-        self._reported: Pose | None = None
+        self._commanded: Pose | None = None
         self._over = False
         self._trouble: str | None = None
         self._last = b""
@@ -82,23 +102,23 @@ class Server:
 
     @property
     def time_s(self) -> float:
-        """Of the simulation, since it began."""
+        """Simulation time."""
         return self.tally.frames * self._period_s
 
     def run_at_rate(self) -> None:
-        """A frame each time that the patterns are through, until the flight is over."""
+        """Send frames in real time until the flight is over."""
         due_s = -float("inf")
-        reported_s = -float("inf")
+        setup_s = -float("inf")
         while not self._ended():
             if self._line.open():
-                due_s, reported_s = self._clock(), -float("inf")
-            if self.time_s - reported_s >= SETUP_EVERY_S:
-                reported_s = self.time_s
+                due_s, setup_s = self._clock(), -float("inf")
+            if self.time_s - setup_s >= SETUP_EVERY_S:
+                setup_s = self.time_s
                 self._line.send(self._sender.setup(self._stamp))
-            for message in self._line.messages(0.0):
-                self._take(message)
-            message_s = self._frame()
-            if message_s is None:
+            for received in self._line.messages(0.0):
+                self._take(received)
+            message = self._frame()
+            if message is None:
                 break
             due_s += self._period_s
             early_s = due_s - self._clock()
@@ -108,17 +128,17 @@ class Server:
                 self.tally.late += 1
                 self.tally.behind_s -= early_s
                 due_s -= early_s
-            self._line.send(message_s)
+            self._line.send(message)
 
     def run_at_once(self) -> None:
-        """All frames as fast as they are ready, with nobody to tell the drone anything."""
+        """Send all frames as fast as possible, without commands."""
         self._line.open()
         self._line.send(self._sender.setup())
         while not self._ended() and (message := self._frame()) is not None:
             self._line.send(message)
 
     def run_in_step(self) -> None:
-        """A frame for each command that asks for the next one, until the flight is over."""
+        """Send a frame for each command that requests it, until the flight is over."""
         while not self._ended():
             self._line.give_way()
             if self._line.open():
@@ -138,7 +158,7 @@ class Server:
                     self.tally.repeated += 1
                     self._line.send(self._last)
                 else:
-                    self._refuse(f"it asks for frame {message.number}; the next is {number}")
+                    self._refuse(f"it requests frame {message.number}; the next is {number}")
             self._over |= self._line.over
             self._state()
 
@@ -150,9 +170,9 @@ class Server:
         return self._over or self.tally.frames == self._maximum
 
     def _frame(self) -> bytes | None:
-        """The message of the next frame; None where the flight is over."""
-        motion = self._pilot.fly(self._reported, self.time_s, self._period_s)
-        self._reported = None
+        """Message of the next frame; None when the flight is over."""
+        motion = self._pilot.fly(self._commanded, self.time_s, self._period_s)
+        self._commanded = None
         if motion is None:
             return None
         trouble = self._pilot.trouble
@@ -168,10 +188,10 @@ class Server:
         return message
 
     def _take(self, message: Message) -> bool:
-        """Do as a message says; whether it is a sound command."""
+        """Process a message; return whether it is a valid command."""
         self.tally.discarded_bytes = self._line.senders.discarded_bytes
         if message.version != VERSION:
-            self._refuse(f"it is of version {message.version}; this program reads {VERSION}")
+            self._refuse(f"it has version {message.version}; this program reads {VERSION}")
         elif message.payload is None:
             self.tally.corrupted += message.kind == Kind.COMMAND
         elif message.kind == Kind.END:
@@ -179,17 +199,17 @@ class Server:
         elif message.kind == Kind.COMMAND:
             self.tally.commands += 1
             try:
-                self._reported = pose_of(message.payload) or self._reported
+                self._commanded = pose_of(message.payload) or self._commanded
             except InputError as error:
                 self._refuse(str(error))
             return True
         return False
 
     def _refuse(self, why: str) -> None:
-        """Say why a command is not followed, for the first of those in a row."""
+        """Count a refused command, and say why for the 1st, 2nd, 4th, 8th and so on."""
         self.tally.refused += 1
-        if self.tally.refused & (self.tally.refused - 1) == 0:  # the 1st, 2nd, 4th, 8th
-            self._say(f"{self.time_s:.2f} s: a command is refused: {why}")
+        if self.tally.refused & (self.tally.refused - 1) == 0:
+            self._say(f"{self.time_s:.2f} s: command refused: {why}")
 
     def _state(self) -> None:
         if self._clock() - self._state_s >= STATE_EVERY_S and self.tally != self._seen:
@@ -198,6 +218,6 @@ class Server:
             self._states(self)
 
     def end(self) -> None:
-        """Tell the other side that no more will come."""
+        """Tell the peer that no more frames will come."""
         if self._line.is_open:
             self._line.send(self._sender.end(self._stamp))

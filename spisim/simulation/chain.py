@@ -20,8 +20,14 @@ from spisim.transport.backend import activate
 class Simulation:
     """A capture, and the light it was made from.
 
-    `transport` is that of the first key time; `truths` are those of the middle of every frame, or
-    one of all where nothing moves.
+    Attributes
+    ----------
+    capture
+        The readings, as a rig would record them, and the truth.
+    transport
+        Light at the first key time.
+    truths
+        Truth at the middle of each frame, or one for all frames if nothing moves.
     """
 
     capture: Capture
@@ -44,33 +50,39 @@ def simulate(
     frames: int = 1,
     progress: Callable[[float], None] | None = None,
 ) -> Simulation:
-    """Simulate a recording of `frames` frames, one after the other.
+    """Simulate a recording.
 
-    Where something moves, the light is solved at key times and interpolated between exposures;
-    the truth of a frame is that of its middle.
+    If anything moves, light is solved at key times and interpolated at the exposures; the truth of
+    a frame is that at its middle.
 
     Parameters
     ----------
     light
-        "surrogate": not traced but guessed, thirty times as fast, for data sets to learn from; spp
-        and transport_noise_share are of no account then.
+        "traced", or "surrogate" for an approximation, thirty times as fast, for training data; it
+        ignores `spp` and `transport_noise_share`.
     spp
         Light paths per virtual pixel and strategy.
     transport_noise_share
-        Instead of `spp`: standard error of the light to be reached, as a share of the detectors'
+        Instead of `spp`: standard error of the light to reach, as a fraction of the detectors'
         noise; see `spisim.simulation.light.solve`.
     seed
         Equal seeds give equal captures on the same machine and backend.
     noise
-        False: the expected readings of an ideal converter, as floating-point counts.
+        False for the expected readings of an ideal converter, as floating-point counts.
+    frames
+        Number of frames, one after the other.
     progress
-        Called with the fraction of the light transport that is done.
+        Called with the completed fraction of the light transport.
+
+    Returns
+    -------
+    Simulation
 
     Raises
     ------
     InputError
-        If an object would pass through the instrument, the scene was made for another wavelength
-        than the instrument's, or no backend for the light transport works.
+        If an object would pass through the instrument, if scene and instrument have different
+        wavelengths, or if no backend for the light transport works.
     """
     middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
     truths = tuple(
@@ -103,7 +115,7 @@ def simulate(
 
 
 def _reported(light: LightSequence) -> dict[str, Any]:
-    """How well the light is known, at the worst of the key times."""
+    """Accuracy of the light, at the worst of the key times."""
 
     def worst(values: Iterable[float]) -> float:
         return float(f"{max(values):.3g}")

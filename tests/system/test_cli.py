@@ -203,7 +203,10 @@ def test_too_much_light_is_warned_about(tmp_path: Path) -> None:
     assert f"warning: {warning}" in run.stderr
     assert any("array is in risk group 3" in text for text in warnings)
     message = spisim("simulate", "warehouse", *options, "--report").stderr
-    assert f"{tmp_path / 'c.h5'}: frame 0: every pattern rests on a saturated reading" in message
+    assert (
+        f"{tmp_path / 'c.h5'}: frame 0: no image, because every pattern has a saturated reading"
+        in message
+    )
     assert "record again with less light" in message
 
 

@@ -154,7 +154,7 @@ def test_warnings_of_a_capture_stand_in_its_row_and_on_its_tile(folder: Path) ->
     beside, at_wall = (row["warnings"].split(" | ") for row in rows)
     own = [warning for warning in beside if warning not in at_wall]
     assert {
-        f"spot {k} is too weak to tell from noise and fog: it gives no range" for k in range(4)
+        f"spot {k} is too weak to separate from noise and fog: it has no range" for k in range(4)
     } <= set(own)
     page = html.unescape((output / "flight.html").read_text(encoding="utf-8"))
     tile = page[page.index("capture-0000.h5</small>") : page.index("capture-0001.h5</small>")]

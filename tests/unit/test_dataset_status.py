@@ -244,7 +244,7 @@ def test_captures_that_cannot_be_used_are_told_on_the_sheet(
     write_capture(bare, own / "samples/000/000002.h5")
     write_contact_sheet(tmp_path / "sheet.html", spisim.dataset.open(own)[:3])
     page = read(tmp_path)
-    assert "every pattern rests on a saturated reading" in page
+    assert "every pattern has a saturated reading" in page
     assert "000001.h5: not an HDF5 file" in page
     assert "no estimated depth" in page
     assert "no true depth" in page

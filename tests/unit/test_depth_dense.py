@@ -164,7 +164,7 @@ def test_saturated_taps_are_left_out_and_told():
 def test_unknown_optics_are_told():
     capture = replace(make_capture(), optics=None)
     assert run(capture).range_m is None
-    assert capture_warnings(capture) == ["the optics are not known: there are no dense ranges"]
+    assert capture_warnings(capture) == ["the optics are unknown: there are no dense ranges"]
 
 
 def test_the_pipeline_has_map_and_metrics():

@@ -36,8 +36,8 @@ def test_a_spot_without_a_range_is_told_with_the_reason(capture: Capture) -> Non
     saturated[0, 2, 3] = True
     spots = replace(capture.spots, taps=taps, saturated=saturated)
     assert capture_warnings(replace(capture, spots=spots)) == [
-        "spot 1 shows no signal: it gives no range",
-        "spot 2 is saturated: it gives no range",
+        "spot 1 has no signal: it has no range",
+        "spot 2 is saturated: it has no range",
     ]
 
 
@@ -78,13 +78,14 @@ def test_a_spot_beyond_the_unambiguous_range_is_told(capture: Capture) -> None:
         true = np.array([[4.2, 4.4, limit + (0.01 if beyond else -0.01), 4.8]])
         truth = replace(capture.truth, spot_range_m=true)
         warnings = "; ".join(capture_warnings(replace(capture, truth=truth)))
-        assert ("spot 2 lies at 15.00 m, beyond the 14.99 m" in warnings) == beyond
+        text = "spot 2 lies at 15.00 m, beyond the maximum unambiguous range of 14.99 m"
+        assert (text in warnings) == beyond
 
 
 def test_a_range_where_there_is_nothing_is_told(capture: Capture) -> None:
     assert capture.truth is not None
     truth = replace(capture.truth, spot_range_m=np.array([[4.2, np.nan, 4.3, 4.8]]))
-    text = "spot 1 meets nothing: its range is that of noise or fog"
+    text = "spot 1 hits no surface: its range is that of noise or fog"
     assert capture_warnings(replace(capture, truth=truth)) == [text]
 
 
@@ -107,7 +108,8 @@ def test_dense_ranges_beyond_the_unambiguous_range_are_told(capture: Capture) ->
     assert capture_warnings(replace(capture, pattern_taps=readings)) == []
     short = replace(readings, tap_frequencies_hz=np.full(4, c / (2 * (farthest_m - 0.01))))
     (warning,) = capture_warnings(replace(capture, pattern_taps=short))
-    assert f"reaches to {farthest_m:.2f} m, beyond the {farthest_m - 0.01:.2f} m" in warning
+    assert f"scene extends to {farthest_m:.2f} m, beyond the" in warning
+    assert f"range of {farthest_m - 0.01:.2f} m" in warning
 
 
 def noisy_capture(capture: Capture, snr: float, frames: int = 1) -> Capture:
@@ -135,7 +137,7 @@ def test_more_noise_than_image_is_told(capture: Capture) -> None:
     assert capture_warnings(noisy_capture(capture, 3.0)) == []
     (warning,) = capture_warnings(noisy_capture(capture, 0.7))
     assert warning.startswith("there is hardly an image: signal over noise is about 0.")
-    assert "a flat image is nearer to the truth than the zero-filled one" in warning
+    assert "a flat image is closer to the truth than the zero-filled one" in warning
     reported = float(warning.partition("about ")[2].split()[0])
     assert abs(reported**2 - 0.7**2) < 4 * np.sqrt(2 / 255) * (1 + 0.7**2)
     (warning,) = capture_warnings(noisy_capture(capture, 0.5, frames=3))
@@ -181,7 +183,7 @@ def test_a_range_that_is_off_by_more_than_noise_is_told(capture: Capture) -> Non
         capture.truth, spot_range_m=capture.truth.spot_range_m + np.array([0, 0.7, 0, 0])
     )
     (warning,) = capture_warnings(replace(capture, truth=truth))
-    assert warning.startswith("spot 1 is measured 0.70 m too near, beyond its sigma of 0.00")
+    assert warning.startswith("spot 1 is measured 0.70 m too near, with a sigma of 0.00")
 
 
 def two_frequencies(capture: Capture, off_m: float) -> Capture:
@@ -249,5 +251,5 @@ def test_a_constant_image_says_so(capture: Capture) -> None:
     result = reconstruct(flat, image="edge-preserving")
     assert np.ptp(result.image) == 0
     assert result.warnings == [
-        "frame '0' is without an image: readings of all its patterns are alike"
+        "frame '0' is without an image: the readings of all its patterns are equal"
     ]

@@ -153,5 +153,5 @@ def test_packages_log_and_say_nothing_by_themselves(
     with caplog.at_level(logging.DEBUG, "reconstruction"):
         reconstruct(capture, image="zero-filled", depth="nearest")
     compiled, frame = caplog.messages
-    assert compiled == "methods of image: zero-filled; of ranging: cw; of depth: nearest"
+    assert compiled == "image methods: zero-filled; ranging methods: cw; depth methods: nearest"
     assert frame.startswith("frame 0, seconds: {'decoding': ")

@@ -67,8 +67,8 @@ def test_an_image_does_without_them_and_says_so() -> None:
     assert whole.notes == {}
     assert left.patterns == whole.patterns - 3
     assert left.warnings == [
-        "frame '0' is without 6 of its 240 readings: what is shown twice differs there "
-        "(lost, or disturbed?)"
+        "frame '0' is without 6 of its 240 readings: repeated exposures disagree there "
+        "(lost or disturbed?)"
     ]
     off = [np.sqrt(np.mean((each.image - TRUE) ** 2)) for each in results]
     assert off[1] < 1.2 * off[0]

@@ -187,7 +187,7 @@ def test_recordings_are_warned_of_and_simulations_are_not():
 def test_all_zero_frames_are_told():
     plan = make_plan(SHAPE, order="natural", polarity="signed")
     reported = capture_warnings(capture_from_readings(np.zeros(1024), plan))
-    assert reported == ["all 1024 bucket readings are the same: there is no image in them"]
+    assert reported == ["all 1024 bucket readings are equal: there is no image in them"]
 
 
 def test_plans_of_other_repetitions_cannot_be_doubted():

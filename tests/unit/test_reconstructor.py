@@ -83,7 +83,7 @@ def test_a_batch_equals_single_calls(capture):
     assert [result.frame for result in batch] == [1, 2, 3]
     for result in batch:
         assert_alike(result, reconstructor(several.frame(result.frame)))
-    with pytest.raises(InputError, match="3 frames: one is needed here; `batch` takes several"):
+    with pytest.raises(InputError, match="got 3 frames, expected one; `batch` takes several"):
         reconstructor(several.batch(1, 4))
 
 
@@ -333,13 +333,16 @@ def test_methods_of_others_stand_beside_ours(capture, monkeypatch):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones((16, 15)), r"gave float64 of shape \(16, 15\); real numbers of \(16, 16\)"),
-        (np.ones(256), r"gave float64 of shape \(256,\)"),
-        (np.ones((16, 16)) * 1j, r"gave complex128 of shape \(16, 16\); real numbers"),
-        (np.ones((16, 16), dtype=bool), "gave bool of shape"),
-        (None, r"gave object of shape \(\)"),
-        (np.where(np.eye(16) > 0, np.nan, 1.0), "gave values that are not finite"),
-        (np.where(np.eye(16) > 0, np.inf, 1.0), "gave values that are not finite"),
+        (
+            np.ones((16, 15)),
+            r"returned float64 of shape \(16, 15\); expected real numbers of shape \(16, 16\)",
+        ),
+        (np.ones(256), r"returned float64 of shape \(256,\)"),
+        (np.ones((16, 16)) * 1j, r"returned complex128 of shape \(16, 16\); expected real numbers"),
+        (np.ones((16, 16), dtype=bool), "returned bool of shape"),
+        (None, r"returned object of shape \(\)"),
+        (np.where(np.eye(16) > 0, np.nan, 1.0), "returned values that are not finite"),
+        (np.where(np.eye(16) > 0, np.inf, 1.0), "returned values that are not finite"),
     ],
 )
 def test_an_image_method_that_gives_no_image_is_named(capture, monkeypatch, value, message):
@@ -351,8 +354,8 @@ def test_an_image_method_that_gives_no_image_is_named(capture, monkeypatch, valu
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones((16, 16)), "gave ndarray, not an Estimate"),
-        (Estimate(np.ones((16, 16)), np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
+        (np.ones((16, 16)), "returned ndarray, not an Estimate"),
+        (Estimate(np.ones((16, 16)), np.ones(16)), r"as sigma, returned .* shape \(16,\)"),
         (Estimate(np.ones((16, 16)), np.full((16, 16), np.inf)), "not finite"),
     ],
 )
@@ -365,21 +368,21 @@ def test_an_image_method_that_gives_no_estimate_is_named(capture, monkeypatch, v
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones((16, 16)), "gave ndarray, not a DepthEstimate"),
+        (np.ones((16, 16)), "returned ndarray, not a DepthEstimate"),
         (
             depths(np.ones((15, 16))),
-            r"gave float64 of shape \(15, 16\); real numbers of \(16, 16\)",
+            r"returned float64 of shape \(15, 16\); expected real numbers of shape \(16, 16\)",
         ),
-        (depths(np.ones((16, 16)) * 1j), r"gave complex128 of shape \(16, 16\)"),
-        (depths(np.full((16, 16), "far")), r"gave <U3 of shape"),
-        (depths(np.full((16, 16), np.inf)), "gave values that are not finite"),
-        (depths(np.zeros((16, 16))), "gave a depth of 0 m"),
-        (depths(sigma=np.ones(16)), r"of the deviation, gave .* shape \(16,\)"),
-        (depths(sigma=np.full((16, 16), -0.1)), "a deviation that is negative or not known"),
-        (depths(sigma=np.full((16, 16), np.nan)), "a deviation that is negative or not known"),
-        (depths(no_return=np.ones((1, 16))), r"of nothing within reach, gave .* shape \(1, 16\)"),
-        (depths(no_return=np.full((16, 16), 1.1)), "probabilities .* beyond 0 to 1"),
-        (depths(no_return=np.full((16, 16), np.nan)), "probabilities .* beyond 0 to 1"),
+        (depths(np.ones((16, 16)) * 1j), r"returned complex128 of shape \(16, 16\)"),
+        (depths(np.full((16, 16), "far")), r"returned <U3 of shape"),
+        (depths(np.full((16, 16), np.inf)), "returned values that are not finite"),
+        (depths(np.zeros((16, 16))), "returned a depth of 0 m"),
+        (depths(sigma=np.ones(16)), r"as sigma, returned .* shape \(16,\)"),
+        (depths(sigma=np.full((16, 16), -0.1)), "a sigma that is negative or nan"),
+        (depths(sigma=np.full((16, 16), np.nan)), "a sigma that is negative or nan"),
+        (depths(no_return=np.ones((1, 16))), r"as no_return, returned .* shape \(1, 16\)"),
+        (depths(no_return=np.full((16, 16), 1.1)), "probabilities of no return outside 0..1"),
+        (depths(no_return=np.full((16, 16), np.nan)), "probabilities of no return outside 0..1"),
     ],
 )
 def test_a_depth_method_that_gives_no_depths_is_named(capture, monkeypatch, value, message):
@@ -409,8 +412,8 @@ def ranges(**changes):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones(4), "gave ndarray, not four ranges"),
-        (None, "gave NoneType, not four ranges"),
+        (np.ones(4), "returned ndarray, not four ranges"),
+        (None, "returned NoneType, not four ranges"),
         (ranges(status=("ok",) * 3), "not four ranges"),
         (ranges(range_m=np.ones(3)), "not four ranges"),
         (ranges(sigma_m=np.ones((4, 2))), "not four ranges"),
@@ -532,7 +535,7 @@ def test_images_that_are_none_are_refused_by_the_method_s_name(monkeypatch, imag
             return lambda coefficients: Estimate(image)
 
     monkeypatch.setitem(IMAGE_METHODS._loaded, "zero-filled", Odd())
-    with pytest.raises(InputError, match=f"'zero-filled' gave .*{message}"):
+    with pytest.raises(InputError, match=f"'zero-filled' returned .*{message}"):
         reconstruct(full_capture(), image="zero-filled")
 
 
@@ -559,9 +562,9 @@ def test_all_may_stand_among_names_and_what_is_no_name_is_told():
         "edge-preserving",
         "pursuit",
     ]
-    with pytest.raises(InputError, match="by their names, not by 3"):
+    with pytest.raises(InputError, match="image: 3 is neither the name of a method nor a method"):
         Reconstructor(capture.setup, image=3)
-    with pytest.raises(InputError, match="frames of a recording are needed, not Capture"):
+    with pytest.raises(InputError, match="got Capture, expected `Frames`"):
         Reconstructor(capture.setup)(capture)
 
 
@@ -574,5 +577,5 @@ def test_a_status_of_one_s_own_is_refused(monkeypatch):
             return lambda *_: Ranges(*np.ones((4, 4)), status=("fine",) * 4)
 
     monkeypatch.setitem(RANGING_METHODS._loaded, "cw", Vague())
-    with pytest.raises(InputError, match="'cw' gave the status 'fine'; allowed: ok"):
+    with pytest.raises(InputError, match="'cw' returned the status 'fine'; allowed: ok"):
         reconstruct(full_capture())

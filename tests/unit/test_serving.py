@@ -97,7 +97,7 @@ def test_it_does_not_begin_within_something(load):
     moved = np.array([2.0, 0.1, 1.0])
     pose = scene.drone_pose.copy()
     pose[:3, 3] = moved
-    with pytest.raises(InputError, match="begins inside object 'box'"):
+    with pytest.raises(InputError, match="starts inside object 'box'"):
         Drone(replace(scene, drone_pose=pose))
 
 
@@ -261,7 +261,7 @@ def test_in_step_there_is_a_frame_for_each_command(capture):
     assert pilot.reported == [None, POSE, POSE]  # what was told last, until it is told to the pilot
     tally = server.tally
     assert (tally.frames, tally.repeated, tally.refused, tally.corrupted) == (3, 1, 3, 1)
-    assert "it asks for frame 9; the next is 2" in said[0]
+    assert "it requests frame 9; the next is 2" in said[0]
     assert "a pose of 4 bytes" in said[1]
 
 
@@ -287,7 +287,7 @@ def test_in_step_a_caller_that_says_nothing_gives_way_to_one_that_does(capture):
     server.run_in_step()
     assert wire.opened == 2
     assert QUIET_S < clock.now_s - began_s < QUIET_S + 1
-    assert said == ["wire: no command comes, and somebody else calls."]
+    assert said == ["wire: no command arrives, and another peer is waiting."]
     assert [each.kind for each in wire.messages] == [Kind.SETUP, Kind.SETUP, Kind.FRAME]
 
 

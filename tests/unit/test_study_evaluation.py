@@ -167,7 +167,7 @@ def test_a_capture_that_cannot_be_reconstructed_is_told(capture: Capture, tmp_pa
     folder = make_set(tmp_path / "walls", blind, done=1, failed=0)
     _, result = evaluate_all(folder, InProcess)
     assert not result[0].metrics
-    assert "every pattern rests on a saturated reading" in str(result[0].error)
+    assert "every pattern has a saturated reading" in str(result[0].error)
 
 
 def test_a_capture_that_takes_its_worker_with_it_is_told_and_tried_again(

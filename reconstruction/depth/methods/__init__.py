@@ -13,7 +13,7 @@ DEPTH_METHODS: Registry[DepthMethod] = Registry(
 )
 
 
-def depth_method(name: str, setup: Setup) -> DepthMethod:
+def depth_method(name: str, setup: Setup, own: DepthMethod | None = None) -> DepthMethod:
     """Return a depth method by name.
 
     Parameters
@@ -22,13 +22,15 @@ def depth_method(name: str, setup: Setup) -> DepthMethod:
         Entry of `DEPTH_METHODS`.
     setup
         Setup of the recording it is for.
+    own
+        Unregistered method to take instead.
 
     Raises
     ------
     InputError
         If the name is unknown, or the recording lacks what the method needs.
     """
-    method = DEPTH_METHODS[name]
+    method = DEPTH_METHODS[name] if own is None else own
     missing = lacks(method, setup)
     if missing:
         parts = " and ".join(part.replace("_", " ") for part in missing)

@@ -12,9 +12,9 @@ RANGING_METHODS: Registry[RangingMethod] = Registry(
 )
 
 
-def ranging_method(name: str, spots: Spots) -> RangingMethod:
-    """Method by name; raises InputError if it is unknown or reads other readings."""
-    method = RANGING_METHODS[name]
+def ranging_method(name: str, spots: Spots, own: RangingMethod | None = None) -> RangingMethod:
+    """Return ``own``, or the method of this name; InputError if it reads another kind of spots."""
+    method = RANGING_METHODS[name] if own is None else own
     if not isinstance(spots, method.reads):
         fitting = [
             name for name, each in RANGING_METHODS.loadable() if isinstance(spots, each.reads)

@@ -1,22 +1,24 @@
-"""`spisim serve`: a simulated drone instead of a real camera."""
+"""`spisim serve`: a simulated drone that replaces a rig."""
 
 from __future__ import annotations
 
 from contextlib import closing, suppress
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
+from reconstruction.base.errors import InputError
+
 from .. import options as opt
 from ..console import progress_bar, say, warn
 from ..inputs import instrument_with, scene_with
 from ..outputs import files_read
-from ..weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops, with_weather
-from .flights import along, as_commanded, at_rest, check_options
-from .line import line_to
+from ..weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
+from .flights import AS_COMMANDED, FlightOptions, at_rest
+from .line import SOCKET, LinkOptions
 from .telling import report, tell
 
 if TYPE_CHECKING:
@@ -25,40 +27,17 @@ if TYPE_CHECKING:
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
 #: Cached key poses; each takes a third of a megabyte at 64 x 64 pixels.
-CACHED = 512
+RETAINED = 512
 
 
-@with_weather
-def command(
-    scene: opt.SceneArgument,
-    path: Annotated[
-        str | None,
-        typer.Option(
-            "--path", metavar="FILE", help="Path to fly, CSV or TUM; without it, fly as commanded."
-        ),
-    ] = None,
-    pose: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z[,YAW[,PITCH]]", help="Initial pose, in m and degrees."),
-    ] = None,
-    instrument: opt.InstrumentOption = "paper",
-    to: Annotated[
-        str,
-        typer.Option(
-            metavar="OUTLET",
-            help="tcp-listen://HOST:PORT, tcp://, udp://, serial://, - (a pipe) or FILE.stream.",
-        ),
-    ] = "tcp-listen://127.0.0.1:5800",
-    commands: Annotated[
-        str | None, typer.Option(metavar="SOURCE", help="Source of commands, if not the same link.")
-    ] = None,
-    lockstep: Annotated[
-        bool, typer.Option("--lockstep", help="Send one frame per command, however long it takes.")
-    ] = False,
+@dataclass(frozen=True)
+class KeyLightOptions:
+    """Light at key poses, between which it is interpolated."""
+
     light: Annotated[
-        Literal["traced", "surrogate"], typer.Option(help="surrogate: fast.")
-    ] = "traced",
-    spp: opt.Spp = 64,
+        Literal["traced", "surrogate"], typer.Option(help="surrogate: a fast stand-in.")
+    ] = "traced"
+    spp: opt.Spp = 64
     spacing: Annotated[
         float,
         opt.real_option(
@@ -67,68 +46,77 @@ def command(
             maximum=0.1,
             metavar="M",
         ),
-    ] = 0.05,
+    ] = 0.05
+
+
+@dataclass(frozen=True)
+class RecordOptions:
+    """A capture of all that is sent, with its truth."""
+
+    record: Annotated[
+        Path | None,
+        typer.Option(metavar="CAPTURE", help="Keep frames and truth, and beside them the path."),
+    ] = None
+    truths: Annotated[int, opt.number_option(1, 10**6, "Keep the truth of every Nth frame.")] = 12
+
+    def check(self, read: list[Path], *, overwrite: bool) -> None:
+        """Raise InputError unless the record can be written."""
+        from reconstruction.base.files import require_outputs
+        from spisim.serving.record import record_outputs
+
+        if self.record is not None:
+            require_outputs(record_outputs(self.record), read, overwrite=overwrite)
+
+
+TRACED = KeyLightOptions()
+NO_RECORD = RecordOptions()
+
+
+@opt.with_options
+def command(
+    scene: opt.SceneArgument,
+    flown: FlightOptions = AS_COMMANDED,
+    instrument: opt.InstrumentOption = "paper",
+    link: LinkOptions = SOCKET,
+    light: KeyLightOptions = TRACED,
     duration: Annotated[
         float | None,
         opt.real_option("End after this time.", minimum=1e-6, maximum=1e6, metavar="SECONDS"),
     ] = None,
-    gust: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="START,SECONDS,X,Y,Z",
-            help="Blows the drone off by so many m forward, left and up; it does not notice.",
-        ),
-    ] = None,
-    record: Annotated[
-        Path | None,
-        typer.Option(metavar="CAPTURE", help="Record frames and truth, and beside them the path."),
-    ] = None,
-    truths: Annotated[
-        int, opt.number_option(1, 10**6, "Record the truth of every Nth frame.")
-    ] = 12,
-    frame: Annotated[
-        str, typer.Option(help="What quaternions of the path turn: body or optical.")
-    ] = "body",
-    speed: Annotated[
-        float, opt.real_option("Fly the path X times as fast.", minimum=0.01, maximum=100)
-    ] = 1.0,
+    recorded: RecordOptions = NO_RECORD,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     stated: opt.StatedWeather = None,
     seed: opt.Seed = 0,
-    overwrite: opt.Overwrite = False,
-    json: opt.Json = False,
-    progress: opt.Bar = None,
+    run: opt.RunOptions = opt.RUN,
 ) -> None:
     """Send simulated frames like a real camera, and fly as commanded.
 
     Light is solved at key poses, and interpolated between them; docs/live.md has the messages.
     """
-    from spisim.scene import load_trajectory
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
     from spisim.serving.record import MAX_FRAMES
 
-    path_options = {"--frame": frame != "body", "--speed": speed != 1}
-    check_options(path, pose, gust, path_options, to, json=json)
-    read = list(files_read(scene, instrument, *([path] if path else [])))
-    _check_record(record, read, overwrite=overwrite)
-    line = line_to(to, commands, read, steered=path is None, lockstep=lockstep, overwrite=overwrite)
+    if run.json and link.to == "-":
+        raise InputError("--json and --to - exclude each other: both write to stdout")
+    read = list(files_read(scene, instrument, *([flown.path] if flown.path else [])))
+    recorded.check(read, overwrite=run.overwrite)
+    line = link.line(read, steered=flown.path is None, overwrite=run.overwrite)
     with closing(line):
-        trajectory = None if path is None else load_trajectory(path, frame).faster(speed)
+        trajectory = flown.trajectory()
         of_path = None if trajectory is None else trajectory.weather
         carried = instrument_with(instrument, stated=stated or of_path)
         loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-        if trajectory is None:
-            flight = as_commanded(loaded, pose, gust or [], spacing)
-        else:
-            flight = along(loaded, trajectory, spacing, at_once=lockstep)
-        solve = solver(carried, light, spp=spp, seed=seed)
-        retained = max(CACHED, flight.ahead)
+        flight = flown.flight(loaded, trajectory, light.spacing, at_once=link.lockstep)
+        solve = solver(carried, light.light, spp=light.spp, seed=seed)
+        retained = max(RETAINED, flight.ahead)
         camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, retained=retained)
-        _solve_ahead(camera, flight.ahead, progress)
-        recording = None if record is None else FlightRecord(record, flight.scene, carried, truths)
-        settings: dict[str, Any] = {"spp": spp} if light == "traced" else {}
-        settings |= {"spacing_m": spacing, "lockstep": lockstep}
-        source = partial(provenance, flight.scene, carried, light, seed=seed)
+        _solve_ahead(camera, flight.ahead, run.progress)
+        recording = None
+        if recorded.record is not None:
+            recording = FlightRecord(recorded.record, flight.scene, carried, recorded.truths)
+        settings: dict[str, Any] = {"spp": light.spp} if light.light == "traced" else {}
+        settings |= {"spacing_m": light.spacing, "lockstep": link.lockstep}
+        source = partial(provenance, flight.scene, carried, light.light, seed=seed)
         setup = camera.setup(at_rest(flight.scene, carried.frame_time_s))
         server = Server(
             camera,
@@ -141,10 +129,10 @@ def command(
             say=say,
             states=tell,
         )
-        say(f"Sending {1 / carried.frame_time_s:.4g} frames per second to {to}.")
+        say(f"Sending {1 / carried.frame_time_s:.4g} frames a second to {link.to}.")
         written: list[Path] = []
         try:
-            _run(server, to, lockstep=lockstep)
+            _run(server, link)
         finally:
             if recording is not None:
                 tally = {"tally": asdict(server.tally)}
@@ -152,26 +140,17 @@ def command(
     if recording is not None and recording.full:
         oddities.append(f"the record is full after the first {MAX_FRAMES} frames")
         warn(oddities[-1:])
-    report(server, written, oddities, json=json)
+    report(server, written, oddities, json=run.json)
 
 
-def _check_record(record: Path | None, read: list[Path], *, overwrite: bool) -> None:
-    """Check that the record can be written."""
-    from reconstruction.base.files import require_outputs
-    from spisim.serving.record import record_outputs
-
-    if record is not None:
-        require_outputs(record_outputs(record), read, overwrite=overwrite)
-
-
-def _run(server: Server, to: str, *, lockstep: bool) -> None:
-    """Run until the flight ends or Ctrl-C, and tell the other side."""
+def _run(server: Server, link: LinkOptions) -> None:
+    """Run until the flight ends or Ctrl-C is pressed, then tell the other side."""
     from reconstruction.live.links import is_link
 
     with suppress(KeyboardInterrupt):
-        if lockstep:
+        if link.lockstep:
             server.run_in_step()
-        elif is_link(to):
+        elif is_link(link.to):
             server.run_at_rate()
         else:
             server.run_at_once()
@@ -180,7 +159,7 @@ def _run(server: Server, to: str, *, lockstep: bool) -> None:
 
 
 def _solve_ahead(camera: Camera, ahead: int, progress: bool | None) -> None:
-    """Solve light at the first key poses, so that no frame there is late."""
+    """Solve the light at the first keys, so that no frame waits for it."""
     with progress_bar(f"Light at {ahead} key poses", progress) as advance:
         for number in range(ahead if ahead > 1 else 0):
             camera.lattice.at((number,))

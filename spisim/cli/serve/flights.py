@@ -1,27 +1,30 @@
-"""Flights of the drone: along a path, or as commanded from a pose."""
+"""Flights: along a path, or as commands say from a pose on."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from math import cos, isfinite, radians, sin
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from reconstruction.base.errors import InputError
+
+from .. import options as opt
 
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
     from spisim.serving import Gust, Keys, Motion, Pilot
 
-#: Maximum key poses of a path flown in real time, all of which are cached.
+#: Key poses of a path that is flown in real time, all of which are cached.
 MAX_AHEAD = 2000
-#: Maximum offset by a gust.
+#: Maximum displacement by a gust.
 MAX_GUST_M = 100
 
 
 @dataclass(frozen=True)
 class Flight:
-    """A scene with its drone, its control, and key poses, `ahead` of which are solved first."""
+    """A scene with its drone, its pilot, and key poses, `ahead` of which are solved at first."""
 
     scene: Scene
     keys: Keys
@@ -29,46 +32,70 @@ class Flight:
     ahead: int = 1
 
 
-def check_options(
-    path: str | None,
-    pose: str | None,
-    gust: list[str] | None,
-    of_path: Mapping[str, bool],
-    to: str,
-    *,
-    json: bool,
-) -> None:
-    """Check options that exclude each other, or are ``of_path`` but given without a path."""
-    for option, given in of_path.items():
-        if given and path is None:
-            raise InputError(f"{option} needs --path")
-    if json and to == "-":
-        raise InputError("--json and --to - exclude each other: both write to stdout")
-    for option, value in (("--pose", pose), ("--gust", gust)):
-        if path is not None and value:
-            raise InputError(f"--path and {option} exclude each other")
+@dataclass(frozen=True)
+class FlightOptions:
+    """Where the drone flies: along a path, or as commands say from a pose on."""
+
+    path: Annotated[
+        str | None,
+        typer.Option("--path", metavar="FILE", help="Fly it; else as commands say. CSV or TUM."),
+    ] = None
+    pose: Annotated[
+        str | None,
+        typer.Option(metavar="X,Y,Z[,YAW[,PITCH]]", help="Begin here, in m and degrees."),
+    ] = None
+    gust: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="START,SECONDS,X,Y,Z",
+            help="Blows the drone off by so many m forward, left and up; it does not notice.",
+        ),
+    ] = None
+    frame: Annotated[
+        str, typer.Option(help="What quaternions of the path turn: body or optical.")
+    ] = "body"
+    speed: Annotated[
+        float, opt.real_option("Fly the path X times as fast.", minimum=0.01, maximum=100)
+    ] = 1.0
+
+    def __post_init__(self) -> None:
+        """InputError for options that exclude each other, or that need a path."""
+        for option, given in (("--frame", self.frame != "body"), ("--speed", self.speed != 1)):
+            if given and self.path is None:
+                raise InputError(f"{option} goes with --path")
+        for option, value in (("--pose", self.pose), ("--gust", self.gust)):
+            if self.path is not None and value:
+                raise InputError(f"--path and {option} exclude each other")
+
+    def trajectory(self) -> Trajectory | None:
+        """Load the path, if there is one; InputError if it cannot be used."""
+        from spisim.scene import load_trajectory
+
+        return (
+            None if self.path is None else load_trajectory(self.path, self.frame).faster(self.speed)
+        )
+
+    def flight(
+        self, scene: Scene, path: Trajectory | None, spacing_m: float, *, at_once: bool
+    ) -> Flight:
+        """The flight; along a path the light is solved ahead unless frames may take their time."""
+        from spisim.scene import check_clear_path
+        from spisim.serving import Drone, Follower, PathKeys, PoseKeys
+
+        if path is None:
+            begun = scene if self.pose is None else _placed(scene, self.pose)
+            gusts = tuple(map(_gust, self.gust or []))
+            return Flight(begun, PoseKeys(begun, spacing_m), Drone(begun, gusts))
+        check_clear_path(scene, path)
+        keys = PathKeys(scene, path, spacing_m)
+        return Flight(scene, keys, Follower(path), 1 if at_once else _checked(keys.count))
 
 
-def along(scene: Scene, path: Trajectory, spacing_m: float, *, at_once: bool) -> Flight:
-    """Fly along a path; its light is solved ahead, unless frames may take their time."""
-    from spisim.scene import check_clear_path
-    from spisim.serving import Follower, PathKeys
-
-    check_clear_path(scene, path)
-    keys = PathKeys(scene, path, spacing_m)
-    return Flight(scene, keys, Follower(path), 1 if at_once else _checked(keys.count))
-
-
-def as_commanded(scene: Scene, pose: str | None, gusts: list[str], spacing_m: float) -> Flight:
-    """Fly as commanded from a pose, by default the scene's own."""
-    from spisim.serving import Drone, PoseKeys
-
-    begun = scene if pose is None else _placed(scene, pose)
-    return Flight(begun, PoseKeys(begun, spacing_m), Drone(begun, tuple(map(_gust, gusts))))
+AS_COMMANDED = FlightOptions()
 
 
 def at_rest(scene: Scene, duration_s: float) -> Motion:
-    """Return the drone of a scene at rest."""
+    """A drone at rest in the pose that the scene gives it."""
     from scipy.spatial.transform import Rotation
 
     from spisim.serving import Motion
@@ -78,17 +105,17 @@ def at_rest(scene: Scene, duration_s: float) -> Motion:
 
 
 def _checked(ahead: int) -> int:
-    """Check the number of key poses of a path, all of which are cached."""
+    """Number of key poses of a path, all of which are cached; InputError for too many."""
     if ahead > MAX_AHEAD:
         raise InputError(
-            f"the path has {ahead} key poses, at most {MAX_AHEAD} where it is flown in real time: "
+            f"the path has {ahead} key poses; at most {MAX_AHEAD} are allowed in real time: "
             "use a larger --spacing, a shorter path, or --lockstep"
         )
     return ahead
 
 
 def _placed(scene: Scene, text: str) -> Scene:
-    """Return a scene with the drone at the pose of an option."""
+    """A scene with the drone in the pose of the option."""
     from spisim.scene import at_drone_state
     from spisim.scene.description import DroneState
 
@@ -100,10 +127,13 @@ def _placed(scene: Scene, text: str) -> Scene:
         yaw, pitch = (radians(angle) for angle in (*numbers[3:], 0.0)[:2])
         ahead = cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)
         up = -cos(yaw) * sin(pitch), -sin(yaw) * sin(pitch), cos(pitch)
-    moment = DroneState(
-        time_s=0.0, position_m=position, look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]), up=up
+    state = DroneState(
+        time_s=0.0,
+        position_m=position,
+        look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]),
+        up=up,
     )
-    return at_drone_state(scene, moment)
+    return at_drone_state(scene, state)
 
 
 def _gust(text: str) -> Gust:
@@ -111,11 +141,9 @@ def _gust(text: str) -> Gust:
 
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
     if start_s < 0 or not duration_s > 0:
-        raise InputError(
-            f"--gust {text}: its start should be at least 0 s, and its duration above 0 s"
-        )
+        raise InputError(f"--gust {text}: must begin at 0 s or later, and last longer than 0 s")
     if max(map(abs, (x, y, z))) > MAX_GUST_M:
-        raise InputError(f"--gust {text}: its offset should be at most {MAX_GUST_M} m")
+        raise InputError(f"--gust {text}: must blow the drone off by at most {MAX_GUST_M} m")
     return Gust(start_s, duration_s, (x, y, z))
 
 
@@ -125,5 +153,5 @@ def _numbers(text: str, option: str, counts: tuple[int, ...], what: str) -> list
     except ValueError:
         numbers = []
     if len(numbers) not in counts or not all(map(isfinite, numbers)):
-        raise InputError(f"{option} {text}: should be {what}")
+        raise InputError(f"{option} {text}: must be {what}")
     return numbers

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
 
 from reconstruction.base.errors import InputError
 
@@ -14,33 +17,47 @@ if TYPE_CHECKING:
     from spisim.serving import Line
 
 
-def line_to(
-    to: str,
-    commands: str | None,
-    read: list[Path],
-    *,
-    steered: bool,
-    lockstep: bool,
-    overwrite: bool,
-) -> Line:
-    """Open the link, and check that it is available; commands come back if it allows."""
-    from reconstruction.base.files import Output, require_outputs
-    from reconstruction.live.framing import MAGIC
-    from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
-    from spisim.serving import Line
+@dataclass(frozen=True)
+class LinkOptions:
+    """Where frames go and commands come from."""
 
-    outlet = outlet_to(to)
-    if isinstance(outlet, NewFile):
-        file = Output(Path(to), "stream", (".stream",), MAGIC.decode())
-        require_outputs([file], read, overwrite=overwrite)
-    source: Source | None = None
-    if commands is not None:
-        source = source_at(commands)
-    elif isinstance(outlet, Source):
-        source = outlet
-    elif to == "-" and (steered or lockstep):
-        source = source_at("-")
-    if source is None and lockstep:
-        raise InputError(f"--lockstep needs commands, and {to} cannot receive any: use --commands")
-    lasting = to != "-" and is_link(to)
-    return Line(outlet, source, lasting=lasting, say=say, wait=time.sleep)
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="OUTLET",
+            help="tcp-listen://HOST:PORT, tcp://, udp://, serial://, - (a pipe) or FILE.stream.",
+        ),
+    ] = "tcp-listen://127.0.0.1:5800"
+    commands: Annotated[
+        str | None,
+        typer.Option(metavar="SOURCE", help="Where commands come from, if not from there too."),
+    ] = None
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="A frame for each command, however long it takes.")
+    ] = False
+
+    def line(self, read: list[Path], *, steered: bool, overwrite: bool) -> Line:
+        """The line; InputError if its ends cannot be used, or lockstep lacks commands."""
+        from reconstruction.base.files import Output, require_outputs
+        from reconstruction.live.framing import MAGIC
+        from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
+        from spisim.serving import Line
+
+        outlet = outlet_to(self.to)
+        if isinstance(outlet, NewFile):
+            file = Output(Path(self.to), "stream", (".stream",), MAGIC.decode())
+            require_outputs([file], read, overwrite=overwrite)
+        source: Source | None = None
+        if self.commands is not None:
+            source = source_at(self.commands)
+        elif isinstance(outlet, Source):
+            source = outlet
+        elif self.to == "-" and (steered or self.lockstep):
+            source = source_at("-")
+        if source is None and self.lockstep:
+            raise InputError(f"--lockstep needs commands, and {self.to} has none: add --commands")
+        lasting = self.to != "-" and is_link(self.to)
+        return Line(outlet, source, lasting=lasting, say=say, wait=time.sleep)
+
+
+SOCKET = LinkOptions()

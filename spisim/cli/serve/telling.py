@@ -1,4 +1,4 @@
-"""Messages about a flight, once per second and at the end."""
+"""Progress of a flight, once a second, and its summary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def tell(server: Server) -> None:
-    """Report once per second."""
+    """Print the progress."""
     say("; ".join(_words(server)))
 
 
@@ -31,7 +31,7 @@ def _words(server: Server) -> list[str]:
 
 
 def report(server: Server, written: list[Path], oddities: list[str], *, json: bool) -> None:
-    """Report at the end."""
+    """Print the summary."""
     if json:
         tally = asdict(server.tally) | {"key_poses": server.camera.lattice.solved}
         print_json({"written": written, "time_s": server.time_s, **tally, "warnings": oddities})
