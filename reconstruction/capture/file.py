@@ -1,4 +1,4 @@
-"""The capture file (see docs/capture-format.md): written whole, read whole or frame by frame."""
+"""The capture file (docs/reference/capture-format.md): written whole, read whole or by frame."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -64,8 +64,8 @@ def read_capture(path: str | Path) -> Capture:
     """Read a capture.
 
     Raises InputError, naming the file, if it is missing, damaged, not a capture, of another format
-    version, leads to other files or takes too much memory (docs/capture-format.md), or if a dataset
-    is missing, has another shape or unit, or makes no sense.
+    version, leads to other files or takes too much memory (docs/reference/capture-format.md), or
+    if a dataset is missing, has another shape or unit, or makes no sense.
     """
     with open_capture(path) as file:
         return file.capture(0, file.frames)

@@ -1,4 +1,4 @@
-"""Where a drone is told to be: messages back to whoever sends the frames (docs/live.md)."""
+"""Commands of a pose, back to whoever sends the frames (docs/reference/stream-format.md)."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""What a stream tells before its frames, and frames as its messages hold them (docs/live.md)."""
+"""Setups and frames as messages of a stream hold them (docs/reference/stream-format.md)."""
 
 import math
 import zlib

@@ -96,7 +96,8 @@ def command(
 ) -> None:
     """Send simulated frames as a rig does, and fly as the commands say that come back.
 
-    Light is solved at key poses, and interpolated between them; docs/live.md has the messages.
+    Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
+    the messages.
     """
     from spisim.scene import load_trajectory
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
