@@ -6,7 +6,7 @@
 `fog`, 50 m of visibility, light traced, 117 frames a second of simulated time. The drone begins at
 3 m; at 20 s a gust blows it 0.4 m off within 1.5 s, which it does not notice. It is judged by where
 it truly was, which the server has recorded. A flight that the folder has is not flown again.
-`--markdown` pastes the tables into docs/live.md and draws its picture.
+`--markdown` pastes the tables into docs/results/live.md and draws its picture.
 """
 
 import csv
@@ -24,7 +24,7 @@ from reconstruction import Capture, Reconstructor, read_capture
 from spisim.budget.paper.checks import Check, Table, surroundings
 
 ROOT = Path(__file__).parents[1]
-PAGE = ROOT / "docs" / "live.md"
+PAGE = ROOT / "docs" / "results" / "live.md"
 FOLDER = ROOT / "out" / "closed-loop"
 PICTURE = ROOT / "docs" / "images" / "closed-loop.png"
 PILOT = ROOT / "examples" / "live" / "keep_distance.py"

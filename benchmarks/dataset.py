@@ -4,7 +4,7 @@
 
 Half of the samples are of the warehouse, half are calibration targets: 64 × 64 pixels, 128
 patterns and four spots, fog of 50 m visibility, a transport noise share of 0.5.
-`--markdown` pastes the tables into docs/datasets.md.
+`--markdown` pastes the tables into docs/results/datasets.md.
 """
 
 import sys
@@ -33,7 +33,7 @@ from spisim.dataset.workers import LocalExecutor
 # isort: split
 import drjit as dr
 
-DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "datasets.md"
 PLAN = """
 name: benchmark
 samples: 1000

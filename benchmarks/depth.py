@@ -10,7 +10,7 @@ name, and without it that group is left out. Unseen families are those that noth
 Every depth method gets the ranges of plain `cw` and of `fog`. References, on plain ranges:
 interpolation by inverse distance, and the anchored map with constants that stay what they are here,
 whatever is fitted later. Intervals are 95 %, by bootstrap over scenes. `--markdown` pastes
-the tables into docs/depth.md.
+the tables into docs/results/depth.md.
 """
 
 import os
@@ -36,7 +36,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.chosen_methods import USUAL_DEPTHS
 from spisim.budget.paper.checks import Check, Table, surroundings
 
-PAGE = Path(__file__).parents[1] / "docs" / "depth.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "depth.md"
 FOLDER = Path(__file__).parents[1] / "out" / "depth"
 PACKAGES = ("spisim", "mitsuba", "drjit", "numpy", "scipy")
 CANDIDATE = (USUAL_DEPTHS[0], "cw")

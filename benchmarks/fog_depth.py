@@ -4,7 +4,7 @@
 
 Preset `fog`, radiation fog in place of the scenes' own weather. What is promised is that the depth
 map from fitted ranges is nearly as good as that from true ones. `--markdown` pastes the table into
-docs/ranging-in-fog.md.
+docs/results/ranging.md.
 """
 
 import sys
@@ -22,7 +22,7 @@ from reconstruction.image import Imaging
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument
 
-PAGE = Path(__file__).parents[1] / "docs" / "ranging-in-fog.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 SCENES = ("warehouse", "rubble", "scaffold", "tunnel", "person", "hovering-drone", "landing-pad",
           "street-canyon", "stairwell", "forest-trail", "power-line", "racing-gates",
           "reflective-shelf")  # fmt: skip

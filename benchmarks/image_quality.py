@@ -7,7 +7,7 @@ The scenes are those of image_quality.yaml, drawn anew for this and known to no 
 traced on the first run, into out/image-quality, which takes a few minutes. Photographs are
 scikit-image's, with noise of a thirtieth of the coefficients' rms. The car's truth is the image of
 all its patterns. Intervals are of the mean over images, by bootstrap. `--markdown` pastes the
-tables into docs/images.md.
+tables into docs/results/images.md.
 """
 
 import subprocess
@@ -33,7 +33,7 @@ from reconstruction.operators import expose, make_plan
 from spisim.budget.paper.checks import Check, Table, surroundings
 
 HERE = Path(__file__).parent
-PAGE = HERE.parent / "docs" / "images.md"
+PAGE = HERE.parent / "docs" / "results" / "images.md"
 PLAN = HERE / "image_quality.yaml"
 SCENES = HERE.parent / "out" / "image-quality"
 CAR = HERE.parent / "tests" / "data" / "car_buckets_201.npy"

@@ -8,7 +8,7 @@ triangles or not: shapes, and meshes whose files are in the suite. Parts of Mits
 others include are tried with those alone. Triangles, their areas and where they are in the world
 are compared with trimesh's, places of visuals in SDFormat with a plain walk through links and
 models. The large world, a terrain and 5000 models of 40 meshes, is made here. `--markdown` pastes
-the tables into docs/importing.md.
+the tables into docs/results/importing.md.
 """
 
 import logging
@@ -38,7 +38,7 @@ from spisim_formats.library.drone import Surroundings, propose
 from spisim_formats.library.files import Folders
 from spisim_formats.library.shapes import as_mesh
 
-PAGE = Path(__file__).parents[1] / "docs" / "importing.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "importing.md"
 READERS = readers()
 #: Formats that trimesh reads, too, in the file's own unit and axes.
 COMPARED = (".glb", ".gltf", ".obj", ".stl", ".ply", ".off", ".dae")

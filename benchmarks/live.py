@@ -7,7 +7,7 @@ and depth with the default methods. A process of its own sends simulated frames 
 TCP, on the same machine; its first frame leaves a few seconds after the setup, while which the
 methods are compiled. Then the same with one frame in a hundred corrupted in any one byte, one lost
 and one swapped with the next. Every result is compared with that of the same frame reconstructed
-from memory. `--markdown` pastes the tables into docs/live.md.
+from memory. `--markdown` pastes the tables into docs/results/live.md.
 """
 
 import hashlib
@@ -33,7 +33,7 @@ from reconstruction.live.links.sockets import TcpListen
 from reconstruction.live.loop import fast_depth
 from spisim.budget.paper.checks import Check, Table, surroundings
 
-PAGE = Path(__file__).parents[1] / "docs" / "live.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"
 SECONDS, QUICK_S = 60, 10
 DIFFERENT = 32
 """Frames that differ, sent over and over."""

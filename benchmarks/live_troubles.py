@@ -8,7 +8,7 @@ connection, in the middle of the stream a header of 16 MiB that never come, and 
 hundred saturated, others in each frame. Where that is the one of all pixels or the dark one,
 nothing tells the level, and the frame is told to have failed. A second sink, which is sound, gets
 what there is. Every 50th result is compared with that of the same frame from memory. `--markdown`
-pastes the tables into docs/live.md.
+pastes the tables into docs/results/live.md.
 """
 
 import multiprocessing
@@ -39,7 +39,7 @@ from reconstruction.live.loop import fast_depth
 from reconstruction.live.sinks import Detached, Sink
 from spisim.budget.paper.checks import Check, Table, surroundings
 
-PAGE = Path(__file__).parents[1] / "docs" / "live.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"
 SECONDS, QUICK_S = 60, 10
 DIFFERENT = 32
 """Frames whose readings differ, sent over and over."""

@@ -55,7 +55,7 @@ activate()
 import drjit as dr  # noqa: E402 - the variant comes first
 import mitsuba as mi  # noqa: E402
 
-DOCS = Path(__file__).parents[1] / "docs" / "transport.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "transport.md"
 FOV_DEG = 38.0
 LEVEL = 0.01
 CLEAR = Atmosphere(0.0, 1.0, Isotropic(), "clear")

@@ -49,7 +49,7 @@ from reconstruction.image import (
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.budget.paper.table2 import PAPER, Row, readings
 
-DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "reconstruction.md"
 ATOMS = 1024
 FRAMES = 64
 LIBRARIES = ("here", "SPAMS", "scikit-learn", "scikit-learn, Gram")

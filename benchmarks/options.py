@@ -25,7 +25,7 @@ def benchmark_options(
     parser = argparse.ArgumentParser(description=(doc or "").partition("\n")[0])
     parser.add_argument("--quick", action="store_true", help=quick)
     parser.add_argument("--json", action="store_true", help="end with one JSON object")
-    parser.add_argument("--markdown", action="store_true", help=f"paste into docs/{page.name}")
+    parser.add_argument("--markdown", action="store_true", help=f"paste into {page.name}")
     if folder is not None:
         parser.add_argument("--folder", type=Path, default=folder, help="where captures are kept")
     for name, details in (others or {}).items():

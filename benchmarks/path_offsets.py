@@ -4,7 +4,7 @@
 
 Preset `fog` and the light of `benchmarks/ranging.py`, with the path of one spot taken for longer or
 not. Recordings are drawn from frames of all scenes of a cell, each with its own noise, none twice.
-`--markdown` pastes the table into docs/ranging-in-fog.md.
+`--markdown` pastes the table into docs/results/ranging.md.
 """
 
 import sys
@@ -20,7 +20,7 @@ from reconstruction.ranging.fog.offsets import OffsetEvidence, PathOffsets, path
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
 
-DOCS = Path(__file__).parents[1] / "docs" / "ranging-in-fog.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 CELLS = (
     Cell("20 m, 2–4 m", 20, 2, 4, seed=4),
     Cell("50 m, 4–6 m", 50, 4, 6, seed=1),

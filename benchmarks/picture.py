@@ -6,7 +6,7 @@ The warehouse, lit by the projector alone, seen by a camera 5 cm above it with 6
 turns by both. *Noise* is ‖standard deviations‖ / ‖means‖ of the pixels over independent pictures,
 *typical* its median over the pixels; `volpath` has no finite variance there, so that its noise
 depends on how many of the rare bright paths were met. `--markdown` pastes the tables into
-docs/transport.md.
+docs/results/transport.md.
 """
 
 import sys
@@ -34,7 +34,7 @@ activate()
 import drjit as dr  # noqa: E402 - the variant comes first
 import mitsuba as mi  # noqa: E402
 
-DOCS = Path(__file__).parents[1] / "docs" / "transport.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "transport.md"
 VISIBILITIES_M = (50.0, 20.0, 5.0)
 SIDE = 64
 SPP = {"two-ended": 64, "volpath": 512}

@@ -4,7 +4,7 @@
     python benchmarks/pursuits.py [--quick] [--json] [--markdown]
 
 On the recordings of image_quality.py, with which the dictionary `learned` shares no family of
-scenes. `--markdown` pastes the tables into docs/images.md.
+scenes. `--markdown` pastes the tables into docs/results/images.md.
 """
 
 import sys

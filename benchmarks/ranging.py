@@ -5,7 +5,7 @@
 Each scene has four boards, one for each laser, of drawn ranges and reflectances, in Mie fog of a
 drawn kind; light of all orders of scattering is traced once per scene and kept under out/ranging,
 so that methods can be compared again within a minute. Noise is drawn from other seeds than scenes.
-`--markdown` pastes the tables into docs/ranging-in-fog.md.
+`--markdown` pastes the tables into docs/results/ranging.md.
 """
 
 import sys
@@ -34,7 +34,7 @@ from spisim.base.config import parse_model
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
 
-DOCS = Path(__file__).parents[1] / "docs" / "ranging-in-fog.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 CELLS = (
     Cell("50 m, 4–6 m", 50, 4, 6, seed=1),
     Cell("50 m, 7–9 m", 50, 7, 9, seed=2),

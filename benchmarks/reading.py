@@ -18,7 +18,7 @@ from reconstruction.base.arrays import Floats
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset import DataSet, pack_dataset
 
-PAGE = Path(__file__).parents[1] / "docs" / "datasets.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "datasets.md"
 NAMES = ("buckets", "true_depth_m")
 SIZE = 64
 PATTERNS = 128

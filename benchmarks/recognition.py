@@ -6,7 +6,7 @@
 The true images of image_quality.py's scenes by the paper's instrument, which nothing was set on,
 are shown in every known order, at four shares of the patterns. From image to image polarities take
 turns, and no noise and noise of a thirtieth of the readings' spread. `--markdown` pastes the tables
-into docs/recordings.md.
+into docs/results/recordings.md.
 """
 
 import sys
@@ -25,7 +25,7 @@ from reconstruction.image import candidate_layouts, recognise
 from reconstruction.operators import POLARITIES, expose, make_plan
 from spisim.budget.paper.checks import Check, Table, surroundings
 
-PAGE = Path(__file__).parents[1] / "docs" / "recordings.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "recordings.md"
 FRACTIONS = (0.03125, 0.125, 0.25, 1.0)
 NOISES = {"none": 0.0, "1/30": 1 / 30}
 BACKGROUND = 0.1

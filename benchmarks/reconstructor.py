@@ -6,7 +6,7 @@
 recording is long, for the pursuit's work depends on what a frame shows. Then the default frame of
 two instruments, part by part, with no, one and ten readings of each frame that failed, others each
 time. What is compared takes turns, so that a busy machine slows all alike. `--markdown` pastes the
-tables into docs/reconstruction.md.
+tables into docs/results/reconstruction.md.
 """
 
 import os
@@ -32,7 +32,7 @@ from reconstruction.capture import Capture, CaptureFile, Frames, Truth
 from reconstruction.capture.readings.cw import CwSpots
 from spisim.budget.paper.checks import Check, Interval, Table, surroundings
 
-DOCS = Path(__file__).parents[1] / "docs" / "reconstruction.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)
 BATCH = 16
 INSTRUMENTS, FAILED = ("paper", "fog"), (0, 1, 10)

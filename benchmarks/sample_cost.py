@@ -4,8 +4,8 @@
 
 Clear air and fog of 40 m, 64 × 64 pixels, a transport noise share of 0.3; seconds of one core.
 Every sample is made twice, and the second counts: kernels are compiled by then. Shelves in fog are
-left out: glints of their jars and tins in fog take up to hours (docs/transport.md). `--markdown`
-pastes the tables into docs/datasets.md.
+left out: glints of their jars and tins in fog take up to hours (docs/theory/transport.md).
+`--markdown` pastes the tables into docs/results/datasets.md.
 """
 
 import sys
@@ -21,7 +21,7 @@ from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset.planned import load_plan
 from spisim.dataset.sample import Maker
 
-DOCS = Path(__file__).parents[1] / "docs" / "datasets.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "datasets.md"
 PLAN = """
 name: cost
 samples: 1000

@@ -3,7 +3,7 @@
     python benchmarks/scenes.py [--quick] [--json] [--markdown]
 
 `--quick` looks at the truth of three scenes only. `--markdown` pastes the tables into
-docs/scenes.md.
+docs/results/scenes.md.
 """
 
 import multiprocessing
@@ -20,7 +20,7 @@ import spisim
 from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import list_scenes
 
-DOCS = Path(__file__).parents[1] / "docs" / "scenes.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "scenes.md"
 SPP = 64
 
 Section = tuple[Table, list[Check]]

@@ -3,7 +3,7 @@
     python benchmarks/transport.py [--quick] [--json] [--markdown]
 
 The scene is a closed room with a box and a ball; the instrument is the paper's, with a detector
-that sees 12° around its axis. `--markdown` pastes the tables into docs/transport.md.
+that sees 12° around its axis. `--markdown` pastes the tables into docs/results/transport.md.
 """
 
 import multiprocessing
@@ -40,7 +40,7 @@ from spisim.transport.reference import Renderer, bucket_powers, pattern_emitter
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
-DOCS = Path(__file__).parents[1] / "docs" / "transport.md"
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "transport.md"
 PROMISED_VISIBILITY_M = 50
 
 INSTRUMENT = spisim.load_instrument("paper")

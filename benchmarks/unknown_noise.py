@@ -7,7 +7,8 @@ White noise of a given size over the rms of the coefficients is added to the fir
 measured car, of the truths of the scenes of image_quality.yaml, of photographs, and of the captures
 (`*.h5`) in folders that are named, whose truth is the image of all their patterns. Three images by
 the default method: the noise is not told, told as it is, or told as next to none. What is not told
-should lose little to the better of the others. `--markdown` pastes the table into docs/images.md.
+should lose little to the better of the others. `--markdown` pastes the table into
+docs/results/images.md.
 """
 
 import sys

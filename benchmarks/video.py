@@ -7,7 +7,7 @@ Still scenes: the image after eight frames, against that of one frame with all o
 The shipped flight through the warehouse, 16 frames in a row from several instants on, and cuts from
 scene to scene: each image against that of its frame alone, and against that of a plain frame, of as
 many patterns that are not interleaved. In decibels of squared errors; the true image of a frame is
-its mean. `--markdown` pastes the tables into docs/video.md.
+its mean. `--markdown` pastes the tables into docs/results/video.md.
 """
 
 import sys
@@ -34,7 +34,7 @@ from spisim.simulation.light.sequence import trace
 from spisim.simulation.measurement.buckets import record_buckets
 from spisim.simulation.measurement.light import bucket_light
 
-PAGE = Path(__file__).parents[1] / "docs" / "video.md"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "video.md"
 STILLS = ("rubble", "person", "tunnel", "warehouse")
 INSTANTS_S = (2.0, 0.5, 3.5, 5.0)
 FRAMES, CYCLE = 16, 8

@@ -5,7 +5,7 @@
 The paper's instrument, moved to each wavelength, in the warehouse: with lasers of one power, and
 with as much as laser class 1 allows at each. Detectors keep their quantum efficiency, LEDs their
 power. What is promised is checked before a wall in sunlight, where closed forms hold. `--markdown`
-pastes the tables into docs/weather.md.
+pastes the tables into docs/results/weather.md.
 """
 
 import sys
@@ -31,7 +31,7 @@ from spisim.simulation.measurement import record, spot_light
 from spisim.simulation.measurement.light import background_electrons
 from spisim.transport import Outputs, ground_truth
 
-DOCS = Path(__file__).parents[1] / "docs"
+PAGE = Path(__file__).parents[1] / "docs" / "results" / "weather.md"
 #: Sections of the warehouse that are changed, by what they stand for.
 WEATHERS: dict[str, dict[str, Any]] = {
     "fog (moderate radiation), 200 m": {
@@ -69,7 +69,7 @@ class Row:
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    options = benchmark_options(__doc__, "rougher, in less than a minute", DOCS / "weather.md")
+    options = benchmark_options(__doc__, "rougher, in less than a minute", PAGE)
     spp, frames = (8, 400) if options.quick else (128, 4000)
     weathers = dict(list(WEATHERS.items())[: 1 if options.quick else None])
 
@@ -82,7 +82,7 @@ def main() -> int:
         for weather, changes in weathers.items()
     ]
     checks = [*media_checks(), *light_checks(instruments), sigma_check(instruments, frames)]
-    return finish(options, DOCS / "weather.md", "wavelengths", around, tables, checks)
+    return finish(options, PAGE, "wavelengths", around, tables, checks)
 
 
 def at_class_1(instrument: Instrument) -> Instrument:

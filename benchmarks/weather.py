@@ -4,7 +4,7 @@
 
 One laser at 15 MHz and a wall of reflectance 0.5 across its beam, in heavy advection fog; the
 detector looks the same way from beside it, 0.57° around its axis, so that beam and field overlap
-from 100 baselines on. `--markdown` pastes the tables into docs/weather.md and draws
+from 100 baselines on. `--markdown` pastes the tables into docs/results/weather.md and draws
 docs/images/weather-bias.png.
 """
 
@@ -31,6 +31,7 @@ from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import build_world
 
 DOCS = Path(__file__).parents[1] / "docs"
+PAGE = DOCS / "results" / "weather.md"
 KIND = "heavy-advection"
 REFLECTANCE = 0.5
 FREQUENCY_HZ = 15e6
@@ -60,7 +61,7 @@ class Spot:
 
 def main() -> int:
     """Measure, print, and tell by the exit status whether every promise is kept."""
-    options = benchmark_options(__doc__, "rougher, in half a minute", DOCS / "weather.md")
+    options = benchmark_options(__doc__, "rougher, in half a minute", PAGE)
     paths, visibilities_m = (2**12, (50.0,)) if options.quick else (2**15, VISIBILITIES_M)
 
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))
@@ -71,7 +72,7 @@ def main() -> int:
     }
     if options.markdown:
         draw(spots, DOCS / "images" / "weather-bias.png")
-    page, tables = DOCS / "weather.md", [bias_table(spots)]
+    page, tables = PAGE, [bias_table(spots)]
     return finish(options, page, "benchmark", around, tables, promises(spots))
 
 

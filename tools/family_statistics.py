@@ -60,7 +60,7 @@ def main(docs: Path, seeds: range, names: list[str]) -> None:
     for name in names:
         print(name, file=sys.stderr)
         views[name] = [view(draw_scene(name, seed)) for seed in seeds]
-    page = docs / "scenes.md"
+    page = docs / "results" / "scenes.md"
     before, after = around_marks(page, MARKS)
     rows = [_row(name, views[name]) for name in names]
     columns = (
@@ -204,7 +204,7 @@ def _boxes(axis: Axes, names: list[str], values: list[Floats]) -> None:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of scenes.md")
+    parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of the pages")
     parser.add_argument("--seeds", type=int, nargs=2, default=(0, 24), metavar="N")
     parser.add_argument("--families", nargs="+", default=list(FAMILIES), metavar="NAME")
     asked = parser.parse_args()

@@ -1,4 +1,4 @@
-"""Make the references of all files that users write again: `python tools/file_references.py`.
+"""The references of all files that users write, for `make docs`.
 
 Everything in them is from the sections that such files are read into, but for the examples, which
 stand in `file_examples.yaml` and are read by the same sections.
@@ -29,9 +29,7 @@ from spisim.instrument import Instrument
 from spisim.scene.bsdf import BSDFS
 from spisim.scene.description import DrawnDescription, SceneDescription
 
-HERE = Path(__file__).parent
-FOLDER = HERE.parent / "docs" / "reference"
-EXAMPLES = HERE / "file_examples.yaml"
+EXAMPLES = Path(__file__).parent / "file_examples.yaml"
 
 #: Bounds of whole numbers beyond this are those of machines.
 MET = 2**60
@@ -87,7 +85,7 @@ def scene_page(examples: Mapping[str, Any]) -> str:
     parts = [
         "# Scene files: every field\n",
         "A scene file has these sections. [Scenes](../scenes.md), [weather](../weather.md) and "
-        "[materials](../materials.md) say what they are for; `spisim schema scene` prints the "
+        "[materials](materials.md) say what they are for; `spisim schema scene` prints the "
         "same for editors and programs.\n",
         _HOW_TO_READ,
         *alternatives(
@@ -100,8 +98,8 @@ def scene_page(examples: Mapping[str, Any]) -> str:
         _names("kind of `rain`", RAINS),
         _names("definition", CONTRAST_THRESHOLDS),
         _names("phase of fog by visibility or water", PHASES),
-        "Materials are listed in [materials](../materials.md), families in "
-        "[scenes](../scenes.md#families).\n",
+        "Materials are listed in [materials](materials.md), families in the "
+        "[gallery](scene-gallery.md#families).\n",
     ]
     return "\n".join(parts)
 
@@ -120,9 +118,8 @@ def instrument_page(examples: Mapping[str, Any]) -> str:
         _names("basis", BASES),
         _names("order and layout", ORDERS),
         _names("polarity", POLARITIES),
-        "What bases and orders are is told in "
-        "[what was shown](../reconstruction.md#what-was-shown); those that are drawn by chance "
-        "take a seed, as in `random:7`.\n",
+        "[Bases and orders](../theory/patterns.md#bases-and-orders) says what they are; those "
+        "that are drawn by chance take a seed, as in `random:7`.\n",
     ]
     return "\n".join(parts)
 
@@ -160,8 +157,7 @@ def plan_page(examples: Mapping[str, Any]) -> str:
 
 _HOW_TO_READ = (
     "Fields without a default are needed; *none* means that a field may be left out. Field names "
-    "end in their units. This page is made from the program by "
-    "`python tools/file_references.py`.\n"
+    "end in their units.\n"
 )
 _SCENE_FILES = {"SceneDescription": "whole scenes", "DrawnDescription": "scenes of a family"}
 
@@ -398,23 +394,11 @@ def _names(what: str, names: Any) -> str:
     return f"**{what}**: " + ", ".join(f"`{name}`" for name in names) + "\n"
 
 
-def pages() -> dict[Path, str]:
-    """What the pages should hold, by path."""
+def pages() -> dict[str, str]:
+    """Text of each page, by its name within the folder of the reference."""
     examples = yaml.safe_load(EXAMPLES.read_text(encoding="utf-8"))
     return {
-        FOLDER / "scene-file.md": scene_page(examples),
-        FOLDER / "instrument-file.md": instrument_page(examples),
-        FOLDER / "plan-file.md": plan_page(examples),
+        "scene-file.md": scene_page(examples),
+        "instrument-file.md": instrument_page(examples),
+        "plan-file.md": plan_page(examples),
     }
-
-
-def main() -> None:
-    """Write the pages."""
-    FOLDER.mkdir(exist_ok=True)
-    for path, text in pages().items():
-        path.write_text(text, encoding="utf-8")
-        print(path)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,4 +1,4 @@
-"""Draw the picture of docs/ranging-in-fog.md: phasors of target and fog, by modulation frequency.
+"""Draw the phasors of target and fog by frequency, the picture of docs/theory/ranging-in-fog.md.
 
 `python tools/fog_phasors.py`, from the top folder.
 """

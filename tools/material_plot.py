@@ -1,4 +1,4 @@
-"""Draw the picture of docs/materials.md and print its table.
+"""Draw the picture of docs/theory/materials.md; `table` is that of the reference.
 
 `python tools/material_plot.py`, from the top folder.
 """
@@ -22,7 +22,7 @@ GROUPS = {
 
 
 def main() -> None:
-    """Reflectance over wavelength of typical surfaces, and all rows as Markdown."""
+    """Reflectance over wavelength of typical surfaces."""
     figure, axes = plt.subplots(1, 4, figsize=(14, 3.6), layout="constrained", sharey=True)
     for axis, (title, names) in zip(axes, GROUPS.items(), strict=True):
         for i, name in enumerate(names.split()):
@@ -34,8 +34,6 @@ def main() -> None:
         axis.legend(fontsize="small", framealpha=0.6)
     axes[0].set_ylabel("reflectance")
     figure.savefig(PICTURE, dpi=80)
-    for row in table():
-        print(row)
 
 
 def table() -> list[str]:

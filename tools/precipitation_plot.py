@@ -1,4 +1,4 @@
-"""Draw the picture of docs/precipitation.md and print its figures.
+"""Draw the picture of docs/theory/weather.md and print its figures.
 
 `python tools/precipitation_plot.py`, from the top folder; takes two minutes.
 """

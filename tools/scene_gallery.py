@@ -1,9 +1,9 @@
-"""The pictures and tables of docs/scenes.md.
+"""The pictures and tables of docs/reference/scene-gallery.md.
 
     python tools/scene_gallery.py [DOCS]
 
 Draws a thumbnail of every shipped scene, and of some draws of every family, into DOCS/images/scenes
-(by default of this checkout) and writes the tables between the marks of DOCS/scenes.md.
+(by default of this checkout) and writes the tables between the marks of the page.
 """
 
 import argparse
@@ -41,7 +41,7 @@ def main(docs: Path) -> None:
         "families": _table(_families(pictures, instrument)),
     }
     _show(load_scene("warehouse"), instrument, pictures / "show.jpg")
-    page = docs / "scenes.md"
+    page = docs / "reference" / "scene-gallery.md"
     for name, table in tables.items():
         before, after = around_marks(page, name)
         write_atomically(page, f"{before}\n\n{table}\n{after}".encode())
@@ -104,10 +104,10 @@ def _thumbnail(scene: Scene, instrument: Instrument, path: Path) -> tuple[str, S
     image.save(buffer, "jpeg", quality=QUALITY, optimize=True)
     file = path.with_name(f"{path.name}.jpg")
     write_atomically(file, buffer.getvalue())
-    return f"![{path.name}](images/scenes/{file.name})", survey(scene, instrument, caster)
+    return f"![{path.name}](../images/scenes/{file.name})", survey(scene, instrument, caster)
 
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of scenes.md")
+    parser.add_argument("docs", nargs="?", type=Path, default=DOCS, help="folder of the pages")
     main(parser.parse_args().docs)

@@ -1,4 +1,4 @@
-"""What `make docs` adds to the pages: notebooks, commands, benchmarks, files from outside `docs`.
+"""What `make docs` adds to the pages: reference, notebooks, promises, files from outside `docs`.
 
 MkDocs calls these functions by their names, see its manual, "Hooks".
 """
@@ -9,9 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
-import typer
 from mkdocs.structure.files import File, Files
 from nbconvert import MarkdownExporter
+
+import reference_pages
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -23,7 +24,9 @@ UPWARDS = re.compile(r"\]\((\.\./[\w./-]+)\)")
 
 
 def on_files(files: Files, config: Any) -> Files:
-    """Notebooks become pages, and stay beside them; files that pages link to come along."""
+    """Add the reference, the notebooks as pages, and files that pages link to."""
+    for name, text in reference_pages.pages().items():
+        files.append(File.generated(config, f"reference/{name}", content=text))
     for notebook in sorted((DOCS / "tutorials").glob("*.ipynb")):
         for made in _rendered(notebook, config):
             files.append(made)
@@ -54,10 +57,9 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return f"]({up}files/{outside})" if outside else link[0]
 
     markdown = UPWARDS.sub(along, markdown)
-    for mark, parts in (("commands", _commands), ("benchmarks", _benchmarks)):
-        location = f"<!-- {mark} are put here -->"
-        if location in markdown:
-            markdown = markdown.replace(location, "\n".join(parts()))
+    location = "<!-- benchmarks are put here -->"
+    if location in markdown:
+        markdown = markdown.replace(location, "\n".join(_benchmarks()))
     return markdown
 
 
@@ -76,46 +78,14 @@ def _rendered(notebook: Path, config: Any) -> Iterator[File]:
         yield File.generated(config, f"tutorials/{path}", content=picture)
 
 
-def _commands() -> Iterator[str]:
-    """Every command of `spisim` with its arguments and options."""
-    from spisim.cli import app
-
-    yield from _verb(typer.main.get_command(app), "spisim")
-
-
-def _verb(command: Any, called: str) -> Iterator[str]:
-    reported = (command.help or "").strip()
-    if called != "spisim":
-        yield f"\n## `{called}`\n\n{reported}\n"
-        yield from _parameters(command)
-        if command.epilog:
-            yield f"\n`{command.epilog.removeprefix('Example: ')}`\n"
-    for name, verb in getattr(command, "commands", {}).items():
-        yield from _verb(verb, f"{called} {name}")
-
-
-def _parameters(command: Any) -> Iterator[str]:
-    displayed = [each for each in command.params if not getattr(each, "hidden", False)]
-    if not displayed:
-        return
-    yield "| option | default | what it is |\n|---|---|---|"
-    for each in displayed:
-        names = ", ".join(f"`{name}`" for name in [*each.opts, *each.secondary_opts])
-        names = names if each.param_type_name == "option" else f"`{each.metavar or each.name}`"
-        default = "" if each.default in (None, False, ()) else f"`{each.default}`"
-        default = "**needed**" if each.required else default
-        what = re.sub(r"\s+", " ", getattr(each, "help", None) or "").replace("|", "\\|")
-        yield f"| {names} | {default} | {what} |"
-
-
 def _benchmarks() -> Iterator[str]:
     """What every benchmark promises and has measured, from the pages that have its tables."""
-    for page in sorted(DOCS.glob("*.md")):
+    for page in sorted((DOCS / "results").glob("*.md")):
         text = page.read_text(encoding="utf-8")
         for mark, block in MEASURED.findall(text):
             for table in PROMISED.findall(block):
-                title = text.partition("\n")[0].removeprefix("# ")
+                title = text.partition("\n")[0].removeprefix("# Results: ")
                 measured = re.search(r"Measured on .*", block)
-                yield f"\n## {title}: {mark.removeprefix('benchmark: ')}\n"
+                yield f"\n## {title.capitalize()}: {mark.removeprefix('benchmark: ')}\n"
                 yield f"From [{page.name}]({page.name}). {measured[0] if measured else ''}\n"
                 yield table

@@ -1,4 +1,4 @@
-/* A rig in few lines: sends a setup and frames as a stream (docs/live.md).
+/* A rig in few lines: sends a setup and frames as a stream (docs/reference/stream-format.md).
  *
  *     cc -std=c99 -O2 -o sender examples/live/sender.c
  *     ./sender 500 | python -m reconstruction live -

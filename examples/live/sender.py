@@ -1,4 +1,4 @@
-"""A rig in few lines: sends a setup and frames as a stream (docs/live.md).
+"""A rig in few lines: sends a setup and frames as a stream (docs/reference/stream-format.md).
 
     python examples/live/sender.py 500 | python -m reconstruction live -
     python examples/live/sender.py 500 localhost 5800

@@ -1,4 +1,4 @@
-"""Capture files (docs/capture-format.md): written whole, read whole or frame by frame."""
+"""Capture files (docs/reference/capture-format.md): written whole, read whole or frame by frame."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -64,7 +64,7 @@ def read_capture(path: str | Path) -> Capture:
     """Read a capture into memory.
 
     Raises InputError, which names the file, if it is missing, damaged, not a capture, of another
-    format version, links to other files or takes too much memory (docs/capture-format.md), or if a
+    format version, links to other files or takes too much memory (docs/reference/capture-format.md), or if a
     dataset is missing, has another shape or unit, or an impossible value.
     """
     with open_capture(path) as file:

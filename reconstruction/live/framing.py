@@ -1,4 +1,4 @@
-"""Messages in a stream of bytes (docs/live.md): packed, and found among garbage."""
+"""Messages in a stream of bytes (docs/reference/stream-format.md): packed, and found among garbage."""
 
 import struct
 import zlib

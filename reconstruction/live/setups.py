@@ -1,4 +1,4 @@
-"""Setups of a stream, and payloads of its frames (docs/live.md)."""
+"""Setups of a stream, and payloads of its frames (docs/reference/stream-format.md)."""
 
 import math
 import zlib

@@ -29,7 +29,7 @@ class Around(NamedTuple):
     degrees: float  # of freedom that it counts as
 
 
-#: Chosen by how many estimates lie within one, two and four stated errors (docs/transport.md).
+#: Chosen by how many estimates lie within 1, 2 and 4 stated errors (docs/theory/transport.md).
 PIXELS = Around((3, 3), 1.0)
 #: A bin, 2 cm of a path, is lit by fewer paths than a pixel.
 BINS = Around((1, 33), 2.0)

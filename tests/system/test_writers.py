@@ -10,7 +10,8 @@ from pages import ROOT, blocks
 from reconstruction import read_capture, reconstruct
 from waiting import SAFETY_S
 
-PRINTED = {block.title: block.text for block in blocks(ROOT / "docs" / "capture-format.md")}
+PAGE = ROOT / "docs" / "reference" / "capture-format.md"
+PRINTED = {block.title: block.text for block in blocks(PAGE)}
 INCLUDES = ["-I/usr/include/hdf5/serial", "-L/usr/lib/x86_64-linux-gnu/hdf5/serial"]
 #: A quarter of a period of 15 MHz there and back.
 RANGE_M = 299_792_458 / 15e6 / 8

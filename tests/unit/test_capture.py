@@ -15,7 +15,7 @@ from reconstruction.capture.schema import stored_fields
 from reconstruction.operators import make_plan
 from reconstruction.operators.bases.dense import Dense
 
-FORMAT_PAGE = Path(__file__).parents[2] / "docs" / "capture-format.md"
+FORMAT_PAGE = Path(__file__).parents[2] / "docs" / "reference" / "capture-format.md"
 
 
 @pytest.fixture

@@ -240,7 +240,8 @@ def test_the_head_is_what_the_page_says(path):
 
 def test_a_recorder_can_make_the_digest(path, monkeypatch):
     """As the page shows it in Python."""
-    page = (Path(__file__).parents[2] / "docs" / "capture-format.md").read_text(encoding="utf-8")
+    docs = Path(__file__).parents[2] / "docs"
+    page = (docs / "reference" / "capture-format.md").read_text(encoding="utf-8")
     (recipe,) = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     path.write_bytes(bytes(512) + path.read_bytes()[512:])
     monkeypatch.chdir(path.parent)

@@ -50,7 +50,7 @@ def test_every_array_is_as_told(data: DataSet, name: str) -> None:
 
 
 def test_the_docs_tell_of_every_array() -> None:
-    page = (ROOT / "docs" / "datasets.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs" / "reference" / "dataset-arrays.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `(\w+)` \| ([^|]+) \| (\w+) \| ([^|]+) \| ", page, re.MULTILINE)
     assert {name: tuple(reported) for name, *reported in rows} == {
         name: (", ".join(field.dims), field.dtype, field.units) for name, field in FIELDS.items()

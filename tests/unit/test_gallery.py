@@ -53,14 +53,15 @@ def test_the_page_is_made_from_what_there_is(
     monkeypatch.setattr(scene_gallery, "catalogue", lambda: catalogue()[-1:])
     monkeypatch.setattr(scene_gallery, "FAMILIES", {"targets": FAMILIES["targets"]})
     monkeypatch.setattr(scene_gallery, "SEEDS", range(1))
-    page = tmp_path / "scenes.md"
+    page = tmp_path / "reference" / "scene-gallery.md"
+    page.parent.mkdir()
     page.write_text("a<!-- library --><!-- /library -->b<!-- families -->old<!-- /families -->c")
     scene_gallery.main(tmp_path)
     text = page.read_text()
     assert "old" not in text
     name = catalogue()[-1].name
     for picture in (name, "targets-0"):
-        assert f"![{picture}](images/scenes/{picture}.jpg)" in text
+        assert f"![{picture}](../images/scenes/{picture}.jpg)" in text
         size = (tmp_path / "images" / "scenes" / f"{picture}.jpg").stat().st_size
         assert 500 < size < 40_000
 
@@ -69,14 +70,16 @@ def test_a_page_without_marks_is_refused(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr(scene_gallery, "catalogue", list)
     monkeypatch.setattr(scene_gallery, "FAMILIES", {})
     monkeypatch.setattr(scene_gallery, "_show", lambda *_: None)
-    (tmp_path / "scenes.md").write_text("nothing")
+    page = tmp_path / "reference" / "scene-gallery.md"
+    page.parent.mkdir()
+    page.write_text("nothing")
     with pytest.raises(InputError, match="lacks the marks"):
         scene_gallery.main(tmp_path)
 
 
 def test_every_picture_of_the_page_exists_and_is_small() -> None:
-    text = (DOCS / "scenes.md").read_text(encoding="utf-8")
-    named = {part.split(")")[0] for part in text.split("](images/")[1:]}
+    text = (DOCS / "reference" / "scene-gallery.md").read_text(encoding="utf-8")
+    named = {part.split(")")[0] for part in text.split("](../images/")[1:]}
     assert named
     sizes = [(DOCS / "images" / name).stat().st_size for name in named]
     assert sum(sizes) < 1_500_000

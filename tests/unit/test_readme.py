@@ -45,7 +45,8 @@ def test_every_link_leads_to_a_file_of_the_repository(target: str) -> None:
 
 @pytest.mark.slow
 def test_the_example_in_python_suits_a_strict_type_checker(tmp_path: Path) -> None:
-    example = re.search(r"```python\n(.*?)```", README, re.S)
+    page = (ROOT / "docs" / "start.md").read_text(encoding="utf-8")
+    example = re.search(r"```python\n(.*?)```", page, re.S)
     assert example is not None
     assert "result.ranges" in example[1]
     (tmp_path / "example.py").write_text(example[1], encoding="utf-8")

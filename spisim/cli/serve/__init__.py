@@ -91,7 +91,8 @@ def command(
 ) -> None:
     """Send simulated frames like a real camera, and fly as commanded.
 
-    Light is solved at key poses, and interpolated between them; docs/live.md has the messages.
+    Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
+    the messages.
     """
     from spisim.serving import Camera, FlightRecord, Server, provenance, solver
     from spisim.serving.record import MAX_FRAMES
