@@ -137,12 +137,7 @@ def solver(
 
 
 def provenance(
-    scene: Scene,
-    instrument: Instrument,
-    light: LightSource,
-    *,
-    seed: int,
-    settings: dict[str, Any],
+    scene: Scene, instrument: Instrument, light: LightSource, *, seed: int, settings: dict[str, Any]
 ) -> Provenance:
     """Provenance of stream and capture; `settings` are further entries for its settings."""
     software = f"spisim {__version__}"

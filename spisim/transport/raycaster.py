@@ -74,10 +74,7 @@ class RayCaster:
         """
         si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
-        return Surfaces(
-            np.asarray(distance.numpy(), dtype=np.float64),
-            self.meshes.object_ids(si),
-        )
+        return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness of what each ray sees, as a drawing without light transport.

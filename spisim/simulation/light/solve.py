@@ -18,12 +18,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import (
-    Estimate,
-    PathBudget,
-    SamplingBudget,
-    TargetError,
-)
+from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins

@@ -12,10 +12,7 @@ from spisim.transport.drops import FallingDrops, on_spots
 
 
 def spot_light(
-    instrument: Instrument,
-    light: Light,
-    frames: int,
-    drops: Sequence[FallingDrops] = (),
+    instrument: Instrument, light: Light, frames: int, drops: Sequence[FallingDrops] = ()
 ) -> SpotLight:
     """Rates from the fractions of emitted power that the light transport found.
 
