@@ -123,12 +123,7 @@ class Reconstructor:
         return self.batch(frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
-        """Reconstruct any number of frames; some methods are faster with many at once.
-
-        Returns
-        -------
-        list of Result
-            One for each frame, in their order.
+        """Reconstruct frames, in their order; some methods are faster with many at once.
 
         Raises
         ------

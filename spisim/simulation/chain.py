@@ -74,10 +74,6 @@ def simulate(
     progress
         Called with the completed fraction of the light transport.
 
-    Returns
-    -------
-    Simulation
-
     Raises
     ------
     InputError
