@@ -123,7 +123,7 @@ class Reconstructor:
         return self.batch(frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
-        """Reconstruct frames, in their order; some methods are faster with many at once.
+        """Reconstruct any number of frames, in order; some methods are faster with many at once.
 
         Raises
         ------

@@ -215,7 +215,7 @@ def _write(file: h5py.File, capture: Capture) -> None:
 def datasets(
     plans: Sequence[PatternPlan], parts: Capture | Setup
 ) -> Iterator[tuple[str, Any, str]]:
-    """Yield name, value and unit of each dataset of a capture file with plans of successive frames."""
+    """Yield name, value and unit of each dataset of a capture file, given its successive plans."""
     yield from _datasets_of_plans(plans)
     for group in PARTS:
         part = getattr(parts, group, None)

@@ -60,7 +60,7 @@ class RayCaster:
         return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
-        """Range, m, and object of the first surface that each ray (n, 3) meets, panes included."""
+        """Range and object of the first surface, panes included, that each ray (n, 3) meets."""
         si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
