@@ -73,11 +73,6 @@ def register(
 ) -> None:
     """Make methods known by their names until this process ends, as entry points do for good.
 
-    Parameters
-    ----------
-    image, ranging, depth
-        A method of that station.
-
     Raises
     ------
     InputError

@@ -32,21 +32,8 @@ from .depth import (
     pixel_of,
     pixel_rays,
 )
-from .image import (
-    Coefficients,
-    Estimate,
-    Imaging,
-    SolverOfMany,
-    UsableReadings,
-)
-from .ranging import (
-    Brightness,
-    Ranges,
-    Weather,
-    brightness_at,
-    range_consistency,
-    with_weather,
-)
+from .image import Coefficients, Estimate, Imaging, SolverOfMany, UsableReadings
+from .ranging import Brightness, Ranges, Weather, brightness_at, range_consistency, with_weather
 from .result import Image, Result
 
 logger = logging.getLogger(__name__)
@@ -136,12 +123,7 @@ class Reconstructor:
         return self.batch(frame)[0]
 
     def batch(self, frames: Frames) -> list[Result]:
-        """Reconstruct any number of frames; some methods are faster with many at once.
-
-        Returns
-        -------
-        list of Result
-            One for each frame, in their order.
+        """Reconstruct any number of frames, in order; some methods are faster with many at once.
 
         Raises
         ------
@@ -319,10 +301,7 @@ class Reconstructor:
         return {name: each for name, each in free.items() if each is not None}
 
     def _brightness(
-        self,
-        images: Mapping[str, Floats],
-        sigmas: Mapping[str, Floats],
-        readings: UsableReadings,
+        self, images: Mapping[str, Floats], sigmas: Mapping[str, Floats], readings: UsableReadings
     ) -> Brightness | None:
         """The first image that has a sigma, at the spots; None without one or its DC coefficient.
 

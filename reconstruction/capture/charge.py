@@ -37,18 +37,9 @@ class Charge:
         return np.asarray((counts - self.offset_counts) * self.electrons_per_count)
 
     def variance(self, electrons: Floats) -> Floats:
-        """Variance of the readings of a frame in electrons squared.
+        """Variance (n, K) of the readings of n spots in K taps or windows, in electrons squared.
 
         Raises InputError if the noise is unknown and cannot be estimated from the readings.
-
-        Parameters
-        ----------
-        electrons : array, (n, K)
-            Readings of n spots in K taps or windows.
-
-        Returns
-        -------
-        array, (n, K)
         """
         # At least one electron: a dead tap is not noiseless. A difference has at least this light.
         shot = self.excess_noise_factor * np.maximum(np.abs(electrons), 1)
@@ -136,17 +127,10 @@ class PatternTaps(Taps):
 
 
 def check_taps(group: str, frequencies_hz: Floats, phases_rad: Floats) -> None:
-    """Check that the taps can be solved for phases.
+    """Check that the taps (K,), in a dataset ``group``, can be solved for phases.
 
     Raises InputError if a frequency is below `MIN_MODULATION_HZ` or has fewer than three different
     phases.
-
-    Parameters
-    ----------
-    group : str
-        Dataset group for messages.
-    frequencies_hz, phases_rad : array, (K,)
-        Modulation frequency and phase of each tap.
     """
     for frequency_hz in np.unique(frequencies_hz):
         phases = phases_rad[frequencies_hz == frequency_hz]

@@ -175,14 +175,9 @@ class CaptureFile:
 
 
 def read_setup(file: hdf5.Tables) -> Setup:
-    """Read what the frames of a recording share.
+    """Read what the frames of a recording share, which may have no frames yet.
 
     Raises InputError as `read_capture`.
-
-    Parameters
-    ----------
-    file : hdf5.Tables
-        The datasets of a capture with any number of frames, also none.
     """
     plan, *following_plans = _read_plans(file)
     sizes = axis_sizes(plan)
@@ -220,18 +215,7 @@ def _write(file: h5py.File, capture: Capture) -> None:
 def datasets(
     plans: Sequence[PatternPlan], parts: Capture | Setup
 ) -> Iterator[tuple[str, Any, str]]:
-    """Yield the datasets of a capture file.
-
-    Parameters
-    ----------
-    plans : sequence of PatternPlan
-        Plans of successive frames.
-
-    Yields
-    ------
-    tuple of str, value and str
-        Name, value and unit.
-    """
+    """Yield name, value and unit of each dataset of a capture file, given its successive plans."""
     yield from _datasets_of_plans(plans)
     for group in PARTS:
         part = getattr(parts, group, None)

@@ -297,13 +297,9 @@ class Capture:
         return html_summary("Capture", self._facts, pictures)
 
     def plot(self, frame: int = 0) -> Any:
-        """Draw a frame's readings and, if known, its true image and depth.
+        """Draw readings of a frame, and its true image and depth if known, in axes (panels,).
 
         Raises InputError if there is no such frame, or Matplotlib is missing.
-
-        Returns
-        -------
-        array of matplotlib axes, (panels,)
         """
         counts = self.frame(frame).buckets.counts[0]
         known = self.truth is not None and self.truth.knows(frame)

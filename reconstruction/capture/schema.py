@@ -86,18 +86,7 @@ class Stored(NamedTuple):
 
 
 def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
-    """Datasets of a part of the capture.
-
-    Parameters
-    ----------
-    part : type
-        A data class such as `Buckets`.
-
-    Returns
-    -------
-    tuple of (str, Stored)
-        Name and storage of each field.
-    """
+    """Name and storage of each dataset of a part of the capture, a data class such as `Buckets`."""
     if part not in _fields:
         hints = get_type_hints(part, include_extras=True)
         names = (field.name for field in fields(part))

@@ -6,9 +6,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Mask
 from ..base.errors import InputError
-from ..operators import PatternPlan, ordered_rows
+from ..operators import ordered_rows
 from .buckets import Buckets
 from .charge import PatternTaps
 from .model import Capture
@@ -33,7 +32,9 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
     if not 1 <= patterns <= max_patterns:
         raise InputError(f"patterns = {patterns}; allowed in this capture: 1..{max_patterns}")
     ordered = ordered_rows(capture.plan.patterns, order)
-    selected = [_first(plan, ordered, patterns) for plan in plans]
+    selected = [
+        np.isin(plan.index, ordered[np.isin(ordered, plan.index)][:patterns]) for plan in plans
+    ]
     if len({exposures.sum() for exposures in selected}) > 1:
         raise InputError(
             f"patterns = {patterns}: frames expose these patterns different numbers of times"
@@ -49,11 +50,6 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
         following_plans=tuple(following_plans),
         buckets=_some(capture.buckets, kept, "counts"),
     )
-
-
-def _first(plan: PatternPlan, ordered: NDArray[np.int64], patterns: int) -> Mask:
-    """Exposures (M,) of the first patterns of a plan."""
-    return np.isin(plan.index, ordered[np.isin(ordered, plan.index)][:patterns])
 
 
 def _some(part: Part, kept: NDArray[np.intp], readings: str) -> Part:

@@ -110,7 +110,8 @@ def _add_patterns(parser: argparse.ArgumentParser) -> None:
 def run(options: argparse.Namespace) -> None:
     """Import a recording."""
     file = Output(options.output, "hardware capture", (".h5", ".hdf5"))
-    require_outputs([file], _inputs(options), overwrite=options.overwrite)
+    read = [path for path in (options.file, options.about, options.taps_about) if path is not None]
+    require_outputs([file], read, overwrite=options.overwrite)
     spots = taps.spots_of(options, partial(_source, options))
     if options.file is not None:
         capture = _of_patterns(options, spots)
@@ -173,10 +174,6 @@ def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
         buckets = capture.buckets
         counts = buckets.counts * recording.sign
         return replace(capture, buckets=replace(buckets, counts=counts))
-
-
-def _inputs(options: argparse.Namespace) -> list[Path]:
-    return [path for path in (options.file, options.about, options.taps_about) if path is not None]
 
 
 def _recording(options: argparse.Namespace) -> Recording:

@@ -135,13 +135,10 @@ def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
 
 
 def _source(address: str, *, followed: bool) -> Source:
-    if not is_link(address) and _is_capture(Path(address)):
-        return CaptureSource(Path(address), followed=followed, wait=time.sleep)
+    path = Path(address)
+    if not is_link(address) and (path.suffix.lower() in (".h5", ".hdf5") or path.is_dir()):
+        return CaptureSource(path, followed=followed, wait=time.sleep)
     return source_at(address, followed=followed)
-
-
-def _is_capture(path: Path) -> bool:
-    return path.suffix.lower() in (".h5", ".hdf5") or path.is_dir()
 
 
 class _StatusPrinter:

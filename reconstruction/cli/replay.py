@@ -78,7 +78,7 @@ def _whole(outlet: Outlet) -> Iterator[None]:
 def _replay(options: argparse.Namespace, outlet: Outlet) -> int:
     """Send all frames and return their number."""
     with open_capture(options.capture) as capture:
-        period_s = _period_s(capture, options.rate)
+        period_s = frame_period_s(capture.setup) if options.rate is None else 1 / options.rate
         if np.isnan(period_s) and not isinstance(outlet, NewFile):
             raise InputError(
                 f"{options.capture} has no pattern_period_s: state the frame rate with --rate"
@@ -111,10 +111,6 @@ def send(
             outlet.send(sender.setup(stamp))
         outlet.send(sender.frame(capture.frame(turn % capture.frames), stamp))
     outlet.send(sender.end())
-
-
-def _period_s(capture: CaptureFile, rate: float | None) -> float:
-    return frame_period_s(capture.setup) if rate is None else 1 / rate
 
 
 def _opened(outlet: Outlet, wait: Callable[[float], object] = time.sleep) -> None:

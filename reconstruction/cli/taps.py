@@ -150,15 +150,8 @@ def notes_of(options: argparse.Namespace) -> list[str]:
 
 
 def _geometry(options: argparse.Namespace, source: Source) -> SpotGeometry:
-    arrays = {
-        name: source(where)
-        for name, where in (
-            ("directions", options.directions),
-            ("detector_positions_m", options.detectors),
-        )
-        if where is not None
-    }
-    return SpotGeometry(**arrays)
+    given = {"directions": options.directions, "detector_positions_m": options.detectors}
+    return SpotGeometry(**{name: source(at) for name, at in given.items() if at is not None})
 
 
 def _about(options: argparse.Namespace) -> dict[str, float]:

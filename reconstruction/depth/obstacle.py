@@ -69,13 +69,7 @@ def corridor_prior(name: str) -> CorridorPrior:
 
 
 class Corridor:
-    """Corridor ahead, CORRIDOR_M wide and high, along the optical axis.
-
-    Parameters
-    ----------
-    rays
-        Directions (H, W, 3) of the pixels, as by `pixel_rays`.
-    """
+    """Corridor along the optical axis, CORRIDOR_M wide and high, for `pixel_rays` (H, W, 3)."""
 
     def __init__(self, rays: Floats) -> None:
         self._slope = np.abs(rays[..., :2]).max(axis=-1)

@@ -20,15 +20,7 @@ MAX_ALTERNATIVES, MIN_WEIGHT = 3, 0.01
 
 
 def method_title(stage: str, name: str) -> str:
-    """Label of a method for plots and tables.
-
-    Parameters
-    ----------
-    stage
-        Key of `METHODS`.
-    name
-        Name of the method, which is also the label if it is not installed.
-    """
+    """Label of a method of a `METHODS` stage for plots and tables; its name if not installed."""
     try:
         title = getattr(METHODS[stage](name), "title", name)
     except InputError:
@@ -38,15 +30,7 @@ def method_title(stage: str, name: str) -> str:
 
 
 def no_range(status: Status, alternatives: Iterable[Alternative]) -> str:
-    """Describe why a spot has no range, and which ranges it may have, most probable first.
-
-    Parameters
-    ----------
-    status
-        Status of the spot.
-    alternatives
-        Its possible ranges with their weights.
-    """
+    """Why a spot of this status has no range, and its possible ranges, most probable first."""
     likely = [each for each in alternatives if each.weight >= MIN_WEIGHT][:MAX_ALTERNATIVES]
     if not likely:
         return status

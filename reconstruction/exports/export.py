@@ -49,16 +49,9 @@ EXPORTS: Registry[Export] = Registry(
 
 
 def export_format(name: str | None, output: Path) -> Export:
-    """Select an export format.
+    """Select an export format by its name, or by the extension of the folder or file to write.
 
     Raises InputError if the format is unknown, or contradicts the extension.
-
-    Parameters
-    ----------
-    name : str or None
-        Name of the format; None to derive it from the output's extension.
-    output : Path
-        Folder or file to write.
     """
     by_suffix = {form.suffix: form for _, form in EXPORTS.loadable() if form.suffix}
     if name is not None:

@@ -163,11 +163,7 @@ class CoefficientDecoder:
         return values, left
 
     def _estimated(
-        self,
-        signal: NDArray[Any],
-        values: NDArray[Any],
-        usable: Mask | None,
-        measured: Mask | None,
+        self, signal: NDArray[Any], values: NDArray[Any], usable: Mask | None, measured: Mask | None
     ) -> NoiseLevels:
         """Noise of each reading, estimated from the readings."""
         redundant = self._redundant

@@ -91,11 +91,7 @@ class Memory:
         return -1 if self.operator.dc_row is None else self.operator.dc_row
 
     def _predict(
-        self,
-        prior: Floats,
-        rows: NDArray[np.intp],
-        values: NDArray[np.inexact],
-        noise: Floats,
+        self, prior: Floats, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats
     ) -> None:
         """Weight the speeds by the new readings, and let the estimate decay accordingly."""
         snr = self._precision * prior

@@ -77,17 +77,10 @@ class VarianceFit:
 
 
 def fit_variance(measured: NDArray[Any], expected: Floats) -> tuple[float, float]:
-    """Fit var(measured) = v (expected + r) to one frame by maximum likelihood.
+    """Fit var(measured) = v (expected + r) to coefficients (K,) of a frame by maximum likelihood.
 
-    Parameters
-    ----------
-    measured, expected
-        Coefficients and their relative variances, (K,) each.
-
-    Returns
-    -------
-    tuple
-        Scale v, and white part r relative to it.
+    ``expected`` (K,) are relative variances. Returns the scale v, and the white part r relative to
+    it.
     """
     return VarianceFit(expected)(measured)
 

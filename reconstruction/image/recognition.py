@@ -58,7 +58,7 @@ AXIS_ORDERS = ("natural", "dyadic", "sequency")
 WITHOUT_DARK = "single-ended without dark"
 """Sequence of polarities that leaves the background undetermined, but is found in recordings."""
 SEQUENCES = POLARITIES | {
-    WITHOUT_DARK: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8)),
+    WITHOUT_DARK: lambda rows, _: (rows.astype(np.int32), np.ones(len(rows), np.int8))
 }
 
 

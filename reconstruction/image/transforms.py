@@ -29,10 +29,6 @@ def other_spectra(shape: tuple[int, int]) -> Iterator[tuple[str, Floats]]:
         yield name, np.array([variance(power).ravel() for power in powers(shape)])
 
 
-def _cosine(power: Floats) -> Floats:
-    return power
-
-
 def _haar_of_axes(power: Floats) -> Floats:
     return _seen(power, *(haar(side) for side in power.shape))
 
@@ -67,7 +63,7 @@ def _seen(power: Floats, vertical: Floats, horizontal: Floats) -> Floats:
 
 
 _ANY: dict[str, Callable[[Floats], Floats]] = {
-    "cosine coefficients": _cosine,
+    "cosine coefficients": lambda power: power,
     "Haar wavelet coefficients, axis by axis": _haar_of_axes,
 }
 _SQUARE: dict[str, Callable[[Floats], Floats]] = {

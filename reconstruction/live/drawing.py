@@ -38,7 +38,7 @@ def main() -> int:
         window = Window(plt.figure("reconstruction live", figsize=(10, 5)))
         plt.show(block=False)
     except Exception as error:  # whatever a toolkit raises without a display
-        print(f"{printable_line(error)}; {ASKED}", flush=True)
+        print(f"{' '.join(str(error).split()) or type(error).__name__}; {ASKED}", flush=True)
         return 2
     print(READY, flush=True)
     source = Incoming()
@@ -48,11 +48,6 @@ def main() -> int:
         window.figure.canvas.draw_idle()
         window.figure.canvas.flush_events()
     return 0
-
-
-def printable_line(error: Exception) -> str:
-    """Error message on one line."""
-    return " ".join(str(error).split()) or type(error).__name__
 
 
 class Incoming:

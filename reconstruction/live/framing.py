@@ -123,7 +123,9 @@ class Parser:
         """Search the next header; False if more bytes are needed."""
         start = self._bytes.find(MAGIC, self._searched)
         if start < 0:
-            self._searched = max(self._searched, len(self._bytes) - _beginning(self._bytes))
+            # The last bytes may begin a magic.
+            begun = next((n for n in (3, 2, 1) if self._bytes.endswith(MAGIC[:n])), 0)
+            self._searched = max(self._searched, len(self._bytes) - begun)
             return False
         self._searched = start
         if len(self._bytes) - start < HEADER.size:
@@ -172,8 +174,3 @@ def _header(content: bytearray, at: int) -> tuple[Message, int] | None:
     if version == VERSION and (length > MAX_PAYLOAD_BYTES or kind not in set(Kind)):
         return None
     return Message(kind, None, number, time_ns, run, setup, version), length
-
-
-def _beginning(content: bytearray) -> int:
-    """Number of last bytes that may begin a magic."""
-    return next((n for n in (3, 2, 1) if content.endswith(MAGIC[:n])), 0)

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple, get_args
 import numpy as np
 
 from ..depth import DISTANCES_M
-from ..ranging import Ranges, Status
+from ..ranging import Status
 from ..result import Result
 from .counts import Counts
 from .setups import StreamSetup
@@ -70,17 +70,11 @@ def result_entries(outcome: Outcome) -> dict[str, Any]:
         "obstacle_m": result.obstacle_m,
         "latency_s": outcome.latency_s,
     }
-    if result.ranges is not None:
-        entries |= _ranges(result.ranges)
+    if (ranges := result.ranges) is not None:
+        entries["range_m"], entries["range_sigma_m"] = ranges.range_m, ranges.sigma_m
+        status = [STATUSES.index(each) for each in ranges.status]
+        entries["range_status"] = np.array(status, np.uint8)
     return {name: value for name, value in entries.items() if value is not None}
-
-
-def _ranges(ranges: Ranges) -> dict[str, Any]:
-    return {
-        "range_m": ranges.range_m,
-        "range_sigma_m": ranges.sigma_m,
-        "range_status": np.array([STATUSES.index(each) for each in ranges.status], np.uint8),
-    }
 
 
 def state_entries(state: State) -> dict[str, Any]:

@@ -74,10 +74,7 @@ class MeasurementOperator:
     def in_atoms(self, vertical: Floats, horizontal: Floats) -> "SeenAtoms":
         """Products of the rows other than DC with separable atoms.
 
-        Parameters
-        ----------
-        vertical, horizontal
-            One-dimensional atoms (H, a) and (W, b) in columns; atoms are their outer products.
+        Atoms are outer products of the columns of ``vertical`` (H, a) and ``horizontal`` (W, b).
         """
         return SeenAtoms(vertical.T @ self._unit_rows @ horizontal)
 

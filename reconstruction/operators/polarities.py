@@ -10,25 +10,9 @@ Exposures = tuple[NDArray[np.int32], NDArray[np.int8]]
 """Row index and polarity (M,) of every exposure, as in `PatternPlan`."""
 
 
-def _differential(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
-    return _exposures(np.repeat(rows, 2), np.tile([1, -1], len(rows)))
-
-
-def _negative_first(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
-    return _exposures(np.repeat(rows, 2), np.tile([-1, 1], len(rows)))
-
-
-def _halves(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
-    return _exposures(np.tile(rows, 2), np.repeat([1, -1], len(rows)))
-
-
 def _single_ended(rows: NDArray[np.int64], dc_row: int | None) -> Exposures:
     dark = [] if dc_row is None else [dc_row]
     return _exposures(np.append(rows, dark), np.append(np.ones(len(rows)), -np.ones(len(dark))))
-
-
-def _signed(rows: NDArray[np.int64], _dc_row: int | None) -> Exposures:
-    return _exposures(rows, np.zeros(len(rows)))
 
 
 def _exposures(index: NDArray[np.int64], sign: NDArray[Any]) -> Exposures:
@@ -36,11 +20,11 @@ def _exposures(index: NDArray[np.int64], sign: NDArray[Any]) -> Exposures:
 
 
 POLARITIES: dict[str, Callable[[NDArray[np.int64], int | None], Exposures]] = {
-    "differential": _differential,
+    "differential": lambda rows, _: _exposures(np.repeat(rows, 2), np.tile([1, -1], len(rows))),
     "single-ended": _single_ended,
-    "signed": _signed,
-    "negative-first": _negative_first,
-    "halves": _halves,
+    "signed": lambda rows, _: _exposures(rows, np.zeros(len(rows))),
+    "negative-first": lambda rows, _: _exposures(np.repeat(rows, 2), np.tile([-1, 1], len(rows))),
+    "halves": lambda rows, _: _exposures(np.tile(rows, 2), np.repeat([1, -1], len(rows))),
 }
 """Functions from rows (K,) and the ``dc_row`` of their basis to exposures, by name.
 

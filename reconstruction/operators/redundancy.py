@@ -31,23 +31,13 @@ MIN_F = 10.0
 
 
 def redundant_combinations(plan: PatternPlan, usable: Mask) -> SparseRows:
-    """Normalised combinations of readings that are zero but for noise.
+    """Combinations (D, M) of length 1 of usable readings (M,) that are zero but for noise.
 
-    Parameters
-    ----------
-    plan
-        Plan of M exposures.
-    usable
-        Mask (M,) of the readings to use.
-
-    Returns
-    -------
-    SparseRows
-        Combinations (D, M) of length 1; D is 0 without redundancy. Successive combinations share
-        readings, so their errors are not independent.
+    D is 0 without redundancy. Successive combinations share readings, so their errors are not
+    independent.
     """
     rows = [
-        _difference(first, second)
+        _of_length_1({reading: -value for reading, value in first.items()} | second)
         for group in equal_sums(plan, usable)
         for first, second in pairwise(sorted(group, key=min))
     ]
@@ -164,8 +154,3 @@ def _of_length_1(weights: Weights) -> Weights:
 
 def _mean(readings: list[int]) -> Weights:
     return dict.fromkeys(readings, 1 / len(readings))
-
-
-def _difference(first: Weights, second: Weights) -> Weights:
-    """Second minus first, normalised to length 1."""
-    return _of_length_1({reading: -value for reading, value in first.items()} | second)

@@ -20,16 +20,9 @@ class Brightness(NamedTuple):
 
 
 def brightness_at(positions: Floats, image: Floats, sigma: Floats) -> Brightness:
-    """Brightness of an image at the spots.
+    """Brightness at ``positions`` (4, 2), row and column, of an image (H, W) in electrons.
 
     Errors of neighbouring pixels are correlated, so the mean is no more certain than one pixel.
-
-    Parameters
-    ----------
-    positions : array, (4, 2)
-        Row and column of each spot.
-    image, sigma : array, (H, W)
-        Electrons and their standard deviations.
     """
     electrons, electrons_sigma = np.full(4, np.nan), np.full(4, np.nan)
     for spot, (row, column) in enumerate(np.rint(positions).astype(int)):

@@ -17,23 +17,11 @@ NO_REASONS = ("",) * 4
 
 
 def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
-    """Warn about methods whose ranges may be biased by fog or further echoes.
+    """Warn, by method, about ranges that may be biased by fog or further echoes.
 
     Checks methods that assume a single echo. Their ranges are doubtful if a method that models
     other light disagrees, or if the ranges of single frequencies disagree, by more than MIN_SIGNAL
     standard deviations and MIN_DIFFERENCE_M. A single frequency alone shows nothing.
-
-    Parameters
-    ----------
-    rangings : mapping of str to Ranges
-        Ranges by method.
-    spots : Spots
-        Readings of the frame.
-
-    Returns
-    -------
-    dict of str to str
-        Warning by method.
     """
     result = {}
     for name, ranges in rangings.items():

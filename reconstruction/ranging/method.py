@@ -23,16 +23,9 @@ class RangingMethod(Protocol):
     """Kinds of readings that the method understands."""
 
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
-        """Solver for the readings of a recording.
+        """Solver for a recording with these settings of the spots, whose readings are ignored.
 
         Raises InputError if the recording lacks what the method needs.
-
-        Parameters
-        ----------
-        spots : Spots
-            Optics and settings of the recording, without readings.
-        optics : Optics, optional
-            Projector and bucket detector.
         """
 
     def unambiguous_range_m(self, spots: Spots) -> float:

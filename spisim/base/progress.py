@@ -35,11 +35,11 @@ def progress_bar(title: str) -> AbstractContextManager[Advance]:
     from rich.console import Console
 
     console = Console(stderr=True)
-    return terminal_bar(title, console, displayed=console.is_terminal)
+    return terminal_bar(title, console, visible=console.is_terminal)
 
 
 @contextmanager
-def terminal_bar(title: str, console: Console, *, displayed: bool) -> Iterator[Advance]:
+def terminal_bar(title: str, console: Console, *, visible: bool) -> Iterator[Advance]:
     """A progress bar on a console."""
     from rich.progress import (
         BarColumn,
@@ -51,7 +51,7 @@ def terminal_bar(title: str, console: Console, *, displayed: bool) -> Iterator[A
 
     columns = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn()
     with Progress(
-        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not displayed
+        *columns, TimeRemainingColumn(), console=console, transient=True, disable=not visible
     ) as progress:
         task = progress.add_task(title, total=1.0)
         yield lambda fraction: progress.update(task, completed=fraction)
@@ -71,5 +71,5 @@ def _below_the_cell(title: str) -> Advance:
         text = f"{escape(title)} {fraction:.0%}"
         return HTML(f'<progress value="{fraction:.3f}"></progress> {text}')
 
-    displayed = display(drawn(0.0), display_id=True)
-    return lambda fraction: displayed.update(drawn(fraction))
+    handle = display(drawn(0.0), display_id=True)
+    return lambda fraction: handle.update(drawn(fraction))

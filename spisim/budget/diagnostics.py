@@ -12,14 +12,7 @@ SLACK = 0.01
 
 
 def budget_warnings(instrument: Instrument, target: Target) -> list[str]:
-    """Warnings about an instrument and one target.
-
-    Parameters
-    ----------
-    instrument : Instrument
-    target : Target
-        Plain numbers.
-    """
+    """Warnings about an instrument and one target, of plain numbers."""
     return [
         *(_image_warnings(instrument, target) if instrument.images else []),
         *(_range_warnings(instrument, target) if instrument.ranges else []),
@@ -51,7 +44,6 @@ def background_warnings(
 
     Parameters
     ----------
-    instrument : Instrument
     bucket_electrons : float
         Background electrons of one exposure.
     spots_per_s : float

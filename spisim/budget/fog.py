@@ -54,7 +54,6 @@ def fog_budget(
 
     Parameters
     ----------
-    instrument : Instrument
     target : Target
         Plain numbers.
     air : Atmosphere

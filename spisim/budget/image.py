@@ -115,7 +115,6 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
 
     Parameters
     ----------
-    instrument : Instrument
     target : Target
         Gives the mean brightness; plain numbers.
 

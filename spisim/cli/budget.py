@@ -41,9 +41,7 @@ def command(
     correlation: Annotated[
         float | None,
         real_option(
-            "Goal of averaging frames; by default 0.9 of the best.",
-            minimum=0.01,
-            maximum=0.99,
+            "Goal of averaging frames; by default 0.9 of the best.", minimum=0.01, maximum=0.99
         ),
     ] = None,
     output: Annotated[

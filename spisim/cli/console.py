@@ -54,11 +54,10 @@ def warn(warnings: Iterable[str]) -> None:
         say(f"warning: {warning}", "yellow")
 
 
-def progress_bar(title: str, displayed: bool | None) -> AbstractContextManager[Advance]:
-    """Display a bar that the returned function moves; None displays it on terminals only."""
-    return terminal_bar(
-        title, messages, displayed=messages.is_terminal if displayed is None else displayed
-    )
+def progress_bar(title: str, visible: bool | None) -> AbstractContextManager[Advance]:
+    """Show a bar that the returned function moves; None shows it on terminals only."""
+    visible = messages.is_terminal if visible is None else visible
+    return terminal_bar(title, messages, visible=visible)
 
 
 def _plain(value: Any) -> Any:

@@ -66,7 +66,7 @@ def command(
         shots_of,
         write_export,
     )
-    from spisim.dataset.shots import placed
+    from spisim.dataset.poses import placed
 
     chosen = export_format(form, output)
     files = captures_in(captures)

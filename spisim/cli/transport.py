@@ -73,12 +73,7 @@ def command(
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
         traced = solve(
-            loaded,
-            carried,
-            **light.arguments,
-            seed=seed,
-            outputs=outputs,
-            progress=advance,
+            loaded, carried, **light.arguments, seed=seed, outputs=outputs, progress=advance
         )
     write_truth(output, ground_truth(loaded, carried), light_channels(traced, frequency or ()))
     write_histograms(histograms, traced)

@@ -6,10 +6,9 @@ train, validation, test = near.split()
 """
 
 from spisim.dataset.exports import EXPORTS
-from spisim.dataset.exports.webdataset import write_shards
 from spisim.dataset.packing import pack_dataset
 from spisim.dataset.reader import DataSet
 from spisim.dataset.reader import open_dataset as open  # noqa: A004 - as gzip.open
 from spisim.dataset.verify import verify
 
-__all__ = ["EXPORTS", "DataSet", "open", "pack_dataset", "verify", "write_shards"]
+__all__ = ["EXPORTS", "DataSet", "open", "pack_dataset", "verify"]

@@ -83,7 +83,7 @@ def _finite(read: Read) -> Read:
 
 
 def _poses(capture: Capture) -> Array | None:
-    from spisim.dataset.shots import placed
+    from spisim.dataset.poses import placed
 
     frames = [placed(capture, frame) for frame in range(capture.frames)]
     poses = [frame.pose for frame in frames if frame is not None]

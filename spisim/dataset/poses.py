@@ -10,11 +10,15 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 from scipy.spatial.transform import Rotation
 
+from reconstruction import Capture
 from reconstruction.base.errors import InputError
+from reconstruction.capture import CaptureFile
+from reconstruction.exports import TimestampedPose
 from spisim.base.config import Count, NonNegative, Positive, Section, dump_yaml, load_yaml
-from spisim.scene import Scene, Trajectory, at_drone_state
+from spisim.scene import Drone, Scene, Trajectory, at_drone_state
 from spisim.scene.assemble import OPTICAL_FROM_BODY
 from spisim.scene.layout import OFFERED, Needs, layout_problem
+from spisim.scene.load_context import SceneCache
 from spisim.scene.pose import pose_matrix
 from spisim.scene.rays import first_hits
 
@@ -25,9 +29,26 @@ WAY_POINTS = 6
 
 Angle = Annotated[NonNegative, Field(le=180)]
 
+_cache = SceneCache()
+
+
+def placed(capture: Capture | CaptureFile | None, frame: int) -> TimestampedPose | None:
+    """Return the time in a flight and the pose at the middle of a simulated frame.
+
+    Returns None for results and for recordings of a real camera. Raises InputError for a capture
+    whose scene is invalid.
+    """
+    if capture is None or not capture.provenance.scene:
+        return None
+    drone = Drone.of(capture.provenance.scene, "scene", _cache)
+    buckets = capture.setup.buckets
+    middle_s = (frame + 0.5) * buckets.pattern_period_s * capture.setup.plan.exposures
+    time_s = None if drone.time_s is None else drone.time_s + middle_s
+    return TimestampedPose(time_s, drone.after(middle_s))
+
 
 class Poses(Section):
-    """How many poses each scene is view from, and how far they lie from the scene's own.
+    """How many poses each scene is seen from, and how far they lie from the scene's own.
 
     The first is the scene's own. The others add an offset and a turn in the drone's body frame,
     uniform within plus and minus `offset_m` (forward, left, up) and `turn_deg` (roll, pitch, yaw).

@@ -13,7 +13,7 @@ Vector3: TypeAlias = tuple[float, float, float]
 
 
 def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:
-    """Rotation followed by a translation.
+    """Matrix (4, 4) of a rotation followed by a translation.
 
     Parameters
     ----------
@@ -21,10 +21,6 @@ def pose_matrix(rotate_deg: ArrayLike, translate_m: ArrayLike) -> Floats:
         [roll, pitch, yaw] about the fixed x, y, z axes, in this order, degrees.
     translate_m : (3,)
         Translation, metres.
-
-    Returns
-    -------
-    (4, 4) array
     """
     matrix = np.eye(4)
     matrix[:3, :3] = Rotation.from_euler(
@@ -46,7 +42,7 @@ def moved_pose(
 
 
 def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> Floats:
-    """World-from-optical pose at a position, looking at a target.
+    """World-from-optical pose (4, 4) at a position, looking at a target.
 
     The optical frame has x right, y down, z forward.
 
@@ -56,10 +52,6 @@ def look_at(position_m: ArrayLike, target_m: ArrayLike, up: ArrayLike) -> Floats
         World coordinates, metres.
     up : (3,)
         Direction that is up in the image; need not be normal to the line of sight.
-
-    Returns
-    -------
-    (4, 4) array
 
     Raises
     ------

@@ -70,16 +70,10 @@ def winding_number(point: ArrayLike, triangles: Floats) -> float:
 
 
 def enclosing_object(scene: Scene, point_m: Floats) -> str | None:
-    """Name of an object that encloses a world point, or None.
+    """Name of an object that encloses a world point (3,) in metres, or None.
 
     A point is inside where the winding number exceeds ½, so meshes with gaps count too. A mesh with
     inward normals is a room, whose inside is free.
-
-    Parameters
-    ----------
-    scene : Scene
-    point_m : (3,) array
-        World coordinates, metres.
     """
     for scene_object in scene.objects:
         low, high = scene_object.mesh.bounds

@@ -88,13 +88,7 @@ def _read_ply(path: Path) -> trimesh.Trimesh:
 
 
 def texture_coordinates(mesh: trimesh.Trimesh) -> Floats | None:
-    """Texture coordinates of a mesh, u to the right and v up.
-
-    Returns
-    -------
-    (vertices, 2) array or None
-        None if the mesh has none, or unusable ones.
-    """
+    """Texture coordinates (vertices, 2), u to the right and v up; None without usable ones."""
     uv = getattr(mesh.visual, "uv", None)
     if uv is None or len(uv) != len(mesh.vertices) or not np.isfinite(uv).all():
         return None

@@ -41,8 +41,6 @@ def in_band_irradiance(illuminance_klx: float, band_nm: tuple[float, float]) -> 
 
     Parameters
     ----------
-    illuminance_klx : float
-        Illuminance.
     band_nm : (float, float)
         Lower and upper wavelength, within 800 to 1600 nm.
 

@@ -258,14 +258,7 @@ def _towards(file: Path, numbers: list[int], table: Floats) -> Rotation:
 
 
 def check_clear_path(scene: Scene, trajectory: Trajectory) -> None:
-    """Check that a flight neither begins inside an object nor crosses a surface.
-
-    Parameters
-    ----------
-    scene : Scene
-        Its objects move during the flight.
-    trajectory : Trajectory
-        The flight.
+    """Check that a flight neither begins inside an object nor crosses a surface that may move.
 
     Raises
     ------

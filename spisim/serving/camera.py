@@ -53,7 +53,7 @@ class Camera:
         Solves the light of a scene at a key pose, as `solver` does.
     seed
         Seed of the readings' noise.
-    retained
+    cached
         Number of key poses whose light is cached.
     """
 
@@ -65,11 +65,11 @@ class Camera:
         light: Callable[[Scene], Transport],
         *,
         seed: int,
-        retained: int,
+        cached: int,
     ) -> None:
         self.instrument = instrument
         self.scene = scene
-        self.lattice = Lattice(lambda node: light(keys.scene(node)), retained)
+        self.lattice = Lattice(lambda node: light(keys.scene(node)), cached)
         self._keys = keys
         self._seed = seed
         times_s = instrument.exposure_times_s(1)[0]
@@ -137,12 +137,7 @@ def solver(
 
 
 def provenance(
-    scene: Scene,
-    instrument: Instrument,
-    light: LightSource,
-    *,
-    seed: int,
-    settings: dict[str, Any],
+    scene: Scene, instrument: Instrument, light: LightSource, *, seed: int, settings: dict[str, Any]
 ) -> Provenance:
     """Provenance of stream and capture; `settings` are further entries for its settings."""
     software = f"spisim {__version__}"

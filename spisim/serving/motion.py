@@ -51,9 +51,7 @@ class Motion:
         spin = self.start.apply(self._turn_rad) / self.duration_s
         placed = scene_at(scene, self.time_s + fraction * self.duration_s, pose)
         return replace(
-            placed,
-            drone_velocity_m_s=_vector(velocity),
-            drone_angular_velocity_rad_s=_vector(spin),
+            placed, drone_velocity_m_s=_vector(velocity), drone_angular_velocity_rad_s=_vector(spin)
         )
 
     @property

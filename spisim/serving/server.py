@@ -60,7 +60,7 @@ class Server:
         Sent before the frames.
     maximum
         Number of frames after which the flight ends.
-    retained, say, states
+    record, say, states
         Called with every frame, with a sentence for the user, and once a second with the server.
     clock, wait
         Return the time in seconds, and sleep for seconds.
@@ -75,7 +75,7 @@ class Server:
         provenance: Provenance,
         *,
         maximum: int | None = None,
-        retained: Callable[[Shot], None] = lambda shot: None,
+        record: Callable[[Shot], None] = lambda shot: None,
         say: Callable[[str], None] = lambda text: None,
         states: Callable[[Server], None] = lambda server: None,
         clock: Callable[[], float] = time.monotonic,
@@ -88,7 +88,7 @@ class Server:
         self._sender = Sender(setup, provenance, run=1 + secrets.randbelow(2**16 - 1))
         self._period_s = camera.instrument.frame_time_s
         self._maximum = maximum
-        self._retained = retained
+        self._record = record
         self._say = say
         self._states = states
         self._clock = clock
@@ -181,7 +181,7 @@ class Server:
             self._say(f"{self.time_s:.2f} s: {trouble}")
         self._trouble = trouble
         shot = self.camera.shoot(motion, self._sender.number)
-        self._retained(shot)
+        self._record(shot)
         message = self._sender.frame(shot.frame, self._stamp)
         self.tally.frames += 1
         self._state()

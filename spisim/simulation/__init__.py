@@ -1,4 +1,4 @@
-"""Scene and instrument to light, counts and a capture: the one place that runs the whole chain."""
+"""The whole chain, from scene and instrument to light, counts and a capture."""
 
 from spisim.simulation.chain import Simulation, simulate
 

@@ -74,10 +74,6 @@ def simulate(
     progress
         Called with the completed fraction of the light transport.
 
-    Returns
-    -------
-    Simulation
-
     Raises
     ------
     InputError
@@ -103,7 +99,7 @@ def simulate(
             seed=seed,
             progress=progress,
         )
-    how = {**budget, "backend": activate(), "light": {"source": light, **_reported(result)}}
+    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(result)}}
     capture = record(
         scene, instrument, result, truths, seed=seed, noise=noise, frames=frames, settings=how
     )
@@ -114,18 +110,18 @@ def simulate(
     return Simulation(capture, result.transports[0], truths)
 
 
-def _reported(light: LightSequence) -> dict[str, Any]:
-    """Accuracy of the light, at the worst of the key times."""
+def _accuracy(light: LightSequence) -> dict[str, Any]:
+    """Accuracy of the light at the worst key time."""
 
     def worst(values: Iterable[float]) -> float:
         return float(f"{max(values):.3g}")
 
     keys = light.transports
-    reported: dict[str, Any] = {
+    accuracy: dict[str, Any] = {
         name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
     }
-    reported["noise_share"] = worst(key.noise_share for key in keys)
-    reported["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
+    accuracy["noise_share"] = worst(key.noise_share for key in keys)
+    accuracy["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
     for name in ("daylight", "spot_daylight", "spot_crosstalk"):
         powers = (
             (
@@ -135,7 +131,7 @@ def _reported(light: LightSequence) -> dict[str, Any]:
             for key in keys
         )
         tiny = np.finfo(np.float64).tiny
-        reported[f"{name}_relative_error"] = worst(
+        accuracy[f"{name}_relative_error"] = worst(
             float(np.max(error / np.maximum(power, tiny), initial=0.0)) for power, error in powers
         )
-    return reported
+    return accuracy

@@ -155,11 +155,7 @@ def mesh_shape(
     )
     uv = np.concatenate([texture_coordinates(mesh) for mesh in meshes]) if with_uv else None
     mesh = mi.Mesh(
-        name,
-        len(vertices),
-        len(faces),
-        has_vertex_texcoords=uv is not None,
-        props=properties,
+        name, len(vertices), len(faces), has_vertex_texcoords=uv is not None, props=properties
     )
     parameters = mi.traverse(mesh)
     parameters["vertex_positions"] = vertices.ravel()

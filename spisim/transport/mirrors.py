@@ -227,8 +227,8 @@ def _again(mirrors: Sequence[SceneObject]) -> float:
     """Probability of looking for a second mirror, in proportion to the light that is left."""
     reflectances = [_reflectance(thing) for thing in mirrors]
     areas = [thing.mesh.area * each for thing, each in zip(mirrors, reflectances, strict=True)]
-    retained = float(np.average(reflectances, weights=areas))
-    return retained / (1 + retained)
+    mean = float(np.average(reflectances, weights=areas))
+    return mean / (1 + mean)
 
 
 def _candidate_planes(mirrors: Sequence[SceneObject]) -> tuple[Floats, Floats]:

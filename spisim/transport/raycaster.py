@@ -60,40 +60,17 @@ class RayCaster:
         return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
-        """First surface that each ray meets, panes included.
-
-        Parameters
-        ----------
-        origins, directions
-            Rays (n, 3) in the world, m and unit vectors.
-
-        Returns
-        -------
-        Surfaces
-            Ranges, m, and objects (n,).
-        """
+        """Range and object of the first surface, panes included, that each ray (n, 3) meets."""
         si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
-        return Surfaces(
-            np.asarray(distance.numpy(), dtype=np.float64),
-            self.meshes.object_ids(si),
-        )
+        return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
 
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness of what each ray sees, as a drawing without light transport.
 
         It is the reflectance under an even sky that near objects hide, darker where a surface is
         seen at a slant. Rays pass through panes.
-
-        Parameters
-        ----------
-        origins, directions
-            Rays (n, 3) in the world, m and unit vectors.
-
-        Returns
-        -------
-        NDArray
-            Brightness (n,) from 0 to 1; nan where a ray meets nothing.
+        Returns (n,) values from 0 to 1; nan where a ray meets nothing.
         """
         steps = MAX_PANES if any(map(_is_pane, self.scene.objects)) else 1
         reflectance = np.array([thing.material.reflectance for thing in self.scene.objects] + [0.0])

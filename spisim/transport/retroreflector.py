@@ -38,12 +38,7 @@ def _register(variant: str) -> None:
             self.m_components = [self.m_flags]
 
         def sample(
-            self,
-            context: Object,
-            si: Hit,
-            choice: Float,
-            uv: Point2,
-            active: Bool = True,
+            self, context: Object, si: Hit, choice: Float, uv: Point2, active: Bool = True
         ) -> tuple[Object, Color]:
             facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, self.alpha, False)
             facet, _ = facets.sample(mi.Vector3f(0, 0, 1), uv)

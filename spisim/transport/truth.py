@@ -97,11 +97,7 @@ def ground_truth(
     }
     if not instrument.images:  # the only pixel is a placeholder
         pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
-    return GroundTruth(
-        **pictures,
-        object_names=names,
-        **_spots(scene, meshes, placed, names),
-    )
+    return GroundTruth(**pictures, object_names=names, **_spots(scene, meshes, placed, names))
 
 
 def _spots(

@@ -19,7 +19,7 @@ from reconstruction import Capture, InputError
 from runs import PLAN, Run, write_plan
 from spisim.base.config import parse_model, shipped
 from spisim.dataset import open as open_data_set
-from spisim.dataset import verify, write_shards
+from spisim.dataset import verify
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.opening import opened
 from spisim.dataset.planned import load_plan
@@ -30,6 +30,7 @@ from spisim.dataset.study.plan import StudyPlan
 from spisim.instrument import Instrument
 from spisim.instrument.model import PRESETS
 from spisim.scene.description import SceneDescription
+from spisim_formats.samples.webdataset import write_shards
 
 FULL_PLAN = """
 name: some

@@ -17,13 +17,14 @@ from datasets import change, make_set, put_captures
 from reconstruction import Capture, InputError, write_capture
 from reconstruction.base.folders import holder, locked_folder
 from runs import PLAN, Run, rows, write_plan
-from spisim.dataset import verify, write_shards
+from spisim.dataset import verify
 from spisim.dataset.folder import Layout, has_its_content, origin_of
 from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.planned import PlannedSet
 from spisim.dataset.runner import has_space
 from spisim.dataset.status import status_of
 from spisim.report.facts import media_of
+from spisim_formats.samples.webdataset import write_shards
 
 
 @pytest.fixture(scope="module")

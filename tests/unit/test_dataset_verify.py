@@ -12,7 +12,8 @@ import pytest
 import spisim.dataset
 from datasets import change, make_set, sample_capture
 from reconstruction import Capture, InputError, read_capture, write_capture
-from spisim.dataset import verify, write_shards
+from spisim.dataset import verify
+from spisim_formats.samples.webdataset import write_shards
 
 
 @pytest.fixture(scope="module")

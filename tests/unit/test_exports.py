@@ -18,7 +18,7 @@ from reconstruction.depth import pixel_rays
 from reconstruction.exports.poses import OPTICAL_IN_BODY, quaternion_of, read_poses, rotation
 from reconstruction.outputs.result_file import result_bytes
 from spisim.dataset import EXPORTS
-from spisim.dataset.shots import placed
+from spisim.dataset.poses import placed
 from spisim.scene import make_scene
 from streams import film
 

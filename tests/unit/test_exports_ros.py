@@ -25,7 +25,7 @@ from reconstruction.exports.ros import STALE, WARN, along, ranging_status, state
 from reconstruction.live import Counts, Loop, Reception, Sender, State
 from reconstruction.live.sinks import sink_to
 from reconstruction.live.sinks.mcap import McapRecord
-from spisim.dataset.shots import placed
+from spisim.dataset.poses import placed
 from streams import Clock, Script, film, messages
 
 pytest.importorskip("mcap")

@@ -125,7 +125,7 @@ def test_saturated_readings_are_left_out(capture):
     saturated[:] = True
     with pytest.raises(
         InputError,
-        match="saturated reading, so there is no image; record again",
+        match="no image, because every pattern has a saturated reading; record again",
     ):
         reconstruct(outliers)
 
@@ -153,7 +153,7 @@ def test_fewer_patterns_is_what_fewer_patterns_would_have_given(capture, polarit
     few = first_patterns(recorded(200), 50)
     assert few.plan.sampled == 50
     assert np.allclose(reconstruct(few).image, reconstruct(recorded(50)).image, rtol=1e-4)
-    with pytest.raises(InputError, match=r"patterns = 201: this capture has 1\.\.200"):
+    with pytest.raises(InputError, match=r"patterns = 201; allowed in this capture: 1\.\.200"):
         first_patterns(recorded(200), 201)
 
 
@@ -324,7 +324,7 @@ def test_a_depth_map_of_truth_values_is_none(capture, tmp_path):
 def test_a_foreign_file_is_no_result(path, tmp_path):
     with pytest.raises(InputError, match=r"not a result \(attribute 'format' is 'spisim-capture'"):
         read_result(path)
-    with pytest.raises(InputError, match=r"none\.h5: no result there; run spisim reconstruct"):
+    with pytest.raises(InputError, match=r"none\.h5: no such result; run spisim reconstruct"):
         read_result(tmp_path / "none.h5")
 
 
@@ -512,7 +512,10 @@ def test_a_capture_without_a_usable_pattern_is_named(capture, tmp_path, capsys):
     capture.buckets.saturated[:] = True
     write_capture(capture, tmp_path / "bright.h5")
     assert main([str(tmp_path / "bright.h5"), "-o", str(tmp_path / "out")]) == 2
-    assert f"{tmp_path / 'bright.h5'}: frame 0: every pattern" in capsys.readouterr().err
+    assert (
+        f"{tmp_path / 'bright.h5'}: frame 0: no image, because every pattern"
+        in capsys.readouterr().err
+    )
     assert not (tmp_path / "out").exists()
 
 

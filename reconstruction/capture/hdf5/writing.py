@@ -19,16 +19,9 @@ CHUNK_BYTES = 2**16
 
 
 def content(write: Callable[[h5py.File], None], kind: str) -> bytes:
-    """Bytes of a file; equal content gives equal bytes.
+    """Bytes of a file of this kind, which ``write`` fills; equal content gives equal bytes.
 
     The format of HDF5 1.8 has checksums, without which the library may hang on a damaged file.
-
-    Parameters
-    ----------
-    write : callable
-        Fills the open file.
-    kind : str
-        Kind of the file, for its head.
     """
     buffer = io.BytesIO()
     with h5py.File(buffer, "w", libver=("v108", "v108"), userblock_size=HEAD_BYTES) as file:

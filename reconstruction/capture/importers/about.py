@@ -32,14 +32,9 @@ def checked_about(
 
 
 def read_about(path: Path, names: Mapping[str, float] = ABOUT) -> dict[str, float]:
-    """Read a YAML file of lines ``name: number``.
+    """Read a YAML file of lines ``name: number``; ``names`` are those allowed and their defaults.
 
     Raises InputError if the file is missing, malformed or holds another name.
-
-    Parameters
-    ----------
-    names : mapping
-        Allowed names and their defaults.
     """
     if not path.is_file():
         raise InputError(f"{path}: no such file")

@@ -44,16 +44,9 @@ def is_spas(path: Path) -> bool:
 
 
 def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRecording:
-    """Load a recording of SPAS.
+    """Load ``*_spectraldata.npz`` of SPAS, summed over a band of wavelengths, by default all.
 
-    Raises InputError if a file is missing or invalid.
-
-    Parameters
-    ----------
-    path : Path
-        The ``*_spectraldata.npz``; its metadata lie beside it.
-    band_nm : tuple of float, optional
-        Band of wavelengths to sum; all by default.
+    Its metadata lie beside it. Raises InputError if a file is missing or invalid.
     """
     metadata = path.with_name(path.name.removesuffix(DATA) + METADATA)
     objects = _objects(metadata)
@@ -72,12 +65,7 @@ def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRec
 def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
     """Whole numbers from 0 of a list, or of Python's text of one, which is never evaluated.
 
-    Raises InputError for anything else.
-
-    Parameters
-    ----------
-    name : str
-        Field name for messages.
+    Raises InputError, which names the field, for anything else.
     """
     if isinstance(value, list) and all(type(each) is int for each in value):
         value = json.dumps(value)

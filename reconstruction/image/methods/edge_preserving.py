@@ -123,11 +123,7 @@ class EdgePreservingSolver:
         return spectrum
 
     def _towards_minimum(
-        self,
-        spectrum: NDArray[Any],
-        measured: NDArray[Any],
-        stiffness: Linear,
-        start: OwnPosterior,
+        self, spectrum: NDArray[Any], measured: NDArray[Any], stiffness: Linear, start: OwnPosterior
     ) -> NDArray[Any]:
         """Conjugate-gradient steps, preconditioned by the first posterior covariance P."""
         precision = self._precision / start.contrast

@@ -7,12 +7,7 @@ from ...base.arrays import Floats
 
 
 def pursue_randomly(
-    gram: Floats,
-    correlation: NDArray[np.inexact],
-    *,
-    ridge: float,
-    odds: float,
-    draws: Floats,
+    gram: Floats, correlation: NDArray[np.inexact], *, ridge: float, odds: float, draws: Floats
 ) -> NDArray[np.inexact]:
     """Coefficients (F, n) of F pursuits of one frame, from uniform ``draws`` (F, max. atoms).
 

@@ -89,11 +89,9 @@ def disagreement(given: Posterior, readings: int) -> float:
 
 def odd_spots(given: Posterior, readings: int) -> list[int]:
     """Spots whose misfit with a single target is improbable."""
-    return [number for number, spot in enumerate(given.spots) if _is_odd(spot, readings)]
-
-
-def _is_odd(spot: SpotPosterior, readings: int) -> bool:
-    return bool(spot.alternatives and spot.misfit > chi_squared_limit(_freedom(readings), UNLIKELY))
+    limit = chi_squared_limit(_freedom(readings), UNLIKELY)
+    spots = enumerate(given.spots)
+    return [number for number, spot in spots if spot.alternatives and spot.misfit > limit]
 
 
 def _freedom(readings: int) -> int:

@@ -54,7 +54,8 @@ def charge_solver(
         saturated = spots.saturated[0].any(axis=1)
         covariance = (combine * variance[:, None]) @ combine.T
         echoes = readings @ combine.T
-        dark = _squares(echoes, covariance) < noise
+        chi_squared = (echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1)
+        dark = chi_squared < noise
 
         def fit(templates: Templates) -> tuple[Posterior, Posterior]:
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
@@ -103,11 +104,6 @@ def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
         for one, other in zip(even.spots, rough.spots, strict=True)
     )
     return Posterior(tuple(spots), even.fog)
-
-
-def _squares(echoes: Floats, covariance: Floats) -> Floats:
-    """Chi squared (4,) of echoes (4, n) under noise alone."""
-    return np.asarray((echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1))
 
 
 def echo_combinations(

@@ -95,13 +95,7 @@ _MESSAGES = {
 
 
 def reason(details: ErrorDetails) -> str:
-    """What is wrong with a value, in the words of all messages.
-
-    Parameters
-    ----------
-    details : ErrorDetails
-        One of the errors of a pydantic ValidationError.
-    """
+    """What is wrong with a value, by an error of pydantic, in the words of all messages."""
     if details["type"] == "value_error":  # raised by a validator of this package
         return str(details["ctx"]["error"])
     if details["type"] == "union_tag_invalid":

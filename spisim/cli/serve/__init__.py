@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
 #: Cached key poses; each takes a third of a megabyte at 64 x 64 pixels.
-RETAINED = 512
+CACHED = 512
 
 
 @dataclass(frozen=True)
@@ -109,8 +109,8 @@ def command(
         loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
         flight = flown.flight(loaded, trajectory, light.spacing, at_once=link.lockstep)
         solve = solver(carried, light.light, spp=light.spp, seed=seed)
-        retained = max(RETAINED, flight.ahead)
-        camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, retained=retained)
+        cached = max(CACHED, flight.ahead)
+        camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, cached=cached)
         _solve_ahead(camera, flight.ahead, run.progress)
         recording = None
         if recorded.record is not None:
@@ -126,7 +126,7 @@ def command(
             setup,
             source(settings=settings),
             maximum=None if duration is None else max(1, round(duration / carried.frame_time_s)),
-            retained=(lambda shot: None) if recording is None else recording.add,
+            record=(lambda shot: None) if recording is None else recording.add,
             say=say,
             states=tell,
         )

@@ -128,10 +128,7 @@ def _placed(scene: Scene, text: str) -> Scene:
         ahead = cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), sin(pitch)
         up = -cos(yaw) * sin(pitch), -sin(yaw) * sin(pitch), cos(pitch)
     state = DroneState(
-        time_s=0.0,
-        position_m=position,
-        look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]),
-        up=up,
+        time_s=0.0, position_m=position, look_at_m=(x + ahead[0], y + ahead[1], z + ahead[2]), up=up
     )
     return at_drone_state(scene, state)
 

@@ -213,10 +213,6 @@ def load_study(name: str | Path) -> PlannedStudy:
     name
         A YAML file, or the name of a shipped study such as "fog-and-rain".
 
-    Returns
-    -------
-    PlannedStudy
-
     Raises
     ------
     InputError

@@ -96,14 +96,7 @@ class Results:
     def plot(self) -> Any:
         """Plot the mean of each metric and its interval over x, one line per group.
 
-        Returns
-        -------
-        Axes of Matplotlib, (metrics,)
-
-        Raises
-        ------
-        InputError
-            Without Matplotlib.
+        Returns Matplotlib's axes (metrics,); InputError if it is not installed.
         """
         study = self.planned.study
         axes = panels(len(self.metrics))

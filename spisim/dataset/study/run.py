@@ -70,10 +70,6 @@ def study_files(folder: Path, planned: PlannedStudy) -> list[Output]:
         Folder of the data set.
     planned
         The study. If its plan is read from the folder, that file is not among them.
-
-    Returns
-    -------
-    list of Output
     """
     plan = Output(folder / STUDY, KIND)
     return table_outputs(folder) + ([] if _is_plan(planned, plan.path) else [plan])
@@ -110,10 +106,6 @@ def run_study(
         Called with messages.
     made, evaluated
         Called with the progress of captures and of metrics.
-
-    Returns
-    -------
-    Finished
 
     Raises
     ------

@@ -12,8 +12,8 @@ from reconstruction import Capture, Reconstructor, Result, read_capture
 from reconstruction.base.errors import InputError, naming
 from reconstruction.capture import Frames, FrameTruth, Setup
 from reconstruction.exports import Shot
+from spisim.dataset.poses import placed
 from spisim.dataset.reader import DataSet
-from spisim.dataset.shots import placed
 from spisim.scene import Scene, make_scene, scenes_folder
 from spisim.scene.load_context import SceneCache
 

@@ -4,12 +4,4 @@ from spisim.simulation.light.sequence import Light, LightSequence, trace
 from spisim.simulation.light.solve import Transport, solve
 from spisim.simulation.light.surrogate import surrogate, surrogate_light
 
-__all__ = [
-    "Light",
-    "LightSequence",
-    "Transport",
-    "solve",
-    "surrogate",
-    "surrogate_light",
-    "trace",
-]
+__all__ = ["Light", "LightSequence", "Transport", "solve", "surrogate", "surrogate_light", "trace"]

@@ -15,16 +15,16 @@ from spisim.transport.engine.tally import ORDERS
 from spisim.transport.picture import write_exr
 from spisim.transport.truth import GroundTruth
 
-#: Of channels and arrays that are not plain numbers.
+#: Units of channels and arrays that are not plain numbers.
 UNITS = {"range_m": "m", "depth_m": "m", "path_length_m": "m", "cube_path_length_m": "m"}
-#: Of `Transport.extra`.
+#: Arrays of `Transport.extra` that are written with the histograms.
 OVER_PATH_LENGTH = ("spot_orders", "cube", "cube_orders", "cube_path_length_m")
 
 
 def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:
-    """Write what is truly there, and further (H, W) channels, as OpenEXR.
+    """Write the ground truth, and further (H, W) channels, as OpenEXR.
 
-    The header tells the unit of every channel and the names behind `object_id`.
+    The header states the unit of every channel and the names behind `object_id`.
     """
     channels: dict[str, NDArray[np.floating]] = {
         "range_m": truth.range_m,
@@ -67,7 +67,7 @@ def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
 def write_histograms(path: Path, light: Transport) -> None:
     """Write light over path length, of the four spots and the cube, as a NumPy file.
 
-    `units.<name>` tells the unit of every array.
+    `units.<name>` is the unit of each array.
     """
     arrays = {
         "spot_histogram": light.spot_histogram,

@@ -1,13 +1,13 @@
-"""Light at places between the nodes of a lattice, of which each is solved once, when it is needed.
+"""Light between the nodes of a lattice, each of which is solved once, when it is needed.
 
-A place has as many coordinates as there are ways to move. Between nodes the light is interpolated
-linearly over the simplex that the place lies in (Kuhn's triangulation, as of a colour cube in
-tetrahedra): d + 1 nodes where d coordinates lie between nodes, and only two on the way along an
-axis. It depends on the place alone, not on how one came there.
+A position has one coordinate per degree of freedom. Between nodes the light is interpolated
+linearly over the simplex that contains the position (Kuhn's triangulation, as of a colour cube in
+tetrahedra): d + 1 nodes where d coordinates lie between nodes, and only two along an axis. The
+light depends on the position alone, not on the way there.
 
-Echoes of surfaces come with the range that lies between those at the nodes. If they were added up
-where they are, two a few centimetres apart would beat: at 240 MHz 5 cm would take 3 % of the
-amplitude, which is many times its noise.
+Before they are added up, echoes of a surface are shifted to the interpolated range. Otherwise two
+echoes a few centimetres apart would beat: at 240 MHz 5 cm would take 3 % of the amplitude, which is
+many times its noise.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from reconstruction.base.arrays import Floats
 from spisim.simulation.light.solve import Transport
 from spisim.transport.drops import Interpolation
 
-#: Coordinates are known to this share of a step, so that rounding asks for no further node.
+#: Decimal places of coordinates in steps, so that rounding errors require no further node.
 ROUNDING = 6
 
-#: Of path lengths between nodes: farther apart they are those of two surfaces, and both are seen.
+#: Path lengths at two nodes that differ by more belong to two surfaces, and both are seen.
 SAME_SURFACE_M = 0.5
 
 Node = tuple[int, ...]
@@ -34,7 +34,7 @@ Node = tuple[int, ...]
 
 @dataclass(frozen=True, eq=False)
 class LatticeLight:
-    """Light of a recording whose times are told by `interpolation`; see `Light`."""
+    """Light of a recording at the times of `interpolation`; see `Light`."""
 
     transports: tuple[Transport, ...]
     interpolation: Interpolation
@@ -46,24 +46,24 @@ class LatticeLight:
 
 
 class Lattice:
-    """Solutions at nodes, the last ones of which are kept; `solved` counts them all.
+    """Solutions at nodes, the last `cached` of which are cached; `solved` counts them all.
 
     A solution needs `spot_orders` among its `extra`.
     """
 
-    def __init__(self, solve: Callable[[Node], Transport], retained: int) -> None:
+    def __init__(self, solve: Callable[[Node], Transport], cached: int) -> None:
         self.solved = 0
         self._solve = solve
-        self._maximum = retained
-        self._retained: OrderedDict[Node, _Key] = OrderedDict()
+        self._maximum = cached
+        self._cache: OrderedDict[Node, _Key] = OrderedDict()
 
     def light(self, positions: Floats) -> LatticeLight:
-        """That of one frame, whose exposures happen at places (M, d) in steps of the lattice."""
+        """Light of a frame with exposures at positions (M, d) in steps of the lattice."""
         nodes, fractions = simplices(positions)
         used = np.unique(nodes[fractions > 0], axis=0)
         numbers = {tuple(node): number for number, node in enumerate(used.tolist())}
         flat = nodes.reshape(-1, nodes.shape[-1]).tolist()
-        # Nodes without a share may be any that is there.
+        # Any solved node stands in for those of weight 0.
         keys = np.array([numbers.get(tuple(node), 0) for node in flat], np.intp)
         weights = np.bincount(keys, fractions.ravel()) / len(positions)
         transports = _aligned([self.at(node) for node in numbers], weights)
@@ -72,19 +72,19 @@ class Lattice:
         )
 
     def at(self, node: Node) -> _Key:
-        """Light at a node, solved where it is not kept."""
-        result = self._retained.pop(node, None)
+        """Light at a node, solved unless it is cached."""
+        result = self._cache.pop(node, None)
         if result is None:
             result = _Key.of(self._solve(node))
             self.solved += 1
-        self._retained[node] = result
-        if len(self._retained) > self._maximum:
-            self._retained.popitem(last=False)
+        self._cache[node] = result
+        if len(self._cache) > self._maximum:
+            self._cache.popitem(last=False)
         return result
 
 
 def simplices(positions: Floats) -> tuple[NDArray[np.int64], Floats]:
-    """Nodes (M, d + 1, d) around places (M, d), and their shares (M, d + 1), which add up to 1."""
+    """Nodes (M, d + 1, d) around positions (M, d), and their weights (M, d + 1) of sum 1."""
     positions = np.round(positions, ROUNDING)
     base = np.floor(positions)
     rest = positions - base
@@ -92,7 +92,7 @@ def simplices(positions: Floats) -> tuple[NDArray[np.int64], Floats]:
     falling = np.take_along_axis(rest, order, axis=1)
     bounds = np.pad(falling, ((0, 0), (1, 1)), constant_values=0.0)
     bounds[:, 0] = 1.0
-    # From one corner to the next along the axes, the one with the largest rest first.
+    # From corner to corner along the axes, those with the largest remainder first.
     steps = np.cumsum(np.eye(positions.shape[1], dtype=np.int64)[order], axis=1)
     corners = np.pad(steps, ((0, 0), (1, 0), (0, 0)))
     return base.astype(np.int64)[:, None] + corners, bounds[:, :-1] - bounds[:, 1:]
@@ -100,9 +100,9 @@ def simplices(positions: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 @dataclass(frozen=True, eq=False)
 class _Key:
-    """A solution, and of the spots what comes straight from surfaces, (4, bins).
+    """A solution, and the unscattered light (4, bins) of the spots, which surfaces reflect.
 
-    `path_m` (4,) is its mean path length, nan for none.
+    `path_m` (4,) is its mean path length, nan without light.
     """
 
     transport: Transport
@@ -115,11 +115,11 @@ class _Key:
         whole = surfaces.sum(axis=1)
         with np.errstate(invalid="ignore"):
             path_m = surfaces @ transport.path_length_m / whole
-        retained = {name: each for name, each in transport.extra.items() if name == "phasors"}
-        return cls(replace(transport, extra=retained), surfaces, path_m)
+        extra = {name: each for name, each in transport.extra.items() if name == "phasors"}
+        return cls(replace(transport, extra=extra), surfaces, path_m)
 
     def moved(self, by_m: Floats) -> Transport:
-        """With the surfaces' echoes of each spot at paths that are longer by (4,)."""
+        """Solution whose surface echoes have paths that are longer by (4,)."""
         histogram = self.transport.spot_histogram.copy()
         lengths = self.transport.path_length_m
         for spot in np.flatnonzero(by_m):
@@ -135,7 +135,7 @@ class _Key:
 
 
 def _aligned(keys: list[_Key], weights: Floats) -> tuple[Transport, ...]:
-    """Solutions with echoes of the same surface at the mean path by weights (keys,)."""
+    """Solutions whose echoes of one surface are shifted to its mean path by weights (keys,)."""
     paths_m = np.array([key.path_m for key in keys])
     with np.errstate(invalid="ignore"):
         same = np.ptp(paths_m, axis=0) < SAME_SURFACE_M  # nan is not

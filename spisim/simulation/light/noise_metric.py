@@ -1,7 +1,7 @@
-"""How far light is traced, and how well it is then known next to what a detector tells of it.
+"""Error of traced light relative to the noise of the detectors, which decides when to stop.
 
-The noise share of a reading is the standard error of the light transport in it over the noise of
-the detector there: photons, amplifier and converter, as `spisim.budget` has them.
+The noise share of a reading is the standard error of its light transport over the detector's noise:
+photons, amplifier and converter, as in `spisim.budget`.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from spisim.budget import collected_fraction, exposure_noise, ranging_noise
 from spisim.instrument import Instrument
 from spisim.transport.engine.sampling import ErrorMetric
 
-#: Light of less variance than this, in electrons², has none that matters.
+#: Minimum variance of a reading, electrons²; avoids division by 0.
 MIN_VARIANCE = 1e-12
 
 
 def image_error_metric(instrument: Instrument, daylight_w: float) -> ErrorMetric:
     """Rms noise share of the decoded coefficients, for `image` sums.
 
-    Of exposures themselves, where a plan cannot be decoded or its patterns are not orthogonal.
+    For a plan that cannot be decoded or is not orthogonal, it is that of the exposures.
     """
     plans = instrument.pattern_plans
     decoders = [_decoder(plan) for plan in plans]
@@ -43,12 +43,12 @@ def image_error_metric(instrument: Instrument, daylight_w: float) -> ErrorMetric
     def readings(sums: Mapping[str, Floats]) -> Floats:
         image = sums["image"].reshape(electrons.shape) * electrons
         dark = dark_level * image.sum()
-        displayed = [(1 - dark_level) * expose(plan, image) + dark for plan in plans]
+        exposed = [(1 - dark_level) * expose(plan, image) + dark for plan in plans]
         decoded = [
             each if decoder is None else decoder.decode(each)
-            for each, decoder in zip(displayed, decoders, strict=True)
+            for each, decoder in zip(exposed, decoders, strict=True)
         ]
-        return np.concatenate([*displayed, *decoded])
+        return np.concatenate([*exposed, *decoded])
 
     def size(mean: Floats, error: Floats) -> float:
         exposures = np.split(mean, np.cumsum([plan.exposures for plan in plans]))[: len(plans)]
@@ -69,7 +69,7 @@ def spot_error_metric(
 ) -> ErrorMetric:
     """Rms noise share of the spots' phasors, for `histogram` sums over path lengths.
 
-    `phase_rad` (bins,): of the light in a phasor, a turn for the longest unambiguous path. The
+    `phase_rad` (bins,) is the phase of the light, a turn for the longest unambiguous path. The
     noise of a phasor is that of four readings, one reading's over √2 in either part (Lange & Seitz,
     IEEE J. Quantum Electron. 37, 390 (2001)), with their contrast taken as one.
     """
@@ -103,7 +103,7 @@ def _decoder(plan: PatternPlan) -> Decoder | None:
 
 
 def _variance(decoder: Decoder | None, variance: Floats) -> Floats:
-    """Of coefficients, from that of the readings."""
+    """Variance of coefficients, from that of the readings."""
     if decoder is None:
         return variance
     shared = decoder.shared_columns() ** 2 @ variance[decoder.shared]

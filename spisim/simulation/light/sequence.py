@@ -1,4 +1,4 @@
-"""Light over the time of a recording: one solution where nothing moves, key times where it does."""
+"""Light over the time of a recording: solved at key times, or once if nothing moves."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Light(Protocol):
 
     @property
     def transports(self) -> tuple[Transport, ...]:
-        """That at the keys."""
+        """Light at the keys."""
 
     def between(self, times_s: Floats) -> Interpolation:
         """The light at times (frames, M), in seconds from the first exposure's start."""

@@ -18,12 +18,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.sampling import (
-    Estimate,
-    PathBudget,
-    SamplingBudget,
-    TargetError,
-)
+from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -35,14 +30,13 @@ logger = logging.getLogger(__name__)
 
 #: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
-#: And first of all on the way to an error: a launch of fewer takes as long.
+#: Laser paths of the first launch towards a target error: fewer would take as long.
 FIRST_SPOT_PATHS = 64
-#: Estimates of the image at least, on the way to an error: thousands of coefficients tell it well.
+#: Minimum launches of the image towards a target error: enough, as many coefficients average it.
 MIN_IMAGES = 5
-#: And paths per pixel in each of them: most of the light is found along rays, of which there are
-#: several to a path.
+#: Minimum paths per pixel and launch: each path has several rays, which gather most of the light.
 MIN_PATHS = 0.5
-#: Many coefficients tell early how many paths are missing: at most so many times those before.
+#: Maximum growth of the number of paths from launch to launch: early error estimates are good.
 GROWTH = 3.0
 
 
@@ -52,8 +46,8 @@ class Transport:
 
     Without lasers the arrays of spots have length 0; without a projector `image` is one dark pixel.
 
-    `*_error` are standard errors of the Monte Carlo estimate, those of pixels and bins moderated by
-    what is around (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
+    `*_error` are standard errors of the Monte Carlo estimate; those of pixels and bins are smoothed
+    over their neighbours (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
     (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
@@ -80,16 +74,16 @@ class Transport:
     extra: Mapping[str, NDArray[Any]]  # as above
 
 
-#: Paths per `spp`, and in their place the noise share to be reached.
+#: `spp`, and the target noise share that replaces it.
 SampleBudget = tuple[int, float | None]
 
 
 def _none(**sums: Floats) -> Estimate:
-    """Of light that there is none of."""
+    """Estimate of no light."""
     return Estimate(sums, sums, launches=2, paths=0, size=float("nan"), dropped=0)
 
 
-#: What there is without a projector, and without lasers.
+#: Light without a projector, and without lasers.
 NO_IMAGE = _none(image=np.zeros(1))
 NO_SPOTS = _none(histogram=np.zeros((0, 0)), histogram_orders=np.zeros((3, 0, 0)))
 
@@ -112,14 +106,14 @@ def solve(
     spp
         Paths per virtual pixel from either end.
     transport_noise_share
-        Instead of `spp`: go on until the standard errors of the decoded coefficients, and those of
-        the spots' phasors, are at most this share of the detectors' noise there, in the rms.
+        Instead of `spp`: trace until the rms standard errors of the decoded coefficients, and of
+        the spots' phasors, are at most this fraction of the detectors' noise.
     seed
         The same seed gives the same bits on the same machine and backend.
     outputs
-        What to keep besides the transport image.
+        What to record besides the transport image.
     progress
-        Called with the fraction done.
+        Called with the completed fraction.
 
     Raises
     ------
@@ -137,7 +131,7 @@ def solve(
     if instrument.ranges:
         instrument.ranging.tof.check_bins(BIN_WIDTH_M)
     if outputs.frequencies_hz or outputs.bins is not None:
-        instrument.imaging  # noqa: B018 - raises where there are no pixels to keep it of
+        instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
@@ -197,13 +191,13 @@ def _image(
     world: World,
     placed: InstrumentView,
     daylight_w: float,
-    effort: SampleBudget,
+    sampling: SampleBudget,
     outputs: Outputs,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
 ) -> Estimate:
     """Light of the projector on the bucket detector."""
-    spp, noise_share = effort
+    spp, noise_share = sampling
     error_metric = image_error_metric(instrument, daylight_w)
     budget: SamplingBudget = PathBudget(spp, error_metric=error_metric)
     if noise_share is not None:
@@ -230,12 +224,12 @@ def _spots(
     world: World,
     placed: InstrumentView,
     steady: Mapping[str, Any],
-    effort: SampleBudget,
+    sampling: SampleBudget,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
 ) -> tuple[Estimate, Floats]:
-    """Light of the lasers on their detectors, and the path lengths (bins,) that it is sorted by."""
-    spp, noise_share = effort
+    """Light of the lasers on their detectors, and the path lengths (bins,) of its histogram."""
+    spp, noise_share = sampling
     longest_m = 2 * instrument.ranging.tof.unambiguous_range_m
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
@@ -267,8 +261,8 @@ def steady_light(
 ) -> dict[str, Any]:
     """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
 
-    `target` is their relative error; errors that are small next to the dark current do not matter
-    either. Of the pattern's light, that which is scattered `max_vertices` times at most.
+    `target` is their relative error; errors far below the dark current are tolerated, too. Light of
+    the pattern that is scattered more than `max_vertices` times is left out.
     """
     none = Received(*np.zeros((2, 0)))
     bucket, spots = (
@@ -322,7 +316,7 @@ def _extra(
     spots: Mapping[str, Floats],
     shape: tuple[int, int],
 ) -> dict[str, NDArray[Any]]:
-    """Everything kept besides the image, with pixels as rows and columns."""
+    """All recorded light besides the image, with pixels as rows and columns."""
     extra: dict[str, NDArray[Any]] = {}
     if outputs.orders:
         extra["spot_orders"] = spots["histogram_orders"]

@@ -1,18 +1,18 @@
-"""Light for data sets of very many samples: what is scattered once, and a guess of the rest.
+"""Light for very large data sets: singly scattered light, and an approximation of the rest.
 
-A stand-in for `solve`, some thirty times as fast. Light that is scattered once, by a surface or by
-fog, is that of the transport itself, of few paths (`engine.direct`); its echo from the fog is
-smoothed over the image. All other light is taken to be shares of this:
+It replaces `solve` and is about thirty times as fast. Light that is scattered once, by a surface or
+by fog, is traced with few paths (`engine.direct`); the echo of the fog is smoothed over the image.
+All other light is approximated by fractions of this:
 
 * from surface to surface, `BOUNCED` of the light of the surfaces around;
-* from surfaces by way of the fog, `FORWARD` of their light times the optical depth of its path: fog
+* from surfaces through the fog, `FORWARD` of their light times the optical depth of its path: fog
   scatters forward, next to where the light was going;
 * scattered in fog more often, `AGAIN_M` times the extinction of what is scattered there once.
 
-The shares are fitted by `tools/surrogate_fit.py`, which also measures how far this is from the
-light traced. It breaks where light comes round a corner or by way of a mirror onto a surface, and
-where the optical depth of a path is above about 3. Of paths that go through panes only the first
-surface counts, as it does in `engine.direct`.
+The fractions are fitted by `tools/surrogate_fit.py`, which also measures the error of this
+approximation. It fails where light reaches a surface round a corner or through a mirror, and where
+the optical depth of a path is above about 3. Of paths through panes only the first surface counts,
+as in `engine.direct`.
 """
 
 from __future__ import annotations
@@ -41,16 +41,16 @@ from spisim.transport.world import World, build_world
 
 #: Paths of each virtual pixel, and of each laser.
 PATHS, SPOT_PATHS = 8, 1024
-#: What is added to the light scattered once; see above.
+#: Fractions of singly scattered light that are added to it; see above.
 BOUNCED, FORWARD, AGAIN_M = 0.033, 0.64, 1.24
-#: The same of the spots, whose detectors see little else than the beam.
+#: The same for the spots, whose detectors see little but the beam.
 SPOT_FORWARD_M, SPOT_AGAIN_M = 0.33, 0.9
-#: Widths of the smoothing (standard deviations), over the longer side of the image: of light from
-#: all around, of light that fog scatters forward, and of the fog's own echo.
+#: Standard deviations of the smoothing, over the longer side of the image: of light from all
+#: around, of light that fog scatters forward, and of the fog's own echo.
 AROUND, BESIDE, ECHO = 1 / 8, 1 / 32, 1 / 40
-#: Frequency whose phase tells the mean length of a path, up to 30 km.
+#: Frequency whose phase gives the mean path length, up to 30 km.
 LONG_HZ = 1e4
-#: Relative error at which daylight and the projector's light on the spots' detectors are known.
+#: Relative error of daylight, and of the projector's light on the spots' detectors.
 STEADY_ERROR = 0.3
 
 
@@ -74,7 +74,7 @@ def surrogate_light(
 
 @with_backend
 def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transport:
-    """What `solve` finds, guessed; its errors are those of sampling and all that is guessed.
+    """Approximate result of `solve`; its errors include all that is approximated.
 
     Raises InputError if the scene was made for another wavelength than the instrument's.
     """
@@ -142,7 +142,7 @@ def _spots(
     extinction_per_m: float,
     seed: np.random.SeedSequence,
 ) -> dict[str, Any]:
-    """Fields of the spots; of none without lasers."""
+    """Fields of the spots; empty without lasers."""
     if not instrument.ranges:
         none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
         extra = {"spot_orders": np.zeros((3, 0, 0))}
@@ -186,21 +186,21 @@ def image_once(
 def by_order(
     sums: Mapping[str, Floats], shape: tuple[int, int]
 ) -> tuple[Floats, NDArray[np.complex128]]:
-    """Sums of light by how often fog scattered it: image (3, H, W), and phasors (3, F, H, W)."""
+    """Light by the number of scatterings in fog: image (3, H, W), and phasors (3, F, H, W)."""
     parts = sums["phasors_orders"]
     waves = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
     return sums["image_orders"].reshape(-1, *shape), waves.reshape(*waves.shape[:-1], *shape)
 
 
 def mean_path_m(long_wave: NDArray[np.complex128]) -> Floats:
-    """Mean length of the light's paths by its phasor at LONG_HZ."""
+    """Mean path length of light, from its phasor at LONG_HZ."""
     return np.asarray(np.mod(np.angle(long_wave), 2 * np.pi) * c / (2 * np.pi * LONG_HZ))
 
 
 def _completed(
     surfaces: NDArray[Any], echo: NDArray[Any], depth: Floats, extinction_per_m: float
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """All light, and what of it is guessed, of light scattered once (H, W), real or complex.
+    """All light, and its approximated part, from singly scattered light (H, W), real or complex.
 
     `depth` (H, W) is the optical depth of the way to the surface and back.
     """

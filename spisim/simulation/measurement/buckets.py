@@ -1,4 +1,4 @@
-"""The bucket readings: one of each exposure, or one of each tap."""
+"""Bucket readings, one per exposure or one per tap."""
 
 import numpy as np
 
@@ -16,9 +16,8 @@ def record_buckets(
 ) -> tuple[Buckets, PatternTaps | None]:
     """Readings of every exposure, and the taps of each where the projector is modulated.
 
-    Without `rng`: the expected readings of an ideal instrument, whose noise is unknown, so that
-    reconstruction takes every reading at its word. The taps' noise is told, as of the spots: their
-    sigma is that of one real reading.
+    Without `rng`, they are the expected readings of an ideal instrument with unknown noise, which
+    the reconstruction trusts completely. Taps state the noise of a real reading, as spots do.
     """
     modulation = instrument.imaging.projector.modulation
     if modulation is not None:

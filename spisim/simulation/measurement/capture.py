@@ -1,4 +1,4 @@
-"""Put a simulated recording together, in the format that a rig writes too."""
+"""Simulated recordings, in the format of real ones."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -36,12 +36,12 @@ def record(
 ) -> Capture:
     """Turn light into the capture that `instrument` would record.
 
-    `truths` are those of every frame, or one of all where nothing moves.
-    `settings` tells how the light was traced. With noise and frames it goes into the provenance,
-    so that the capture can be made again; with the media, so that it tells their optics.
+    `truths` are those of every frame, or one for all if nothing moves. `settings` describes how the
+    light was traced. The provenance records it, with noise and frames, so that the capture can be
+    made again, and with the optics of the media.
     """
-    reported = {"noise": noise, "frames": frames, "media": scene.media_summary()}
-    settings = {**(settings or {}), **reported}
+    made = {"noise": noise, "frames": frames, "media": scene.media_summary()}
+    settings = {**(settings or {}), **made}
     streams = np.random.SeedSequence(seed)
     readings, mean = record_frames(
         scene, instrument, light, truths, streams, noise=noise, frames=frames
@@ -85,9 +85,9 @@ def record_frames(
     first: int = 0,
     before: Memory | None = None,
 ) -> tuple[Frames, BucketLight]:
-    """Readings of frames that follow each other, and the bucket's light that they were made from.
+    """Readings of successive frames, and the bucket's light that they were made from.
 
-    `first` is the number of the first of them; `truths` as in `record`, `before` as in
+    `first` is the index of the first frame; `truths` is as for `record`, `before` as for
     `bucket_light`.
     """
     for_buckets, for_spots, for_drops = (
@@ -111,7 +111,7 @@ def record_frames(
 
 
 def recorded_optics(instrument: Instrument) -> Optics | None:
-    """What captures state of projector and bucket detector; None without."""
+    """Optics of projector and bucket detector as captures state them; None without a projector."""
     if not instrument.images:
         return None
     detector, electrons = instrument.imaging.detector, pixel_electrons(instrument)
@@ -127,7 +127,7 @@ def recorded_optics(instrument: Instrument) -> Optics | None:
 
 
 def frame_truth(image: Floats, image_error: Floats, truth: GroundTruth) -> FrameTruth:
-    """What is true of a frame, with its image (H, W) in electrons an exposure."""
+    """Truth of a frame, with its image (H, W) in electrons per exposure."""
     return FrameTruth(
         image=image.astype(np.float32),
         image_error=image_error.astype(np.float32),

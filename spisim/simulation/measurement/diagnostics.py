@@ -1,4 +1,4 @@
-"""What about an instrument in a scene its user should know, besides what the capture tells."""
+"""Warnings about an instrument in a scene, besides those about the capture."""
 
 import numpy as np
 
@@ -8,12 +8,12 @@ from spisim.simulation.light import LightSequence, Transport
 from spisim.simulation.measurement.light import background_electrons
 from spisim.simulation.measurement.spots import spot_light
 
-#: Error of a transport image, ‖errors‖ / ‖image‖, above which it is no truth to compare with.
+#: Error of a transport image, ‖errors‖ / ‖image‖, above which it does not serve as truth.
 TRUE_ERROR = 0.1
 
 
 def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
-    """Sentences about eye safety, timing, overwhelmed detectors, and noise of light and truth."""
+    """Warn about eye safety, timing, saturated detectors, and noise of light and truth."""
     still = LightSequence(np.zeros(1), (light,))
     bucket = spots = 0.0
     if instrument.images:
@@ -29,25 +29,20 @@ def simulation_warnings(instrument: Instrument, light: Transport) -> list[str]:
 
 
 def noise_share_warnings(light: Transport) -> list[str]:
-    """A sentence about light that is noisier than the detectors that measure it."""
+    """Warn about light that is noisier than the detectors that measure it."""
     fractions = {"image": light.noise_share, "spots": light.spot_noise_share}
-    reported = [
-        f"{fraction:.2g} times in the {what}"
-        for what, fraction in fractions.items()
-        if fraction > 1
-    ]
-    if not reported:
+    noisy = [f"{each:.2g} times in the {what}" for what, each in fractions.items() if each > 1]
+    if not noisy:
         return []
     return [
-        f"the light's own noise is above the detectors', {' and '.join(reported)}: errors of "
-        "images "
+        f"the light's own noise is above the detectors', {' and '.join(noisy)}: errors of images "
         "and ranges are those of too few light paths; more spp, or a transport_noise_share below "
         "1, makes it better"
     ]
 
 
 def truth_warnings(light: Transport) -> list[str]:
-    """A sentence about a transport image that is too noisy to be taken for the truth."""
+    """Warn about a transport image that is too noisy to serve as truth."""
     tiny = float(np.finfo(np.float64).tiny)
     relative = float(np.linalg.norm(light.image_error)) / max(
         float(np.linalg.norm(light.image)), tiny

@@ -1,4 +1,4 @@
-"""What one exposure has of others: AC coupling, and patterns that settle slowly."""
+"""Influence of earlier exposures: AC coupling, and patterns that settle slowly."""
 
 import math
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from spisim.instrument import Amplifier
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """What electronics remember after a frame: the slow level, and the last light of each window.
+    """State of the electronics after a frame: the slow level, and the last light of each window.
 
-    `level` is what an AC-coupled amplifier would take off the next reading, `light` (windows,) what
-    the last exposure of the bucket, and of each tap, would have been without the one before it.
+    `level` is what an AC-coupled amplifier would subtract from the next reading. `light` (windows,)
+    is the last exposure of the bucket, and of each tap, without carry-over.
     """
 
     level: float
@@ -24,10 +24,9 @@ class Memory:
 def slow_part(
     electrons: Floats, amplifier: Amplifier, period_s: float, level: float | None = None
 ) -> tuple[Floats, float]:
-    """What an AC-coupled amplifier takes off successive readings (frames, M), and the next one.
+    """Level that an AC-coupled amplifier subtracts from readings (frames, M), and from the next.
 
-    A high-pass of one pole that has come to a level before the recording starts: by default it is
-    settled on the first frame.
+    It is a high-pass of one pole that starts at `level`, by default settled on the first frame.
     """
     if amplifier.low_cut_hz is None:
         return np.zeros_like(electrons), 0.0
@@ -36,8 +35,8 @@ def slow_part(
     step = -math.expm1(-2 * math.pi * amplifier.low_cut_hz * period_s)
     level = electrons[0].mean() if level is None else level
     # The level before a reading follows from all readings before it.
-    sigmas = electrons.ravel() - level
-    followed = lfilter([0, step], [1, step - 1], sigmas)
+    changes = electrons.ravel() - level
+    followed = lfilter([0, step], [1, step - 1], changes)
     taken_off = np.asarray(level + followed).reshape(electrons.shape)
     last = float(taken_off[-1, -1])
     return taken_off, last + step * (float(electrons[-1, -1]) - last)
@@ -46,7 +45,7 @@ def slow_part(
 def carried_over(
     time_constants_s: tuple[float, float], exposure_time_s: float, period_s: float
 ) -> float:
-    """Share of a reading that belongs to the pattern before, for two poles one behind the other.
+    """Fraction of a reading that belongs to the pattern before, for two poles in series.
 
     After a step the poles τ₁, τ₂ lack (τ₁ exp(-t/τ₁) - τ₂ exp(-t/τ₂)) / (τ₁ - τ₂); this is its mean
     over the exposure, the end of the period. Holds while the poles forget within a period.
@@ -66,9 +65,9 @@ def carried_over(
 
 
 def with_carry_over(readings: Floats, fraction: float, last: float | None = None) -> Floats:
-    """Readings (frames, M) with a share of their predecessors.
+    """Readings (frames, M) with a fraction of their predecessors.
 
-    Before the first comes the `last` one of an earlier recording, else that of this one.
+    The first follows the `last` one of an earlier recording, by default that of this recording.
     """
     in_turn = np.roll(readings.ravel(), 1)
     if last is not None:

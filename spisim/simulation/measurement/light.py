@@ -1,4 +1,4 @@
-"""Mean photo-electrons of every bucket reading: the light budget, before any noise."""
+"""Mean photo-electrons of every bucket reading, before any noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -29,17 +29,17 @@ PHASES = 721
 class BucketLight:
     """Mean primary electrons per exposure, dark current and daylight included.
 
-    `image` (T, H, W) is what each virtual pixel alone adds to one exposure when it is switched from
-    off to on, on average over every frame, or once where nothing moves; `image_error` the standard
-    error of the light transport in it.
+    `image` (T, H, W) is what each virtual pixel adds to one exposure when it is switched from off
+    to on, averaged over each frame, or once for all if nothing moves; `image_error` is the standard
+    error of its light transport.
     """
 
     image: Floats
     image_error: Floats
     buckets: Floats  # (frames, M)
-    taken_off: Floats  # (frames, M): what an AC-coupled amplifier does not let through
-    taps: Floats | None  # (frames, M, taps), of a projector that is modulated
-    after: Memory | None = None  # what the next frame begins with
+    taken_off: Floats  # (frames, M): what an AC-coupled amplifier removes
+    taps: Floats | None  # (frames, M, taps), if the projector is modulated
+    after: Memory | None = None  # state at the start of the next frame
 
 
 def bucket_light(
@@ -53,14 +53,14 @@ def bucket_light(
 ) -> BucketLight:
     """Electrons from the fractions of emitted power that the light transport found.
 
-    Falling drops change the readings; the image is that without them. `first` is the number of the
-    first frame, which tells the patterns that it shows. `before` is what the frame before it left;
-    without, it is as if that had been alike.
+    Falling drops change the readings; the image is that without them. `first` is the index of the
+    first frame, which selects its patterns. `before` is the state that the previous frame left; by
+    default the first frame follows itself.
     """
     between = light.between(instrument.exposure_times_s(frames))
     electrons = instrument.pixel_powers_w * _gain(instrument, "projector")
     switched = pixel_electrons(instrument)
-    reported = between.until(frames if len(light.transports) > 1 else 1)
+    imaged = between.until(frames if len(light.transports) > 1 else 1)
     images, errors = (
         np.array([getattr(key, name) for key in light.transports])
         for name in ("image", "image_error")
@@ -95,8 +95,8 @@ def bucket_light(
             None if before is None else before.level,
         )
     return BucketLight(
-        image=reported.means(images) * switched,
-        image_error=reported.means(errors) * switched,
+        image=imaged.means(images) * switched,
+        image_error=imaged.means(errors) * switched,
         buckets=buckets,
         taken_off=taken_off,
         taps=np.stack(taps, axis=-1) if taps else None,
@@ -105,7 +105,7 @@ def bucket_light(
 
 
 def no_light(frames: int, images: int) -> BucketLight:
-    """What there is without a projector: a dark pixel, in each of the `images`."""
+    """Light without a projector: a dark pixel in each of the `images`."""
     image, readings = np.zeros((images, 1, 1)), np.zeros((frames, 1))
     return BucketLight(image, image, readings, readings, None)
 
@@ -141,7 +141,7 @@ def tap_images(
 
 
 def _response(instrument: Instrument) -> Callable[[Floats], Floats]:
-    """Share of light of a path length in m (n,) that bucket and taps collect, (1 + taps, n)."""
+    """Fraction of light of a path length in m (n,) that bucket and taps collect, (1 + taps, n)."""
     modulation, amplifier = (
         instrument.imaging.projector.modulation,
         instrument.imaging.detector.amplifier,
@@ -171,7 +171,7 @@ def _readings(
 ) -> Floats:
     """Exposures (frames, M) of images (keys, H, W), steady light (keys,) and a change of them.
 
-    Each by itself, as if nothing of the one before it were left.
+    Nothing is carried over from one to the next.
     """
     dark = instrument.imaging.projector.dark_level
     total = images.sum(axis=(1, 2))[:, None]
@@ -187,7 +187,7 @@ def _readings(
 
 
 def _carried(instrument: Instrument) -> float:
-    """Share of a reading that belongs to the exposure before."""
+    """Fraction of a reading that belongs to the exposure before."""
     amplifier = instrument.imaging.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s
     return carried_over(

@@ -1,4 +1,4 @@
-"""The four spots: path lengths of the lasers' light, and all that falls onto their detectors."""
+"""Light on the detectors of the spots, that of the lasers over path length."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,10 +12,7 @@ from spisim.transport.drops import FallingDrops, on_spots
 
 
 def spot_light(
-    instrument: Instrument,
-    light: Light,
-    frames: int,
-    drops: Sequence[FallingDrops] = (),
+    instrument: Instrument, light: Light, frames: int, drops: Sequence[FallingDrops] = ()
 ) -> SpotLight:
     """Rates from the fractions of emitted power that the light transport found.
 
@@ -47,7 +44,7 @@ def spot_light(
 
 
 def _over_the_same_lengths(keys: Sequence[Transport]) -> tuple[Floats, list[Floats]]:
-    """The path lengths (bins,) of all key times, and over them the light (4, bins) of each."""
+    """Common path lengths (bins,) of all key times, and the light (4, bins) of each."""
     first = keys[0].path_length_m
     if all(np.array_equal(key.path_length_m, first) for key in keys):
         return first, [key.spot_histogram for key in keys]

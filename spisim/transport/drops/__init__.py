@@ -10,11 +10,4 @@ from spisim.transport.drops.buckets import Interpolation, on_buckets
 from spisim.transport.drops.falling import FallingDrops, falling_drops
 from spisim.transport.drops.field import drop_field
 
-__all__ = [
-    "FallingDrops",
-    "Interpolation",
-    "drop_field",
-    "falling_drops",
-    "on_buckets",
-    "on_spots",
-]
+__all__ = ["FallingDrops", "Interpolation", "drop_field", "falling_drops", "on_buckets", "on_spots"]

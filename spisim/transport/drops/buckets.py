@@ -39,18 +39,7 @@ class Interpolation(NamedTuple):
         return self._replace(keys=self.keys[:frames], fractions=self.fractions[:frames])
 
     def means(self, values: Floats) -> Floats:
-        """Mean of values at the keys over each frame's times.
-
-        Parameters
-        ----------
-        values
-            Values (K, ...) at the keys.
-
-        Returns
-        -------
-        Floats
-            Means (frames, ...).
-        """
+        """Means (frames, ...) over each frame's times of values (K, ...) at the keys."""
         flat = values.reshape(len(values), -1)
         times = self.keys.shape[1]
         means = np.empty((len(self.keys), flat.shape[1]))

@@ -54,11 +54,6 @@ class FallingDrops:
     def in_frame(self, frame: int) -> tuple[DropField, Floats, float]:
         """Drops of a frame that are within the depths that matter.
 
-        Parameters
-        ----------
-        frame
-            Index of the frame.
-
         Returns
         -------
         tuple

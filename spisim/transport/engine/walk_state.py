@@ -124,9 +124,7 @@ class Densities:
         """Update the ratio at a turn, where deltas and symmetric phase functions cancel."""
         inner = dr.select(in_fog, 1, turn.backward / turn.forward)
         ratio = dr.select(
-            turn.specular,
-            dr.select(first, 0, 1),
-            dr.select(first, 1 / turn.forward, inner),
+            turn.specular, dr.select(first, 0, 1), dr.select(first, 1 / turn.forward, inner)
         )
         self.ratio *= dr.select(turn.straight, 1, ratio * turn.cosines)
         self.segment_m = dr.select(turn.straight, self.segment_m, 0)

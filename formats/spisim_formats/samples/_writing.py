@@ -6,39 +6,18 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from reconstruction import Capture, Reconstructor
+from reconstruction import Reconstructor
 from reconstruction.base.errors import InputError, naming
-from reconstruction.capture import CaptureFile
-from reconstruction.exports import Shot, TimestampedPose
+from reconstruction.exports import Shot
 from reconstruction.exports.export import check_folder, with_stage
-from spisim.scene import Drone
-from spisim.scene.load_context import SceneCache
-
-if TYPE_CHECKING:
-    from spisim.dataset.exports import Writer
-    from spisim.dataset.reader import DataSet, StoredSample
+from spisim.dataset import DataSet
+from spisim.dataset.exports import Writer
+from spisim.dataset.poses import placed
+from spisim.dataset.reader import StoredSample
 
 MAX_NAME_LENGTH = 100
 SECOND_NS = 10**9
-
-_cache = SceneCache()
-
-
-def placed(capture: Capture | CaptureFile | None, frame: int) -> TimestampedPose | None:
-    """Return the time in a flight and the pose at the middle of a simulated frame.
-
-    Returns None for results and for recordings of a real camera. Raises InputError for a capture
-    whose scene is invalid.
-    """
-    if capture is None or not capture.provenance.scene:
-        return None
-    drone = Drone.of(capture.provenance.scene, "scene", _cache)
-    buckets = capture.setup.buckets
-    middle_s = (frame + 0.5) * buckets.pattern_period_s * capture.setup.plan.exposures
-    time_s = None if drone.time_s is None else drone.time_s + middle_s
-    return TimestampedPose(time_s, drone.after(middle_s))
 
 
 def true_shots(sample: StoredSample) -> Iterator[Shot]:

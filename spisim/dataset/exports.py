@@ -1,4 +1,4 @@
-"""Export formats for programs that do not read data sets, one module each.
+"""Export formats of data sets, known by the entry points of `spisim.exports` alone.
 
 A writer takes the samples, a folder and the number of samples per file. It returns the paths of the
 files. It raises InputError if they cannot be written.
@@ -18,5 +18,8 @@ if TYPE_CHECKING:
 Writer = Callable[["DataSet", Path, int], list[Path]]
 
 EXPORTS: Registry[Writer] = Registry(
-    "export format", package=__name__, attribute="EXPORT", group="spisim.exports"
+    "export format",
+    attribute="EXPORT",
+    group="spisim.exports",
+    hint="the formats that come with spisim are missing; reinstall it: pip install spisim",
 )

@@ -18,7 +18,7 @@ from reconstruction.depth import pixel_of
 from reconstruction.exports import Shot
 from reconstruction.exports.export import KIND
 from reconstruction.exports.pictures import colour_png, depth_png
-from spisim.dataset.shots import true_shots, write_whole
+from spisim_formats.samples._writing import true_shots, write_whole
 
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample

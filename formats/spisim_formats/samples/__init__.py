@@ -1,0 +1,1 @@
+"""Export formats for the samples of data sets, one module each."""
