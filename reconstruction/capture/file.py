@@ -64,8 +64,8 @@ def read_capture(path: str | Path) -> Capture:
     """Read a capture into memory.
 
     Raises InputError, which names the file, if it is missing, damaged, not a capture, of another
-    format version, links to other files or takes too much memory (docs/reference/capture-format.md), or if a
-    dataset is missing, has another shape or unit, or an impossible value.
+    format version, links to other files or takes too much memory, or if a dataset is missing, has
+    another shape or unit, or an impossible value (docs/reference/capture-format.md).
     """
     with open_capture(path) as file:
         return file.capture(0, file.frames)

@@ -1,4 +1,4 @@
-"""Messages in a stream of bytes (docs/reference/stream-format.md): packed, and found among garbage."""
+"""Pack messages, and find them among garbage (docs/reference/stream-format.md)."""
 
 import struct
 import zlib

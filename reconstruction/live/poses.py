@@ -1,4 +1,4 @@
-"""Poses requested of a simulated drone: messages back to the sender of frames (docs/reference/stream-format.md)."""
+"""Poses requested of a simulated drone, sent back (docs/reference/stream-format.md)."""
 
 import math
 import struct
