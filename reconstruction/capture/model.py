@@ -1,8 +1,8 @@
 """A recording, real or simulated: its parts and its frames.
 
-The annotations of the data classes are the file's schema (docs/reference/capture-format.md); reading,
-writing and checking follow them. Geometry is in the projector's optical frame: x right, y down, z
-forward, origin at its pinhole.
+The annotations of the data classes are the file's schema (docs/reference/capture-format.md);
+reading, writing and checking follow them. Geometry is in the projector's optical frame: x right, y
+down, z forward, origin at its pinhole.
 """
 
 import hashlib
