@@ -214,7 +214,9 @@ def test_a_frame_whose_truth_is_not_known_is_refused():
     moving = make_capture(TRUTH, TRUTH, frames=3)
     for frame in (0, 1):
         evaluate(reconstruct(moving, frame), moving)
-    with pytest.raises(InputError, match="frame 2: the capture holds the truth of frames 0, 1"):
+    with pytest.raises(
+        InputError, match="frame 2 has no truth; the capture holds that of frames 0, 1"
+    ):
         evaluate(reconstruct(moving, 2), moving)
 
 
