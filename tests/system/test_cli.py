@@ -97,7 +97,7 @@ def test_evaluate_takes_a_result_of_some_of_the_patterns(
 
 def test_evaluate_tells_how_to_make_a_missing_result(capture_file: Path, tmp_path: Path) -> None:
     message = mistake("evaluate", capture_file, tmp_path / "nowhere").replace("\n", " ")
-    assert "no result there; run spisim reconstruct CAPTURE -o DIR" in message
+    assert "no such result; run spisim reconstruct CAPTURE -o DIR" in message
 
 
 def test_evaluate_for_people_is_a_table(capture_file: Path) -> None:

@@ -33,7 +33,7 @@ def test_unknown_instrument_names_the_nearest(tmp_path: Path) -> None:
         (["--patterns", "99999"], "patterns"),
         (["--order", "sequenzy"], "did you mean 'sequency'"),
         (["--polarity", "sign"], "'single-ended' or a list of 1 and -1; found 'sign'"),
-        (["--polarity", "signed"], "differences formed by a recorder; choose differential"),
+        (["--polarity", "signed"], "differences of exposures; choose differential"),
         (["--spp", "0"], "0 is not a whole number from 1 to 1048576"),
         (["--spp", "9999999"], "9999999 is not a whole number from"),
         (["--seed", "-1"], "-1 is not a whole number from"),

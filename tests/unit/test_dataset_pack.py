@@ -106,7 +106,7 @@ def test_a_pack_whose_data_set_has_other_samples_is_refused(
 ) -> None:
     happen(own)
     with pytest.raises(
-        InputError, match=rf"pack was packed when .*walls had 12 .*{reported}: pack it"
+        InputError, match=rf"pack was packed when .*walls had 12 .*{reported}; pack it"
     ):
         spisim.open_dataset(own / "pack")
     moved = (own / "pack").rename(own.parent / "moved")

@@ -376,7 +376,7 @@ def test_who_reconstructs_is_told_why_it_is_left_out(capture, tmp_path, capsys):
     write_capture(replace(capture, spots=spots), tmp_path / "line.h5")
     reported = [str(tmp_path / "line.h5"), "-o", str(tmp_path / "told")]
     assert main(reported) == 0
-    assert "depth, learned: not of this recording (spots off a line = " in capsys.readouterr().out
+    assert "depth, learned: not for this recording (spots off a line = " in capsys.readouterr().out
     assert (
         main([str(tmp_path / "line.h5"), "-o", str(tmp_path / "told"), "--depth", "nearest"]) == 0
     )

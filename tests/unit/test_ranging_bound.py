@@ -169,8 +169,8 @@ def test_other_spots_tell_of_the_fog_if_there_are_frequencies_enough(name: str) 
 def test_what_the_capture_has_to_tell() -> None:
     paper = changed("paper")
     _, spots = recorded(paper, wall(paper, Target(4.0)))
-    with pytest.raises(InputError, match="spots/half_fields_rad is not known"):
+    with pytest.raises(InputError, match="spots/half_fields_rad is unknown"):
         make_bound(replace(spots, half_fields_rad=np.full(4, np.nan)), 5.0)
     for unknown in ("electrons_per_joule", "laser_energies_j", "contrasts"):
-        with pytest.raises(InputError, match="light in each reading is not known"):
+        with pytest.raises(InputError, match="light in each reading is unknown"):
             make_bound(replace(spots, **{unknown: np.nan}), 5.0)

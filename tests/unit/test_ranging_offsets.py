@@ -160,4 +160,4 @@ def test_captures_of_different_rigs_are_not_checked_together(tmp_path, capsys) -
     one = write(tmp_path / "one.h5", spots)
     other = write(tmp_path / "other.h5", replace(spots, beam_waist_m=0.001))
     assert main(["check", one, other]) == 2
-    assert "other.h5: its spots are not measured as those of" in capsys.readouterr().err
+    assert "other.h5: its spots are measured differently from those of" in capsys.readouterr().err

@@ -275,7 +275,7 @@ def test_ranging_methods_read_their_own_kind(method, fitting):
 
 def test_all_rangings_are_those_that_know_enough(capture):
     assert list(reconstruct(capture, ranging="all").rangings) == ["cw"]
-    with pytest.raises(InputError, match="spots/detector_axes is not known"):
+    with pytest.raises(InputError, match="spots/detector_axes is unknown"):
         reconstruct(capture, ranging="fog")
 
 

@@ -59,7 +59,7 @@ def test_an_error_is_told_though_nobody_reads_its_object(file: str) -> None:
     status, reported = _unread(RIG, "check", file, "--json")
     assert status == 2
     assert reported.count("\n") == 1
-    assert reported.startswith(f"error: {file}: spots/detector_axes is not known")
+    assert reported.startswith(f"error: {file}: spots/detector_axes is unknown")
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="no device that is always full")

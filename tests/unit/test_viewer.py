@@ -199,7 +199,7 @@ def test_a_viewer_that_is_closed_meanwhile_is_told(tmp_path):
     [
         ("none.h5", "no such capture file"),
         ("empty", "no captures"),
-        ("tpc://rig:1", "unknown kind of address 'tpc': did you mean 'tcp'"),
+        ("tpc://rig:1", "unknown scheme 'tpc': did you mean 'tcp'"),
         ("hall.h5", "'.rd' is no ending of a recording of Rerun"),
     ],
 )

@@ -135,7 +135,7 @@ def find_named(
         raise InputError(f"{name} is a folder; a file name is needed")
     if os.path.exists(given):  # noqa: PTH110
         raise InputError(
-            f"{name} is not named as a {kind} file, which should end in {' or '.join(suffixes)}"
+            f"{name} exists, but the name of the {kind} file should end in {' or '.join(suffixes)}"
         )
     raise InputError(
         f"no {kind} {show(name)}: neither a file nor the name of a shipped {kind}; "
