@@ -4,23 +4,30 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from spisim.dataset.pack import Pack
-    from spisim.dataset.reader import DataSet
 
 Row = dict[str, NDArray[Any]]
+
+
+class Sample(Protocol):
+    """What a row needs of a sample."""
+
+    @property
+    def index(self) -> int: ...
+    def array(self, name: str) -> NDArray[Any]: ...
 
 
 @dataclass(frozen=True, eq=False)
 class CaptureRows(Sequence[Row]):
     """Rows read from the captures on access."""
 
-    samples: DataSet
+    samples: Sequence[Sample]
     names: tuple[str, ...]
 
     def __len__(self) -> int:
