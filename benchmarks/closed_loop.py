@@ -28,7 +28,7 @@ PAGE = ROOT / "docs" / "results" / "live.md"
 FOLDER = ROOT / "out" / "closed-loop"
 PICTURE = ROOT / "docs" / "images" / "closed-loop.png"
 PILOT = ROOT / "examples" / "live" / "keep_distance.py"
-RETAINED_M, WITHIN_M = 2.0, 0.1
+TARGET_M, WITHIN_M = 2.0, 0.1
 SETTLING_S, SECONDS = 2.0, 62.0
 QUICK_S = 5.0
 GUST = "20,1.5,-0.4,0,0"
@@ -53,7 +53,7 @@ class Flight:
     @property
     def off_m(self) -> np.ndarray:
         """How far the drone was from where it should be, once it had settled."""
-        return np.abs(self.true_m - RETAINED_M)[self.time_s >= SETTLING_S]
+        return np.abs(self.true_m - TARGET_M)[self.time_s >= SETTLING_S]
 
 
 def main() -> int:
@@ -161,8 +161,8 @@ def draw(flight: Flight, capture: Capture) -> None:
     frames = np.searchsorted(flight.time_s, (0.0, 0.5, 2.0, gust_s + 0.75)).tolist()
     images = [reconstruct(capture.frame(frame)).image for frame in frames]
     brightest = max(image.max() for image in images)
-    for position, (frame, image) in enumerate(zip(frames, images, strict=True)):
-        axis = figure.add_subplot(grid[2, position])
+    for column, (frame, image) in enumerate(zip(frames, images, strict=True)):
+        axis = figure.add_subplot(grid[2, column])
         axis.imshow(image, cmap="gray", vmin=0, vmax=brightest)
         reported_s, true_m = flight.time_s[frame], flight.true_m[frame]
         axis.set(title=f"{reported_s:.2f} s, at {true_m:.2f} m", xticks=[], yticks=[])
@@ -173,7 +173,7 @@ def draw_distance(axis: Any, flight: Flight, start_s: float, stop_s: float) -> N
     """Where the drone was and what it saw, over some of the time."""
     some = (flight.time_s >= start_s) & (flight.time_s <= stop_s)
     time_s, seen_m, sigma_m = flight.time_s[some], flight.seen_m[some], flight.sigma_m[some]
-    axis.axhspan(RETAINED_M - WITHIN_M, RETAINED_M + WITHIN_M, color="0.9", label="2 m ± 0.1 m")
+    axis.axhspan(TARGET_M - WITHIN_M, TARGET_M + WITHIN_M, color="0.9", label="2 m ± 0.1 m")
     axis.plot(time_s, flight.true_m[some], color="k", linewidth=2, label="true distance")
     axis.plot(time_s, seen_m, color="C1", linewidth=0.8, label="as seen, ± 3 sigma")
     low_m, high_m = seen_m - 3 * sigma_m, seen_m + 3 * sigma_m

@@ -221,12 +221,12 @@ def _stopwatches(spent: dict[str, float]) -> Iterator[None]:
 
     with ExitStack() as stack:
         for name, (module, path) in STAGES.items():
-            position: Any = import_module(module)
+            owner: Any = import_module(module)
             *outer, function = path.split(".")
             for part in outer:
-                position = getattr(position, part)
-            watched = timed(name, getattr(position, function))
-            stack.enter_context(patch.object(position, function, watched))
+                owner = getattr(owner, part)
+            watched = timed(name, getattr(owner, function))
+            stack.enter_context(patch.object(owner, function, watched))
         yield
 
 

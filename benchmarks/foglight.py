@@ -24,7 +24,7 @@ from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
-RETAINED = Path(__file__).parents[1] / "out" / "ranging"
+CACHE = Path(__file__).parents[1] / "out" / "ranging"
 VERSION = 2  # of what is kept: count it up where scenes or transport change
 NATURAL = ("moderate-radiation", "heavy-radiation", "moderate-advection", "heavy-advection")
 HAZES = ("haze-l", "haze-m", "haze-h", "chu-hogg")
@@ -150,7 +150,7 @@ def light_of(cell: Cell, scenes: int, instrument: Instrument, paths: int) -> Lig
     """Light of the first scenes of a cell, traced unless it is kept from before."""
     reported = (VERSION, astuple(cell)[1:], scenes, paths, _optics(instrument))
     digest = hashlib.sha256(repr(reported).encode()).hexdigest()[:12]
-    path = RETAINED / f"{cell.air}-{digest}.npz"
+    path = CACHE / f"{cell.air}-{digest}.npz"
     if not path.exists():
         print(f"tracing {scenes} scenes: {cell.name}", file=sys.stderr, flush=True)
         directions = instrument.lasers.directions
@@ -158,7 +158,7 @@ def light_of(cell: Cell, scenes: int, instrument: Instrument, paths: int) -> Lig
             _traced(draw(cell, number, directions).scene, instrument, [cell.seed, number], paths)
             for number in range(scenes)
         ]
-        RETAINED.mkdir(parents=True, exist_ok=True)
+        CACHE.mkdir(parents=True, exist_ok=True)
         names = ("echo", "daylight_w", "patterns_w")
         arrays = {n: np.array(v) for n, v in zip(names, zip(*traced, strict=True), strict=True)}
         np.savez_compressed(path, **arrays)

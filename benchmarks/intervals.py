@@ -58,13 +58,13 @@ def of_figure(
     values = [figure(np.concatenate([members[n] for n in each])) for each in drawn]
     with np.errstate(divide="ignore", invalid="ignore"):
         middle = figure(np.arange(group.size)) if group.size else np.nan
-        middle, reported = (
+        middle, resampled = (
             np.log(each) if positive else each for each in (middle, np.array(values))
         )
-    reported = reported[np.isfinite(reported)]
-    if not np.isfinite(middle) or reported.size < MIN_FINITE * RESAMPLED or np.ptp(reported) == 0:
+    resampled = resampled[np.isfinite(resampled)]
+    if not np.isfinite(middle) or resampled.size < MIN_FINITE * RESAMPLED or np.ptp(resampled) == 0:
         return lambda confidence: (-np.inf, np.inf)  # what does not vary tells nothing of chance
-    error = np.sqrt(count / (count - 1)) * reported.std()
+    error = np.sqrt(count / (count - 1)) * resampled.std()
 
     def interval(confidence: float) -> tuple[float, float]:
         reach = t.isf((1 - confidence) / 2, count - 1) * error

@@ -162,12 +162,12 @@ def on_a_device(name: str, put: Callable[[Floats], Any], calls: int) -> Table:
     for size in PAPER:
         dictionary, _, atoms = problem(size)
         gram = dictionary.T @ dictionary
-        positions = [(dictionary, gram, np.asarray), (put(dictionary), put(gram), put)]
+        backends = [(dictionary, gram, np.asarray), (put(dictionary), put(gram), put)]
         for frames in (FRAMES, 16 * FRAMES):
             measured = np.random.default_rng(1).standard_normal((frames, size.patterns))
             took = [
-                on_the_clock(partial(pursued, *position, measured, atoms), calls)
-                for position in positions
+                on_the_clock(partial(pursued, *backend, measured, atoms), calls)
+                for backend in backends
             ]
             rows.append((size.name, f"{frames}", *(f"{1e3 * each / frames:.4f}" for each in took)))
     columns = ("size", "frames at once", "here, ms", f"GPU by {name}, ms")

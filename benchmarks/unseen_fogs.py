@@ -24,7 +24,7 @@ from reconstruction.ranging import measure_ranges
 from spisim.budget.paper.checks import Check, Table
 from spisim.scene import draw_scene
 
-RETAINED = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
+CACHE = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
 SEED = 991
 WEATHERS = {"25–120 m": (25.0, 120.0), "200–500 m": (200.0, 500.0), "clear": None}
 CAPTURES, QUICK_CAPTURES = (50, 25, 25), (2, 1, 1)
@@ -111,9 +111,9 @@ def _first(capture: Capture, weather: str | None):
 def _captures(counts: tuple[int, ...]) -> Iterator[tuple[str, Capture]]:
     weathers = [name for name, count in zip(WEATHERS, counts, strict=True) for _ in range(count)]
     np.random.default_rng(SEED).shuffle(weathers)
-    RETAINED.mkdir(parents=True, exist_ok=True)
+    CACHE.mkdir(parents=True, exist_ok=True)
     for number, weather in enumerate(weathers):
-        path = RETAINED / f"{'-'.join(map(str, counts))}-{number:04d}.h5"
+        path = CACHE / f"{'-'.join(map(str, counts))}-{number:04d}.h5"
         if not path.exists():
             print(f"simulating {path.stem}: {weather}", file=sys.stderr, flush=True)
             write_capture(_simulated(number, weather), path)

@@ -140,8 +140,8 @@ def load(samples: DataSet) -> tuple[Readings, Floats]:
 
 def _stacked(maps_m: list[NDArray[np.float32] | None], like: Floats) -> Floats:
     """One array of depth maps; nan where there is none."""
-    no_return = np.full(like.shape[1:], np.nan)
-    return np.array([no_return if depth_m is None else depth_m for depth_m in maps_m])
+    missing = np.full(like.shape[1:], np.nan)
+    return np.array([missing if depth_m is None else depth_m for depth_m in maps_m])
 
 
 def compare(samples: DataSet) -> dict[str, dict[str, Errors]]:

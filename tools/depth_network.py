@@ -124,8 +124,8 @@ class Frames:
         self.depth_m: list[Any] = []
         self.family: list[str] = []
         for file in files:
-            with np.load(file) as reported:
-                columns = {name: reported[name] for name in reported.files}
+            with np.load(file) as archive:
+                columns = {name: archive[name] for name in archive.files}
             for number, family in enumerate(columns["family"].tolist()):
                 each = {name: values[number] for name, values in columns.items()}
                 if not np.percentile(each["image"], 90) > 0:  # dark: no method is asked
@@ -245,8 +245,8 @@ def trained(
     batches = iter(DataLoader(Batches(train), batch_size=None, num_workers=1, prefetch_factor=8))
     net = Net()
     if start is not None:
-        reported = np.load(start)
-        net.load_state_dict({n: torch.from_numpy(reported[n]).float() for n in net.state_dict()})
+        archive = np.load(start)
+        net.load_state_dict({n: torch.from_numpy(archive[n]).float() for n in net.state_dict()})
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(
         net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)

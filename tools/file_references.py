@@ -71,7 +71,7 @@ class Sections:
     """A JSON Schema, and the parts of it that wait to be told."""
 
     definitions: Mapping[str, Any]
-    reported: set[str] = field(default_factory=set)
+    described: set[str] = field(default_factory=set)
 
     def of(self, name: str) -> Any:
         """The section of this name."""
@@ -165,7 +165,7 @@ _SCENE_FILES = {"SceneDescription": "whole scenes", "DrawnDescription": "scenes 
 def one(title: str, name: str, sections: Sections, examples: Mapping[str, Any]) -> Iterator[str]:
     """Chapter of a section, and of those in its fields."""
     section = sections.of(name)
-    sections.reported.add(name)
+    sections.described.add(name)
     yield f"## {title}\n"
     yield _text(section)
     yield _table(section, section["properties"], examples.get(name, {}))
@@ -180,12 +180,12 @@ def alternatives(
     called: Mapping[str, str],
 ) -> Iterator[str]:
     """Chapter of a field that is one of several sections: what they share, and what they do not."""
-    sections.reported.update(names)
+    sections.described.update(names)
     all_fields = [sections.of(name)["properties"] for name in names]
     shared = {
-        name: reported
-        for name, reported in all_fields[0].items()
-        if all(_same(other.get(name), reported) for other in all_fields[1:])
+        name: schema
+        for name, schema in all_fields[0].items()
+        if all(_same(other.get(name), schema) for other in all_fields[1:])
     }
     yield f"## {title}\n"
     if shared:
@@ -195,7 +195,7 @@ def alternatives(
     for name, fields in zip(names, all_fields, strict=True):
         yield f"### {title}: {called.get(name, name)}\n"
         yield _text(sections.of(name))
-        own = {field: reported for field, reported in fields.items() if field not in shared}
+        own = {field: schema for field, schema in fields.items() if field not in shared}
         if own:
             yield _table(sections.of(name), own, examples.get(name, {}))
     for fields in all_fields:
@@ -212,23 +212,23 @@ def _inner(
 ) -> Iterator[str]:
     """Chapters of the sections that stand in these fields, each told once."""
     above = "" if title == "The file" else title.strip("`") + "."
-    for name, reported in fields.items():
-        wanted = [ref for ref in _refs(reported) if ref not in sections.reported]
+    for name, schema in fields.items():
+        wanted = [ref for ref in _refs(schema) if ref not in sections.described]
         if not wanted:
             continue
         path = f"`{above}{name}`"
         if len(wanted) == 1:
             yield from one(path, wanted[0], sections, examples)
         else:
-            called = {ref: _reported_by(sections.of(ref)) for ref in wanted}
+            called = {ref: _discriminator_of(sections.of(ref)) for ref in wanted}
             yield from alternatives(path, wanted, sections, examples, called)
 
 
-def _reported_by(section: Any) -> str:
+def _discriminator_of(section: Any) -> str:
     """What tells this one of several sections: the word of a field, or the field itself."""
-    for name, reported in section["properties"].items():
-        if "const" in reported:
-            return f"`{name}: {reported['const']}`"
+    for name, schema in section["properties"].items():
+        if "const" in schema:
+            return f"`{name}: {schema['const']}`"
     shape = [name for name in ("mesh", "object", "radius_m", "size_m") if _has(section, name)]
     return f"with `{shape[0]}`" if shape else section["title"].lower()
 
@@ -237,15 +237,15 @@ def _has(section: Any, name: str) -> bool:
     return name in section["properties"]
 
 
-def _refs(reported: Any) -> list[str]:
+def _refs(schema: Any) -> list[str]:
     """Names of the sections that a field may hold."""
-    if isinstance(reported, list):
-        return [ref for part in reported for ref in _refs(part)]
-    if not isinstance(reported, dict):
+    if isinstance(schema, list):
+        return [ref for part in schema for ref in _refs(part)]
+    if not isinstance(schema, dict):
         return []
-    result = [reported["$ref"].rpartition("/")[2]] if "$ref" in reported else []
-    inside = [v for k, v in reported.items() if k in ("anyOf", "oneOf", "items", "prefixItems")]
-    inside += [reported["additionalProperties"]] if "additionalProperties" in reported else []
+    result = [schema["$ref"].rpartition("/")[2]] if "$ref" in schema else []
+    inside = [v for k, v in schema.items() if k in ("anyOf", "oneOf", "items", "prefixItems")]
+    inside += [schema["additionalProperties"]] if "additionalProperties" in schema else []
     return result + [ref for part in inside for ref in _refs(part)]
 
 
@@ -258,33 +258,33 @@ def _table(section: Any, fields: Mapping[str, Any], examples: Mapping[str, Any])
         "| field | what it is | allowed | unit | default | example |",
         "|---|---|---|---|---|---|",
     ]
-    for name, reported in fields.items():
+    for name, schema in fields.items():
         needed = name in section.get("required", ())
         cells = [
             f"`{name}`",
-            reported.get("description", "").replace("\n", " "),
-            allowed(reported),
-            unit(name, reported),
-            "**needed**" if needed else _default(reported),
+            schema.get("description", "").replace("\n", " "),
+            allowed(schema),
+            unit(name, schema),
+            "**needed**" if needed else _default(schema),
             _code(examples[name]) if name in examples else "",
         ]
         rows.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
     return "\n".join(rows) + "\n"
 
 
-def unit(name: str, reported: Any) -> str:
+def unit(name: str, schema: Any) -> str:
     """Unit that the field's name ends in."""
-    if _words(reported):
+    if _words(schema):
         return ""
     return next((unit for end, unit in UNITS.items() if name.endswith(end)), "")
 
 
-def _words(reported: Any) -> bool:
-    return "enum" in reported or "const" in reported
+def _words(schema: Any) -> bool:
+    return "enum" in schema or "const" in schema
 
 
-def _default(reported: Any) -> str:
-    value = reported.get("default")
+def _default(schema: Any) -> str:
+    value = schema.get("default")
     if value is None or value == [] or value == "" or value == {}:
         return "*none*"
     if isinstance(value, dict):
@@ -310,52 +310,52 @@ def _short(value: Any) -> Any:
     return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
-def allowed(reported: Any) -> str:
+def allowed(schema: Any) -> str:
     """Type and bounds of a field, in words."""
-    kinds = [allowed(part) for part in reported.get("anyOf", reported.get("oneOf", ()))]
+    kinds = [allowed(part) for part in schema.get("anyOf", schema.get("oneOf", ()))]
     kinds = list(dict.fromkeys(kind for kind in kinds if kind))
     if kinds:
-        return _bounded(" or ".join(kinds), reported)
-    if "$ref" in reported:
+        return _bounded(" or ".join(kinds), schema)
+    if "$ref" in schema:
         return "section"
-    if _words(reported):
-        return ", ".join(f"`{word}`" for word in reported.get("enum", [reported.get("const")]))
-    match reported.get("type"):
+    if _words(schema):
+        return ", ".join(f"`{word}`" for word in schema.get("enum", [schema.get("const")]))
+    match schema.get("type"):
         case "null":
             return ""
         case "boolean":
             return "`true`, `false`"
         case "array":
-            return _list(reported)
+            return _list(schema)
         case "object":
-            return _mapping(reported)
+            return _mapping(schema)
         case "string":
-            return "file" if reported.get("format") == "path" else "text"
+            return "file" if schema.get("format") == "path" else "text"
         case "number" | "integer" as kind:
-            return _bounded("number" if kind == "number" else "whole number", reported)
+            return _bounded("number" if kind == "number" else "whole number", schema)
     return "anything"
 
 
-def _bounded(kind: str, reported: Any) -> str:
+def _bounded(kind: str, schema: Any) -> str:
     """A number and its bounds, but for those that nobody meets."""
     signs = {"minimum": "≥", "exclusiveMinimum": ">", "maximum": "≤", "exclusiveMaximum": "<"}
     ends = [
         f"{sign} {bound:.7g}"
         for name, sign in signs.items()
-        if (bound := reported.get(name)) is not None and abs(bound) < MET
+        if (bound := schema.get(name)) is not None and abs(bound) < MET
     ]
     return " ".join([kind, " and ".join(ends)]).strip()
 
 
-def _list(reported: Any) -> str:
-    if "prefixItems" in reported:
-        parts = [allowed(part) for part in reported["prefixItems"]]
+def _list(schema: Any) -> str:
+    if "prefixItems" in schema:
+        parts = [allowed(part) for part in schema["prefixItems"]]
         same = len(set(parts)) == 1
         return f"{len(parts)} × {parts[0]}" if same else "[" + ", ".join(parts) + "]"
-    inside = allowed(reported.get("items", {}))
+    inside = allowed(schema.get("items", {}))
     if inside == "section" or " or section" in inside:
         inside = "section"
-    low, high = reported.get("minItems"), reported.get("maxItems")
+    low, high = schema.get("minItems"), schema.get("maxItems")
     if low == high and low is not None:
         return f"{low} × ({inside})"
     ends = [f"{low} or more" if low else "", f"{high} at most" if high else ""]
@@ -363,16 +363,16 @@ def _list(reported: Any) -> str:
     return f"list of {inside}" + (f" ({count})" if count else "")
 
 
-def _mapping(reported: Any) -> str:
-    inside = reported.get("additionalProperties")
+def _mapping(schema: Any) -> str:
+    inside = schema.get("additionalProperties")
     if not isinstance(inside, dict):
         return "mapping"
-    return f"mapping from {_keys(reported)} to {allowed(inside)}"
+    return f"mapping from {_keys(schema)} to {allowed(inside)}"
 
 
-def _keys(reported: Any) -> str:
+def _keys(schema: Any) -> str:
     """Spectra are from wavelengths, all others from names."""
-    return "nm" if allowed(reported["additionalProperties"]).startswith("number") else "name"
+    return "nm" if allowed(schema["additionalProperties"]).startswith("number") else "name"
 
 
 def _bsdf_table() -> Iterator[str]:

@@ -65,8 +65,8 @@ def drawn_scenes(files: list[Path]) -> list[Floats]:
     """Images (H, W) of the families to learn from."""
     result = []
     for file in files:
-        reported = np.load(file)
-        result += list(reported["image"][np.isin(reported["family"], FITTED)].astype(np.float64))
+        archive = np.load(file)
+        result += list(archive["image"][np.isin(archive["family"], FITTED)].astype(np.float64))
     return result
 
 

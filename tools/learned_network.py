@@ -82,26 +82,26 @@ class Pairs:
         features = []
         result: dict[tuple[int, ...], list[tuple[Floats, ...]]] = defaultdict(list)
         for file in files:
-            reported = np.load(file)
+            archive = np.load(file)
             displayed = [
                 NetworkInput(*each)
                 for each in zip(
-                    reported["first"],
-                    reported["better"],
-                    reported["deviation"],
-                    reported["share"],
-                    reported["noise"],
+                    archive["first"],
+                    archive["better"],
+                    archive["deviation"],
+                    archive["share"],
+                    archive["noise"],
                     strict=True,
                 )
             ]
             maps = np.array([each.maps() for each in displayed])
             numbers = np.array([each.numbers() for each in displayed])
-            columns = maps, numbers, reported["better"], reported["deviation"], reported["truth"]
-            visible = (reported["truth"] ** 2).mean(axis=(1, 2)) < LARGEST
+            columns = maps, numbers, archive["better"], archive["deviation"], archive["truth"]
+            visible = (archive["truth"] ** 2).mean(axis=(1, 2)) < LARGEST
             features += [
                 each.features() for each, seen in zip(displayed, visible, strict=True) if seen
             ]
-            result[reported["truth"].shape[1:]].append(tuple(column[visible] for column in columns))
+            result[archive["truth"].shape[1:]].append(tuple(column[visible] for column in columns))
         self.groups = [
             [torch.from_numpy(np.concatenate(column)) for column in zip(*each, strict=True)]
             for each in result.values()
@@ -168,8 +168,8 @@ def trained(train: Pairs, aside: Pairs, steps: int, start: Path | None) -> Net:
     rng = np.random.default_rng(SEED)
     net = Net()
     if start is not None:
-        reported = np.load(start)
-        weights = {name: torch.from_numpy(reported[name]).float() for name in net.state_dict()}
+        archive = np.load(start)
+        weights = {name: torch.from_numpy(archive[name]).float() for name in net.state_dict()}
         net.load_state_dict(weights)
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(

@@ -45,9 +45,9 @@ def main() -> int:
     """Clone, go, and say whether it took less than ten minutes."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="clone into it, and leave it")
-    retained = parser.parse_args().keep
+    folder = parser.parse_args().keep
     with tempfile.TemporaryDirectory() as passing:
-        clone = (retained or Path(passing) / "spisim").absolute()
+        clone = (folder or Path(passing) / "spisim").absolute()
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
         seconds = go(clone)
         report = clone / "mine" / "study" / "report.html"

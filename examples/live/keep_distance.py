@@ -23,7 +23,7 @@ from reconstruction.base.errors import InputError
 from reconstruction.live import Kind, Loop, Message, Outcome, Pose, Reception, command, pack
 from reconstruction.live.links import Outlet, Source, source_at
 
-RETAINED_M = 2.0
+TARGET_M = 2.0
 GAIN_PER_S = 8.0
 """An error goes to 1/e in an eighth of a second; 117 frames a second would bear 50 of it."""
 MAX_M_S = 1.0
@@ -63,7 +63,7 @@ class Autopilot:
         ranges = outcome.result.ranges
         distance_m, sigma_m = distance(ranges, outcome.stream.setup.spots.directions)
         if np.isfinite(distance_m):
-            wanted_m_s = GAIN_PER_S * (distance_m - RETAINED_M)
+            wanted_m_s = GAIN_PER_S * (distance_m - TARGET_M)
             self._ahead_m += np.clip(wanted_m_s, -MAX_M_S, MAX_M_S) * (time_s - self._time_s)
         self._time_s = time_s
         self.rows.append((time_s, self._ahead_m, distance_m, sigma_m, *ranges.range_m))
@@ -108,8 +108,8 @@ def fly(link: Source, seconds: float) -> Autopilot:
         connections = reception.counts.connections
         while not (pilot.over or (reception.over and reception.queue.over)):
             loop.step(0.05)
-            given, connections = connections, reception.counts.connections
-            pilot.ask_again(reconnected=connections > given)
+            previous, connections = connections, reception.counts.connections
+            pilot.ask_again(reconnected=connections > previous)
     if reception.failure is not None:
         raise reception.failure
     return pilot
@@ -118,10 +118,10 @@ def fly(link: Source, seconds: float) -> Autopilot:
 def tell(pilot: Autopilot) -> None:
     """Once a second."""
     if pilot.rows:
-        time_s, reported_m, distance_m, sigma_m, *_ = pilot.rows[-1]
+        time_s, commanded_m, distance_m, sigma_m, *_ = pilot.rows[-1]
         print(
             f"{time_s:6.2f} s: {distance_m:.3f} m, sigma {1e3 * sigma_m:.1f} mm; "
-            f"told to be {reported_m:+.3f} m ahead",
+            f"told to be {commanded_m:+.3f} m ahead",
             file=sys.stderr,
         )
 
@@ -144,7 +144,7 @@ def main() -> int:
     if options.log is not None:
         with options.log.open("w", newline="", encoding="ascii") as file:
             csv.writer(file).writerows([COLUMNS, *pilot.rows])
-    off_m = [abs(row[2] - RETAINED_M) for row in pilot.rows]
+    off_m = [abs(row[2] - TARGET_M) for row in pilot.rows]
     settled = next((n for n, each in enumerate(off_m) if each < 0.1), len(off_m))
     print(f"{len(off_m)} frames, settled after {settled}; as it saw it, never farther off than")
     print(f"{1e3 * max(off_m[settled:], default=np.nan):.0f} mm since.")

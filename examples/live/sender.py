@@ -120,12 +120,12 @@ def counts(frame):
 
 def stream(frames):
     """All messages."""
-    reported = setup()
-    mine = binascii.crc32(reported)
+    announced = setup()
+    mine = binascii.crc32(announced)
     for frame in range(frames):
         time_ns = frame * PERIOD_NS
         if frame % 128 == 0:  # once a second, for those who came later
-            yield message(SETUP, reported, frame, time_ns, mine)
+            yield message(SETUP, announced, frame, time_ns, mine)
         payload = struct.pack(f"<{EXPOSURES}H16H", *counts(frame), *TAPS)
         yield message(FRAME, payload, frame, time_ns, mine)
     yield message(END, b"", frames, frames * PERIOD_NS, mine)

@@ -64,6 +64,16 @@ class Options:
         Whether to use lamps, which have no unit.
     surfaces
         Whether to guess materials, or use them as the file has them.
+    scale
+        Metres per unit, further to `units`.
+    materials
+        A file that maps names of materials to those of `spisim materials`.
+    model_path
+        Folders to search for models.
+    position_m, look_at_m
+        Pose of the drone, by default chosen from the scene's size.
+    overwrite
+        Whether to replace existing files.
     """
 
     units: str = "auto"
@@ -109,8 +119,6 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         The scene file to write.
     options
         How to read the file.
-    overwrite
-        Whether to replace an existing file.
 
     Returns
     -------

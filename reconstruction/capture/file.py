@@ -147,12 +147,12 @@ class CaptureFile:
             return truth if still or start == 0 else None
         frame = file.numbers("truth/frame").ravel()
         still = bool(file.number("truth/still"))
-        given = np.flatnonzero(still | (frame >= start) & (frame < stop))
-        if not given.size:
+        frames = np.flatnonzero(still | (frame >= start) & (frame < stop))
+        if not frames.size:
             return None
         sizes = axis_sizes(self.setup.plan)
         _check_shapes(file, "truth", Truth, sizes)
-        truth = _read(file, "truth", Truth, slice(given[0], given[-1] + 1))
+        truth = _read(file, "truth", Truth, slice(frames[0], frames[-1] + 1))
         check_part("truth", truth, axis_sizes(self.setup.plan))
         return truth if still else replace(truth, frame=truth.frame - start)
 

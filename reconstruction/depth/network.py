@@ -76,16 +76,16 @@ class DepthNetwork:
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        retained = positive(layer("enter", half, numbers))
-        retained = positive(layer("before", retained))
-        quarter = positive(layer("down", squares_as_channels(retained)))
+        features = positive(layer("enter", half, numbers))
+        features = positive(layer("before", features))
+        quarter = positive(layer("down", squares_as_channels(features)))
         quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
         eighth = positive(layer("deeper", squares_as_channels(quarter)))
         eighth = layer.changed("deep", eighth, DEEP_BLOCKS)
         quarter = positive(quarter + channels_as_squares(layer("rise", eighth)))
         quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
-        retained = positive(retained + channels_as_squares(layer("up", quarter)))
-        return channels_as_squares(layer("leave", positive(layer("after", retained))))
+        features = positive(features + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", features))))
 
 
 def logistic(values: Floats) -> Floats:

@@ -117,17 +117,17 @@ def _spots(rangings: Sequence[Ranges]) -> list[dict[str, float | None]]:
         np.array([getattr(each, name) for each in rangings]) for name in ("range_m", "sigma_m")
     )
     result = []
-    for spot, given in enumerate(ranged.T):
-        pairs = given[1:] & given[:-1]
+    for spot, has_range in enumerate(ranged.T):
+        pairs = has_range[1:] & has_range[:-1]
         spread = _rms(_differences(range_m[:, spot], 1)[pairs])
-        sigma = _rms(sigma_m[given, spot])
+        sigma = _rms(sigma_m[has_range, spot])
         result.append(
             {
-                "range_m": number(range_m[given, spot].mean()) if given.any() else None,
+                "range_m": number(range_m[has_range, spot].mean()) if has_range.any() else None,
                 "spread_m": spread,
                 "sigma_m": sigma,
                 "spread_ratio": _ratio(spread, sigma),
-                "ranged": float(given.mean()),
+                "ranged": float(has_range.mean()),
             }
         )
     return result

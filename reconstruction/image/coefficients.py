@@ -124,14 +124,14 @@ class CoefficientDecoder:
         measured = None if usable is None else self._decoder.measured(usable)
         if measured is not None:
             values[~measured] = 0
-        given, levels = np.isfinite(variance), CERTAIN
-        given = given if usable is None else given & usable
-        if not given.any():
+        finite, levels = np.isfinite(variance), CERTAIN
+        finite = finite if usable is None else finite & usable
+        if not finite.any():
             estimated = self._estimated(signal, values, usable, measured)
             levels = estimated.relative
             variance = np.full(variance.shape, estimated.mean**2)
-        elif not given.all():
-            variance = np.where(given, variance, np.median(variance[given]))
+        elif not finite.all():
+            variance = np.where(finite, variance, np.median(variance[finite]))
         if self._uniform:
             values, left = self._unshared(values, variance, measured)
             noise = np.full(

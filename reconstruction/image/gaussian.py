@@ -116,13 +116,13 @@ class GaussianModel:
 
     def _noise(self, measured: NDArray[Any], noise: Floats) -> tuple[Floats, float | None]:
         """Positive noise (K,), and its ratio to the usual noise, None if that is not constant."""
-        given, usual = np.isfinite(noise), self.usual
-        if not given.all():
-            measured, usual = measured[given], usual[given]
+        finite, usual = np.isfinite(noise), self.usual
+        if not finite.all():
+            measured, usual = measured[finite], usual[finite]
         size = np.abs(measured / usual)
         minimum = MIN_NOISE * float(np.sqrt(size @ size / size.size))
         noise = np.maximum(noise, minimum * self.usual)
-        relative = (noise if given.all() else noise[given]) / usual
+        relative = (noise if finite.all() else noise[finite]) / usual
         largest = relative.max()
         if largest - relative.min() > ALIKE * largest:
             return noise, None

@@ -111,12 +111,12 @@ class Network:
 
     def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
         half, layer = squares_as_channels(maps), self._layers
-        retained = positive(layer("enter", half, numbers))
-        retained = positive(layer("before", retained))
-        quarter = positive(layer("down", squares_as_channels(retained)))
+        features = positive(layer("enter", half, numbers))
+        features = positive(layer("before", features))
+        quarter = positive(layer("down", squares_as_channels(features)))
         quarter = layer.changed("wide", quarter, WIDE_LAYERS // 2)
-        retained = positive(retained + channels_as_squares(layer("up", quarter)))
-        return channels_as_squares(layer("leave", positive(layer("after", retained))))
+        features = positive(features + channels_as_squares(layer("up", quarter)))
+        return channels_as_squares(layer("leave", positive(layer("after", features))))
 
 
 def load(file: Path) -> Network:

@@ -108,10 +108,10 @@ def candidate_layouts(
             except Exception:  # for other patterns, seeded, or from a faulty package
                 continue
             for name in sequences:
-                retained = _rows_of(exposures, name)
-                if not 1 < retained <= len(rows):
+                count = _rows_of(exposures, name)
+                if not 1 < count <= len(rows):
                     continue
-                index, sign = SEQUENCES[name](rows[:retained], 0)
+                index, sign = SEQUENCES[name](rows[:count], 0)
                 plan = PatternPlan(basis.shape, index, sign, order, basis)
                 plan = transposed(plan) if turned else plan
                 if (key := (plan.index.tobytes(), sign.tobytes())) not in seen:

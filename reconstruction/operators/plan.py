@@ -149,14 +149,12 @@ def make_plan(
     """
     rows_of = basis_of(basis, shape) if isinstance(basis, str) else basis
     rows = rows_of.rows
-    retained = rows if patterns is None else patterns
-    if not 1 <= retained <= rows:
+    count = rows if patterns is None else patterns
+    if not 1 <= count <= rows:
         height, width = rows_of.shape
-        raise InputError(
-            f"patterns = {retained}: must lie in 1..{rows} for {height} x {width} pixels"
-        )
+        raise InputError(f"patterns = {count}: must lie in 1..{rows} for {height} x {width} pixels")
     order = order or rows_of.usual_order
-    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:retained], polarity)
+    index, sign = _exposures(rows_of, ordered_rows(rows_of, order)[:count], polarity)
     return PatternPlan(shape, index, sign, order, rows_of)
 
 

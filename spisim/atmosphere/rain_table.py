@@ -97,13 +97,13 @@ def _drops(
     phase[0] = phase[1 : near + 1].mean()  # the plateau under the peak
     weights, back = solid_angle_weights(ANGLES_DEG), ANGLES_DEG >= 180 - GLORY_DEG
     phase[back] = np.average(phase[back], weights=weights[back])
-    retained = weights @ phase
+    integral = weights @ phase
     return (
         sums.extinction_m2 / area_m2,
         sums.scattering_m2 / sums.extinction_m2,
         sums.forward_m2 / sums.scattering_m2,
-        1 - float(retained),
-        phase / retained,
+        1 - float(integral),
+        phase / integral,
     )
 
 

@@ -133,18 +133,18 @@ def test_visibility_and_water_may_agree_but_not_contradict() -> None:
 
 
 def test_what_nature_does_not_have_is_doubted() -> None:
-    (sigma_factor,) = fog(10, "heavy-advection").warnings
-    assert "5.05 g/m³" in sigma_factor
-    assert "10 m" in sigma_factor
-    assert sigma_factor.endswith("at the same visibility moderate-radiation holds 0.71")
-    (sigma_factor,) = fog(30, "heavy-advection", "mor").warnings  # as 39.2 m by Koschmieder
-    assert "heavy-radiation holds 0.37 and moderate-radiation holds 0.18" in sigma_factor
-    (sigma_factor,) = fog(5, "moderate-radiation").warnings
-    assert sigma_factor.endswith("natural fog holds up to 1")
+    (warning,) = fog(10, "heavy-advection").warnings
+    assert "5.05 g/m³" in warning
+    assert "10 m" in warning
+    assert warning.endswith("at the same visibility moderate-radiation holds 0.71")
+    (warning,) = fog(30, "heavy-advection", "mor").warnings  # as 39.2 m by Koschmieder
+    assert "heavy-radiation holds 0.37 and moderate-radiation holds 0.18" in warning
+    (warning,) = fog(5, "moderate-radiation").warnings
+    assert warning.endswith("natural fog holds up to 1")
     assert fog(100, "heavy-advection").warnings == ()
     assert fog(10, "moderate-radiation").warnings == ()
-    (sigma_factor,) = fog(2, "haze-h").warnings
-    assert "particles per cm³" in sigma_factor
+    (warning,) = fog(2, "haze-h").warnings
+    assert "particles per cm³" in warning
     assert combine([fog(10, "heavy-advection"), rain(10)]).warnings[0].startswith("heavy-advection")
 
 

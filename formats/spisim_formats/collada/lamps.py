@@ -9,7 +9,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim_formats.library.content import Content, Glow
-from spisim_formats.library.files import displayed
+from spisim_formats.library.files import quoted
 from spisim_formats.library.units import at_a_metre
 
 #: COLLADA's default attenuation.
@@ -23,7 +23,7 @@ def light(lamp: Any, to_world: Floats, name: str, content: Content) -> list[Glow
     strength = float(np.mean(np.asarray(lamp.color, float)[:3]))
     direction = -to_world[:3, 2]
     length = float(np.linalg.norm(direction))
-    what = f"lamp {displayed(name)}"
+    what = f"lamp {quoted(name)}"
     if not isinstance(lamp, DirectionalLight | PointLight | SpotLight):
         content.note(f"{what}: ambient light is left out; see `ambient` in the scene file")
         return []

@@ -12,7 +12,7 @@ from typing import Any
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 from spisim_formats.library.content import LEFT_OUT, Content
-from spisim_formats.library.files import displayed
+from spisim_formats.library.files import quoted
 
 #: Elements that instantiate library content, and the part of a node that is lost with it.
 INSTANCES = ("geometry", "controller", "camera", "light", "node", "material")
@@ -70,13 +70,13 @@ def _dangling(root: Element) -> Iterable[tuple[Element, str]]:
         reference = _reference(element)
         if reference.startswith("#") and reference[1:] not in available:
             kind = _tag(element).removeprefix("instance_")
-            yield element, f"{kind} {displayed(reference)} is not in the file"
+            yield element, f"{kind} {quoted(reference)} is not in the file"
 
 
 def _unusable(root: Element) -> Iterable[tuple[Element, str]]:
     """Yield nodes with invalid transforms, and geometries with invalid numbers."""
     for element in root.iter():
-        name = displayed(element.get("name") or element.get("id") or "")
+        name = quoted(element.get("name") or element.get("id") or "")
         if _tag(element) == "node":
             for child in element:
                 if not _is_placing(child):
@@ -129,7 +129,7 @@ def _unread(root: Element) -> Iterable[tuple[Element, str]]:
                     getattr(document, library).append(made)
             except Exception as error:  # of any kind, within pycollada
                 why = " ".join(str(error.msg).split()) if isinstance(error, DaeError) else "damaged"
-                yield element, f"{kind} {displayed(element.get('id', ''))}: {why:.200}"
+                yield element, f"{kind} {quoted(element.get('id', ''))}: {why:.200}"
 
 
 def _mend_pictures(root: Element) -> bool:

@@ -23,7 +23,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.textures import Texture
 from spisim_formats.library.xml import parse_lenient_xml
 
@@ -96,7 +96,7 @@ class _Walk:
         if self._nodes > MAX_NODES:
             raise LimitError(f"more than {MAX_NODES:,} nodes (instances counted)")
         if depth > MAX_DEPTH:
-            raise LimitError(f"node {displayed(name)}: nodes are nested more than {MAX_DEPTH} deep")
+            raise LimitError(f"node {quoted(name)}: nodes are nested more than {MAX_DEPTH} deep")
         if isinstance(node, NodeNode):  # an instance
             node = node.node
         if isinstance(node, Node):
@@ -104,7 +104,7 @@ class _Walk:
             for child in node.children:
                 self.add(child, to_world, node.name or node.id or name, depth + 1)
             return
-        with self._content.leaving_out(f"node {displayed(name)}"):
+        with self._content.leaving_out(f"node {quoted(name)}"):
             if isinstance(node, GeometryNode):
                 self._add_geometry(node.geometry, node.materials, parent, name)
             elif isinstance(node, ControllerNode):
@@ -144,10 +144,10 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
     name = geometry.name or geometry.id
     result = []
     for primitive in geometry.primitives:
-        with content.leaving_out(f"geometry {displayed(name)}"):
+        with content.leaving_out(f"geometry {quoted(name)}"):
             triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
             if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
-                content.note(f"geometry {displayed(name)}: lines are left out")
+                content.note(f"geometry {quoted(name)}: lines are left out")
                 continue
             mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
             check_mesh(mesh, name)

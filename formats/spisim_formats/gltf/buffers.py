@@ -81,12 +81,12 @@ class Buffers:
         return np.ndarray(shape, kind, data, start, (stride, kind.itemsize)).copy()
 
     def _with_sparse(self, sparse: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
-        count, positions, given = whole(sparse, "count"), sparse["indices"], sparse["values"]
+        count, indices, given = whole(sparse, "count"), sparse["indices"], sparse["values"]
         numbers = np.frombuffer(
-            self.view(positions["bufferView"]),
-            KINDS[positions["componentType"]],
+            self.view(indices["bufferView"]),
+            KINDS[indices["componentType"]],
             count,
-            whole(positions, "byteOffset", 0),
+            whole(indices, "byteOffset", 0),
         )
         new = np.frombuffer(
             self.view(given["bufferView"]),

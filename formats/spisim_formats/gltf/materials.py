@@ -11,7 +11,7 @@ from typing import Any
 from reconstruction.base.errors import InputError
 from spisim_formats.gltf.buffers import Buffers, unquoted, within
 from spisim_formats.library.content import Content, Surface
-from spisim_formats.library.files import Folders, displayed
+from spisim_formats.library.files import Folders, quoted
 from spisim_formats.library.metallic import Metallic
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
@@ -153,6 +153,6 @@ def _image(
         if uri.startswith("data:"):
             return Texture(name, within(uri))
     except (InputError, ValueError):
-        content.note(f"{displayed(name)} is damaged: this texture is not used")
+        content.note(f"{quoted(name)} is damaged: this texture is not used")
         return None
     return content.texture(unquoted(uri), path.parent, folders, "texture")

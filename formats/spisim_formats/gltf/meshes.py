@@ -14,7 +14,7 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.shapes import MAX_TRIANGLES, check_mesh
 from spisim_formats.gltf.buffers import Buffers, at, library
 from spisim_formats.library.content import Content, with_texture_coordinates
-from spisim_formats.library.files import displayed
+from spisim_formats.library.files import quoted
 
 TRIANGLES, STRIP, FAN = 4, 5, 6
 DRACO = "KHR_draco_mesh_compression"
@@ -38,9 +38,9 @@ def read_meshes(
         name = row.get("name") or f"mesh {number}"
         primitives = []
         for primitive in row.get("primitives", []):
-            with content.leaving_out(f"mesh {displayed(name)}"):
+            with content.leaving_out(f"mesh {quoted(name)}"):
                 if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
-                    content.note(f"mesh {displayed(name)}: points and lines are left out")
+                    content.note(f"mesh {quoted(name)}: points and lines are left out")
                     continue
                 mesh = _mesh(primitive, buffers)
                 check_mesh(mesh, name)

@@ -29,7 +29,7 @@ from spisim_formats.library.content import (
     scaling,
     translation,
 )
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -152,7 +152,7 @@ def _add(
 ) -> None:
     for each in primitives:
         surface = Surface()
-        with content.leaving_out(f"the material of mesh {displayed(each.name)}"):
+        with content.leaving_out(f"the material of mesh {quoted(each.name)}"):
             if each.material is not None:
                 surface = at(surfaces, each.material, "material")
         content.add(Part(node.get("name") or each.name, each.mesh, to_world, surface))

@@ -204,7 +204,6 @@ class Content:
         return Texture(name, path)
 
 
-#: Reads the parts of a file, which may refer to others in the folders.
 def pose_faults(matrices: Floats) -> dict[int, str]:
     """Return faults of (n, 4, 4) matrices that are not finite, not affine, or flat."""
     finite = np.asarray(np.isfinite(matrices).all(axis=(1, 2)))

@@ -12,7 +12,7 @@ from reconstruction.base.errors import InputError, LimitError, nearest
 MAX_FILE_BYTES = 2 * 1024**3
 
 #: Characters of a reference that messages quote.
-MAX_DISPLAYED = 200
+MAX_QUOTED = 200
 
 #: Schemes that begin with the name of a model in one of the folders.
 MODEL_SCHEMES = ("model", "package")
@@ -53,7 +53,7 @@ class Folders:
             inside = [path for path in resolved if self._holds(path)]
             result = [path for path in inside if path.exists()]
         except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
-            raise InputError(f"{referrer}: {displayed(reference)} is no usable path") from None
+            raise InputError(f"{referrer}: {quoted(reference)} is no usable path") from None
         if result:
             return result[0]
         if not inside:
@@ -61,7 +61,7 @@ class Folders:
         searched = ", ".join(dict.fromkeys(str(path.parent) for path in inside))
         closed = [str(folder) for folder in more if not self._holds(folder.resolve())]
         hint = f"; --model-path allows to read in {', '.join(closed)}, too" if closed else ""
-        raise InputError(f"{referrer}: no file {displayed(reference)}; searched {searched}{hint}")
+        raise InputError(f"{referrer}: no file {quoted(reference)}; searched {searched}{hint}")
 
     def check_inside(self, path: Path, reference: str, referrer: str) -> None:
         """Raise InputError for an existing file that may not be read."""
@@ -70,7 +70,7 @@ class Folders:
 
     def _outside(self, reference: str, referrer: str) -> InputError:
         return InputError(
-            f"{referrer}: {displayed(reference)} lies outside the folders that may be read "
+            f"{referrer}: {quoted(reference)} lies outside the folders that may be read "
             f"({self._list()}); copy it there or name its folder with --model-path"
         )
 
@@ -91,11 +91,11 @@ class Folders:
             if copy := self._downloaded(rest):
                 return [copy]
             raise InputError(
-                f"{referrer}: {displayed(reference)} is on the network, which is never read; "
+                f"{referrer}: {quoted(reference)} is on the network, which is never read; "
                 "download it and refer to the file"
             )
         candidate = nearest(scheme, ("model", "file"))
-        raise InputError(f"{referrer}: {displayed(reference)} has an unknown scheme: {candidate}")
+        raise InputError(f"{referrer}: {quoted(reference)} has an unknown scheme: {candidate}")
 
     def _downloaded(self, address: str) -> Path | None:
         """Return the download of `fuel…/1.0/OWNER/models/NAME[/VERSION/files/FILE]`, or None.
@@ -150,6 +150,6 @@ def _split(reference: str) -> tuple[str, str]:
     return parts.scheme.lower(), unquote(parts.netloc + parts.path)
 
 
-def displayed(reference: str) -> str:
+def quoted(reference: str) -> str:
     """Quote a reference or name for messages, truncated if long."""
-    return repr(reference if len(reference) <= MAX_DISPLAYED else f"{reference[:MAX_DISPLAYED]}…")
+    return repr(reference if len(reference) <= MAX_QUOTED else f"{reference[:MAX_QUOTED]}…")

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene.pose import pose_matrix
-from spisim_formats.library.files import displayed
+from spisim_formats.library.files import quoted
 from spisim_formats.library.xml import numbers
 
 SEPARATOR = "::"
@@ -54,7 +54,7 @@ class Frames:
         if not name:
             raise InputError(f"{self._what}: {NAMELESS}")
         if name in self._poses or name == self._root:
-            raise InputError(f"{self._what}: two things in it are named {displayed(name)}")
+            raise InputError(f"{self._what}: two things in it are named {quoted(name)}")
         self._poses[name] = (pose, relative_to)
         if inner is not None:
             self._inner[name] = inner
@@ -92,7 +92,7 @@ class Frames:
         if separator and outer in self._inner:
             return self.pose(outer, (*path, name)) @ self._inner[outer].pose(rest)
         candidate = nearest(name, (self._root, *self._poses))
-        raise InputError(f"{self._what}: no frame {displayed(name)}: {candidate}")
+        raise InputError(f"{self._what}: no frame {quoted(name)}: {candidate}")
 
 
 def _chain(*names: str) -> str:

@@ -21,7 +21,7 @@ from PIL import Image
 from reconstruction.base.errors import InputError
 from spisim.base.config.linear import LINEAR
 from spisim.scene.shapes import texture_coordinates
-from spisim_formats.library.files import displayed, read_bytes
+from spisim_formats.library.files import quoted, read_bytes
 
 RULE = 0.7
 RULE_TEXT = f"{RULE:g} times its mean red, with sRGB's gamma"
@@ -85,7 +85,7 @@ class Pictured:
         try:
             red, fraction = read_red(texture)
         except InputError as error:
-            self.notes.append(f"texture {displayed(texture.name)}: {error}; it is not used")
+            self.notes.append(f"texture {quoted(texture.name)}: {error}; it is not used")
             return None
         mean = float(np.average(red, weights=fraction if fraction.any() else None))
         name, number = f"texture {texture.stem}"[:80], 1

@@ -21,7 +21,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.textures import Texture
 
@@ -122,7 +122,7 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
     if not isinstance(mesh, trimesh.Trimesh):
         content.note(f"{path.name}: points and lines are left out")
         return
-    with content.leaving_out(f"mesh {displayed(name)}"):
+    with content.leaving_out(f"mesh {quoted(name)}"):
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         check_mesh(plain, name)
         if (uv := texture_coordinates(mesh)) is not None:

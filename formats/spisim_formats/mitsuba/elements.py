@@ -18,7 +18,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
@@ -74,7 +74,7 @@ class Source:
     """The elements of a scene, and the folders in which it looks for files, the scene's first."""
 
     elements: Elements
-    positions: tuple[Path, ...]
+    folders: tuple[Path, ...]
 
 
 def read_source(path: Path, folders: Folders) -> Source:
@@ -85,26 +85,26 @@ def read_source(path: Path, folders: Folders) -> Source:
     """
     reader = _Reader(path, folders)
     reader.read(path, (path.resolve(),), ())
-    return Source(reader.elements, (path.parent, *reader.positions, *folders.roots))
+    return Source(reader.elements, (path.parent, *reader.folders, *folders.roots))
 
 
 class _Reader:
     def __init__(self, top: Path, folders: Folders) -> None:
         self.elements: Elements = []
-        self.positions: tuple[Path, ...] = ()  # of the scene file itself
+        self.folders: tuple[Path, ...] = ()  # of the scene file itself
         self._top = top
         self._folders = folders
         self._parameters: dict[str, str] = {}
         self._includes = 0
 
-    def read(self, path: Path, chain: tuple[Path, ...], positions: tuple[Path, ...]) -> None:
+    def read(self, path: Path, chain: tuple[Path, ...], folders: tuple[Path, ...]) -> None:
         root = parse_xml(read_bytes(path), path)
         if root.tag != "scene":
             raise InputError(f"{path}: is no Mitsuba scene: its root is <{root.tag}>, not <scene>")
         version = root.get("version", "")
         if not re.match(r"[23]\.", version):
             raise InputError(
-                f"{path}: version {displayed(version)}: Mitsuba scene format 2 or 3 is expected; "
+                f"{path}: version {quoted(version)}: Mitsuba scene format 2 or 3 is expected; "
                 "Mitsuba 3 itself upgrades older files"
             )
         for element in root:
@@ -114,20 +114,20 @@ class _Reader:
                 name, value = element.get("name", ""), element.get("value", "")
                 self._parameters.setdefault(name, value)
             elif element.tag == "path":
-                positions = (path.parent / element.get("value", ""), *positions)
+                folders = (path.parent / element.get("value", ""), *folders)
                 if path == self._top:
-                    self.positions = positions
+                    self.folders = folders
             elif element.tag == "include":
-                self._include(element.get("filename", ""), path, chain, positions)
+                self._include(element.get("filename", ""), path, chain, folders)
             elif element.tag not in UNUSED:
-                self._take(element, path, positions)
+                self._take(element, path, folders)
 
     def _include(
-        self, name: str, path: Path, chain: tuple[Path, ...], positions: tuple[Path, ...]
+        self, name: str, path: Path, chain: tuple[Path, ...], folders: tuple[Path, ...]
     ) -> None:
-        what = f"{path}: include {displayed(name)}"
+        what = f"{path}: include {quoted(name)}"
         self._includes += 1
-        result = self._folders.find(name, path.parent, what, (*positions, *self._folders.roots))
+        result = self._folders.find(name, path.parent, what, (*folders, *self._folders.roots))
         if result in chain:
             names = " → ".join(str(link) for link in (*chain, result))
             raise InputError(f"{what}: includes itself: {names}")
@@ -135,9 +135,9 @@ class _Reader:
             raise InputError(
                 f"{what}: more than {MAX_INCLUDE_DEPTH} includes in one another, or {MAX_INCLUDES}"
             )
-        self.read(result, (*chain, result), positions)
+        self.read(result, (*chain, result), folders)
 
-    def _take(self, element: Element, path: Path, positions: tuple[Path, ...]) -> None:
+    def _take(self, element: Element, path: Path, folders: tuple[Path, ...]) -> None:
         around = Element("scene")
         around.append(element)
         for each in list(around.iter()):
@@ -152,18 +152,16 @@ class _Reader:
                 parts = bytes.fromhex(each.get("value", "").strip(" #"))
                 each.set("value", " ".join(str(part / 255) for part in parts))
             if each.tag == "string" and each.get("name") == "filename" and path != self._top:
-                each.set("value", self._located(each.get("value", ""), path, positions))
+                each.set("value", self._located(each.get("value", ""), path, folders))
         look = element.find("transform[@name='to_world']/lookat[@up]")
         if element.tag == "sensor" and look is not None:  # of which the parser keeps a matrix
             SubElement(element, "vector", name="up", value=look.get("up", ""))
         self.elements += [(tostring(each, "unicode"), path) for each in around]
 
-    def _located(self, name: str, path: Path, positions: tuple[Path, ...]) -> str:
+    def _located(self, name: str, path: Path, folders: tuple[Path, ...]) -> str:
         """The file that an included file refers to, or where that is missing, its name."""
         try:
-            return str(
-                self._folders.find(name, path.parent, "", (*positions, *self._folders.roots))
-            )
+            return str(self._folders.find(name, path.parent, "", (*folders, *self._folders.roots)))
         except InputError:
             return name
 

@@ -132,7 +132,7 @@ class _Shapes:
 
     def file(self, node: Node) -> Path:
         """Return the file that a node names. Raises InputError if it is missing or forbidden."""
-        beside, *more = self._source.positions
+        beside, *more = self._source.folders
         return self._folders.find(node.value("filename", ""), beside, node.what, more)
 
     def _mesh(self, node: Node, kind: str) -> list[Part]:
@@ -196,7 +196,7 @@ class _Shapes:
         """Return the image of a texture, of which only the mean fits Mitsuba's mapping."""
         key = id(node)
         if key not in self._textures:
-            beside, *more = self._source.positions
+            beside, *more = self._source.folders
             name = node.value("filename", "")
             result = self._content.texture(name, beside, self._folders, node.what, more)
             if result is not None:

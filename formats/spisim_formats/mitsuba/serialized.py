@@ -16,7 +16,7 @@ from numpy.typing import DTypeLike, NDArray
 from reconstruction.base.errors import InputError
 from spisim.scene.shapes import check_mesh, check_triangles
 from spisim_formats.library.content import readable
-from spisim_formats.library.files import MAX_FILE_BYTES, displayed, read_bytes
+from spisim_formats.library.files import MAX_FILE_BYTES, quoted, read_bytes
 
 MAGIC = 0x041C
 VERSIONS = (3, 4)
@@ -85,5 +85,5 @@ def _mesh(fields: _Fields, version: int, path: Path) -> tuple[str, trimesh.Trime
     faces = fields.take("<u4", 3 * triangles).reshape(-1, 3).astype(np.int64)
     visual = None if uv is None else trimesh.visual.TextureVisuals(uv=uv)
     mesh = trimesh.Trimesh(points, faces, process=False, visual=visual)
-    check_mesh(mesh, displayed(name))
+    check_mesh(mesh, quoted(name))
     return name, mesh

@@ -16,7 +16,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.content import Content, Glow, Part
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.frames import Frames, read_pose
 from spisim_formats.library.xml import parse_lenient_xml
 from spisim_formats.sdf.light import Light, lamp, moved, take_lights
@@ -48,7 +48,7 @@ def read_sdf(path: Path, folders: Folders) -> Content:
     if len(worlds) > 1:
         content.note(f"{path.name}: only the first of {len(worlds)} worlds is read")
     top = worlds[0] if worlds else root
-    what = f"world {displayed(top.get('name', ''))}" if worlds else path.name
+    what = f"world {quoted(top.get('name', ''))}" if worlds else path.name
     scope = _Scope(path, (path.resolve(),), what)
     frames = Frames("world", what)
     for model, pose in reader.models(top, frames, scope):
@@ -68,7 +68,7 @@ class _Scope:
     what: str
 
     def within(self, kind: str, name: str) -> _Scope:
-        return _Scope(self.path, self.chain, f"{self.what}: {kind} {displayed(name)}")
+        return _Scope(self.path, self.chain, f"{self.what}: {kind} {quoted(name)}")
 
 
 @dataclass
@@ -213,14 +213,14 @@ class _Reader:
 
     def _note_taken(self, kind: str, name: str, scope: _Scope) -> None:
         self._content.note(
-            f"{scope.what}: {kind} {displayed(name)} is called as something else; poses are "
+            f"{scope.what}: {kind} {quoted(name)} is called as something else; poses are "
             "relative to that"
         )
 
     def _include(self, element: Element, scope: _Scope) -> _PosedModel | None:
         """Return the model that an `<include>` names; None for an actor or a light."""
         uri = (element.findtext("uri") or "").strip()
-        what = f"{scope.what}: include {displayed(uri)}"
+        what = f"{scope.what}: include {quoted(uri)}"
         self._includes += 1
         if self._includes > MAX_INCLUDES:
             raise LimitError(f"{what}: more than {MAX_INCLUDES:,} includes")

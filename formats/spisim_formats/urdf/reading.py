@@ -13,7 +13,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.scene.pose import pose_matrix
 from spisim_formats.library.content import Content, Part
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.frames import Frames
 from spisim_formats.library.xml import numbers, parse_lenient_xml
 from spisim_formats.sdf.visual import Visuals
@@ -38,7 +38,7 @@ def read_urdf(path: Path, folders: Folders) -> Content:
     for link in root.findall("link"):
         name = link.get("name", "")
         for visual in link.findall("visual"):
-            what = f"link {displayed(name)}"
+            what = f"link {quoted(name)}"
             with content.leaving_out(what):
                 at_link = frames.pose(name) @ _origin(visual, what)
                 for part in visuals.read(_as_sdf(visual, colors), path, what):
@@ -53,7 +53,7 @@ def _frames(root: Element, path: Path, content: Content) -> Frames:
     frames = Frames("world", path.name)
     poses: dict[str, tuple[Floats, str] | None] = {}
     for joint in root.findall("joint"):
-        what = f"{path.name}: joint {displayed(joint.get('name', ''))}"
+        what = f"{path.name}: joint {quoted(joint.get('name', ''))}"
         parent, child = joint.find("parent"), joint.find("child")
         moved = "" if child is None else child.get("link", "")
         poses[moved] = None  # unknown unless the joint can be read
@@ -65,7 +65,7 @@ def _frames(root: Element, path: Path, content: Content) -> Frames:
         name = link.get("name", "")
         pose = poses.get(name, (np.eye(4), ""))
         if name != "world" and pose is not None:
-            with content.leaving_out(f"{path.name}: link {displayed(name)}"):
+            with content.leaving_out(f"{path.name}: link {quoted(name)}"):
                 frames.add(name, *pose)
     return frames
 

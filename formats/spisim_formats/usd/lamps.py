@@ -14,7 +14,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Glow, Part, Surface
-from spisim_formats.library.files import Folders, displayed
+from spisim_formats.library.files import Folders, quoted
 from spisim_formats.library.surround import read_linear_red, surround
 
 #: Material of a light panel that is off.
@@ -28,7 +28,7 @@ DOWN = np.diag([1.0, -1.0, -1.0, 1.0])
 
 def read_lamp(prim: Any, to_world: Floats, content: Content, folders: Folders) -> list[Glow]:
     """Convert a light to a lamp, with a note; none if it gives no light, or is unknown."""
-    kind, what = str(prim.GetTypeName()), f"lamp {displayed(prim.GetName())}"
+    kind, what = str(prim.GetTypeName()), f"lamp {quoted(prim.GetName())}"
     if kind not in MAKERS and kind not in DOMES:
         content.note(f"{what} is left out: {kind} is not read")
         return []

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path, PurePosixPath
 
 from reconstruction.base.errors import InputError, LimitError
-from spisim_formats.library.files import displayed
+from spisim_formats.library.files import quoted
 
 MAX_FILES = 10_000
 ENCRYPTED = 1
@@ -28,10 +28,10 @@ def check_package(path: Path) -> None:
     for file in files:
         parts = PurePosixPath(file.filename.replace("\\", "/"))
         if parts.is_absolute() or ".." in parts.parts or ":" in file.filename:
-            raise InputError(f"{path}: holds a file outside of it: {displayed(file.filename)}")
+            raise InputError(f"{path}: holds a file outside of it: {quoted(file.filename)}")
         if file.compress_type != zipfile.ZIP_STORED or file.flag_bits & ENCRYPTED:
             raise InputError(
-                f"{path}: {displayed(file.filename)} is compressed or encrypted, which USDZ does "
+                f"{path}: {quoted(file.filename)} is compressed or encrypted, which USDZ does "
                 "not allow; `usdzip` makes packages that are read"
             )
     if sum(file.file_size for file in files) > path.stat().st_size:

@@ -29,7 +29,7 @@ from spisim_formats.library.content import (
     readable,
     with_texture_coordinates,
 )
-from spisim_formats.library.files import Folders, displayed, read_bytes
+from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.usd.lamps import read_lamp
 from spisim_formats.usd.package import check_package
 from spisim_formats.usd.surfaces import read_surface
@@ -98,7 +98,7 @@ def _readable_layers(top: Path, folders: Folders, content: Content) -> list[Any]
             names = list(layer.GetCompositionAssetDependencies())
         layers.append(layer)
         for reference in filter(None, names):
-            what = f"{name}: layer {displayed(reference)}"
+            what = f"{name}: layer {quoted(reference)}"
             anchored = Sdf.ComputeAssetPathRelativeToLayer(layer, reference)
             result = str(Ar.GetResolver().Resolve(anchored))
             if result:
@@ -142,11 +142,11 @@ class _Stage:
             if prim.IsA(UsdGeom.Imageable) and self._is_hidden(prim):
                 walk.PruneChildren()
             elif prim.IsA(UsdGeom.PointInstancer):
-                with self._content.leaving_out(displayed(str(prim.GetPath()))):
+                with self._content.leaving_out(quoted(str(prim.GetPath()))):
                     self._add_instances(prim)
                 walk.PruneChildren()
             else:
-                with self._content.leaving_out(displayed(str(prim.GetPath()))):
+                with self._content.leaving_out(quoted(str(prim.GetPath()))):
                     self._add(prim, self._pose(prim))
 
     def _is_hidden(self, prim: Any) -> bool:
@@ -167,7 +167,7 @@ class _Stage:
         kind = str(prim.GetTypeName())
         if kind not in READERS:
             if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
-                self._content.note(f"{displayed(str(prim.GetPath()))}: {kind} is left out")
+                self._content.note(f"{quoted(str(prim.GetPath()))}: {kind} is left out")
             elif "Light" in kind and kind != "LightFilter":
                 self._content.glows += read_lamp(prim, to_world, self._content, self._folders)
             elif kind == "Camera":
@@ -188,7 +188,7 @@ class _Stage:
         key = "" if material is None else str(material.GetPath())
         if key not in self._surfaces:
             self._surfaces[key] = Surface(material.GetName() if key else None)
-            with self._content.leaving_out(f"material {displayed(key)}"):
+            with self._content.leaving_out(f"material {quoted(key)}"):
                 self._surfaces[key] = read_surface(material, self._content, self._folders)
         return self._surfaces[key]
 

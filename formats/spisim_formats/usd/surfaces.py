@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from spisim_formats.library.content import Content, Surface
-from spisim_formats.library.files import Folders, displayed
+from spisim_formats.library.files import Folders, quoted
 from spisim_formats.library.metallic import Metallic
 from spisim_formats.library.textures import Texture
 from spisim_formats.usd.package import read_from_package
@@ -135,9 +135,7 @@ def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
         return content.texture(name, folders.roots[0], folders, "texture")
     folders.check_inside(Path(package), package, "texture")
     if (data := read_from_package(name)) is None:
-        content.note(
-            f"texture: no file {displayed(inner.rstrip(']'))} in the package; it is not used"
-        )
+        content.note(f"texture: no file {quoted(inner.rstrip(']'))} in the package; it is not used")
         return None
     return Texture(inner.rstrip("]"), data)
 
@@ -146,9 +144,9 @@ def _fits(texture: Any) -> bool:
     """Return whether a texture uses the mesh's texture coordinates."""
     from pxr import UsdShade
 
-    position = _source(texture, "st")
-    if position is None or not _is_picture(position):
+    source = _source(texture, "st")
+    if source is None or not _is_picture(source):
         return False
-    reader = UsdShade.Shader(position.GetPrim())
+    reader = UsdShade.Shader(source.GetPrim())
     name = _source(reader, "varname")
     return reader.GetShaderId() == COORDINATES and name is not None and name.Get() == PRIMVAR

@@ -59,14 +59,14 @@ def plan_from_matrix(
             "displayed light, -1..1 for signed values"
         )
     displayed = bool(matrix.min() >= 0)
-    given = _hadamard_rows(2 * matrix - 1 if displayed else matrix, shape)
-    if given is None:
+    rows = _hadamard_rows(2 * matrix - 1 if displayed else matrix, shape)
+    if rows is None:
         transmittance = matrix if displayed else (1 + matrix) / 2
         basis: Basis = Dense(transmittance.reshape(-1, height, width))
         index, sign = np.arange(len(matrix), dtype=np.int32), np.ones(len(matrix), np.int8)
     else:
         basis = Hadamard(shape)
-        index, sign = given
+        index, sign = rows
     polarity = sign if displayed else np.zeros_like(sign)
     plan = PatternPlan(shape, index, polarity, patterns=basis)
     return plan, np.ones_like(sign) if displayed else sign

@@ -78,10 +78,8 @@ class LeastSquaresSolver:
             operator.usual_noise[operator.varying],
             prior.atoms.combined if shape == operator.image_shape else None,
         )
-        retained = variance[:height, :width]
-        self.precision: Floats = np.divide(
-            1, retained, out=np.zeros_like(retained), where=retained > 0
-        )
+        low = variance[:height, :width]
+        self.precision: Floats = np.divide(1, low, out=np.zeros_like(low), where=low > 0)
         higher = variance.copy()
         higher[:height, :width] = 0
         self._higher: Floats = Field(tall, wide, higher).pixel_variance

@@ -141,9 +141,9 @@ def _search(
     range_m = templates.range_m[::SEARCH]
     misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
-    minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
-    spot, node, position = np.nonzero(minimum & usable[:, None, None])
+    is_minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
+    is_minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
+    spot, node, position = np.nonzero(is_minimum & usable[:, None, None])
     return spot, node, (position + 1) * SEARCH
 
 

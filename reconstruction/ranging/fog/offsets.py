@@ -269,10 +269,10 @@ def _of_offsets(
     """Fields of `OffsetEvidence` for one unevenness."""
     information, gradient, log = _normal(left, jacobian, noise, at)
     own = np.arange(4, at.size, 3)
-    given = information.copy()
-    given[own, own] += 1 / UNKNOWN_M**2
-    covariance = inverse(given[None])[0]
-    log += (gradient @ covariance @ gradient - np.linalg.slogdet(given)[1]) / 2
+    regularised = information.copy()
+    regularised[own, own] += 1 / UNKNOWN_M**2
+    covariance = inverse(regularised[None])[0]
+    log += (gradient @ covariance @ gradient - np.linalg.slogdet(regularised)[1]) / 2
     # Marginal information about offsets, projected onto differences between the spots.
     precise = inverse(covariance[None][:, own][:, :, own])[0]
     score = precise @ (covariance @ gradient)[own]

@@ -106,14 +106,14 @@ class DirectTof(Section):
 
     def _chances(self, light: SpotLight) -> Floats:
         """Probabilities (frames, spots, bins) of a time stamp, computed once for equal light."""
-        given: dict[bytes, Floats] = {}
+        cached: dict[bytes, Floats] = {}
         stamping = self.stamping
 
         def chances(echo: Floats, steady: Any) -> Floats:
             key = echo.tobytes() + steady.tobytes()
-            if key not in given:
-                given[key] = stamping.chances(light.path_length_m, echo, float(steady))
-            return given[key]
+            if key not in cached:
+                cached[key] = stamping.chances(light.path_length_m, echo, float(steady))
+            return cached[key]
 
         return np.array(
             [

@@ -45,7 +45,7 @@ def views_of_captures(
 
     Parameters
     ----------
-    files
+    paths
         Captures.
     choice
         Methods and weather, as arguments of `Reconstructor`.
