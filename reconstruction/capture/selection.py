@@ -22,6 +22,8 @@ def first_patterns(capture: Capture, patterns: int, order: str | None = None) ->
 
     Parameters
     ----------
+    capture : Capture
+        The whole recording.
     patterns : int
         Number of pattern indices to keep per frame.
     order : str, optional

@@ -53,8 +53,12 @@ def write_outputs(result: Result, recording: Recorded, directory: str | Path) ->
 
     Parameters
     ----------
+    result : Result
+        What to write.
     recording : Recorded
         Its capture, or anything with the same setup.
+    directory : str or Path
+        Folder, which is made if it is missing.
 
     Returns
     -------

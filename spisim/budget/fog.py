@@ -54,6 +54,8 @@ def fog_budget(
 
     Parameters
     ----------
+    instrument : Instrument
+        What is budgeted.
     target : Target
         Plain numbers.
     air : Atmosphere

@@ -115,6 +115,8 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
 
     Parameters
     ----------
+    instrument : Instrument
+        What is budgeted.
     target : Target
         Gives the mean brightness; plain numbers.
 

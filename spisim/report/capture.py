@@ -63,6 +63,8 @@ def write_report(
     ----------
     path
         The HTML file, written whole or not at all.
+    capture, result
+        A capture and its reconstruction.
     metrics
         Result of `reconstruction.evaluate`.
     transport

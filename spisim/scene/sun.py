@@ -41,6 +41,8 @@ def in_band_irradiance(illuminance_klx: float, band_nm: tuple[float, float]) -> 
 
     Parameters
     ----------
+    illuminance_klx : float
+        Of daylight.
     band_nm : (float, float)
         Lower and upper wavelength, within 800 to 1600 nm.
 

@@ -57,6 +57,8 @@ def simulate(
 
     Parameters
     ----------
+    scene, instrument
+        As of `spisim.load_scene` and `spisim.load_instrument`.
     light
         "traced", or "surrogate" for an approximation, thirty times as fast, for training data; it
         ignores `spp` and `transport_noise_share`.

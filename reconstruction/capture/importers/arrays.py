@@ -211,6 +211,8 @@ def capture_from_readings(
     ----------
     readings : array
         In a layout of `readings_of`.
+    plan : PatternPlan
+        The exposed patterns.
     untrusted : iterable of int
         Indices of readings to mark as saturated.
     about : mapping

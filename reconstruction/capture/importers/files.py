@@ -26,6 +26,8 @@ def load_array(
 
     Parameters
     ----------
+    path : str or Path
+        The file.
     variable : str, optional
         Variable of a .npz or .mat with several, or column of a text by heading or number from 0.
     complex_too : bool

@@ -53,6 +53,8 @@ def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> R
     ----------
     spots : Spots
         Readings of a recording.
+    frame : int
+        Its index.
     method : str, optional
         Name; the plain method of these readings by default. `reconstruction.reconstruct` instead
         defaults to the first of `usual_rangings`.

@@ -117,8 +117,12 @@ def find_named(
     ----------
     name : str
         A path with one of the `suffixes`, or the stem of a file in `folder`.
+    folder : Path
+        Where the shipped files are.
     kind : str
         What messages call such a file.
+    suffixes : tuple of str
+        Allowed extensions.
 
     Raises
     ------

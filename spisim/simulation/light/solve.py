@@ -103,6 +103,8 @@ def solve(
 
     Parameters
     ----------
+    scene, instrument
+        As of `spisim.load_scene` and `spisim.load_instrument`.
     spp
         Paths per virtual pixel from either end.
     transport_noise_share
