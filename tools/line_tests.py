@@ -17,7 +17,7 @@ from pathlib import Path
 import coverage
 import pytest
 
-PACKAGES = ("spisim", "reconstruction")
+PACKAGES = ("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats")
 SETTINGS = """
 [run]
 source = {packages}

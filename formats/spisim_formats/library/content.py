@@ -190,13 +190,13 @@ class Content:
         the file, in `more` folders, and in the texture folders of Gazebo's models.
         """
         usual = [beside / folder for folder in TEXTURE_FOLDERS]
-        positions = [*more, *(folder for folder in usual if folder.is_dir())]
+        searched = [*more, *(folder for folder in usual if folder.is_dir())]
         reference = name.replace("\\", "/")
         try:
-            path = folders.find(reference, beside, referrer, positions)
+            path = folders.find(reference, beside, referrer, searched)
         except InputError as error:
             try:
-                path = folders.find(reference.rpartition("/")[2], beside, referrer, positions)
+                path = folders.find(reference.rpartition("/")[2], beside, referrer, searched)
             except InputError:
                 self.note(f"{error}; this texture is not used")
                 return None

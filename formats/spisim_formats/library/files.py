@@ -74,11 +74,11 @@ class Folders:
             f"({self._list()}); copy it there or name its folder with --model-path"
         )
 
-    def _candidates(self, reference: str, positions: Sequence[Path], referrer: str) -> list[Path]:
+    def _candidates(self, reference: str, searched: Sequence[Path], referrer: str) -> list[Path]:
         if not reference:
             raise InputError(f"{referrer}: the reference to a file is empty")
         scheme, rest = _split(reference)
-        beside = [position / rest for position in positions] if scheme in ("", "file") else []
+        beside = [folder / rest for folder in searched] if scheme in ("", "file") else []
         if scheme == "" or (scheme == "file" and rest.startswith("/")):
             return beside
         if scheme in (*MODEL_SCHEMES, "file"):
