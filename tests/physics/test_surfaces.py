@@ -23,7 +23,7 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
-from spisim.transport.engine import estimator
+from spisim.transport.engine import weights
 from spisim.transport.engine.estimator import Strategy
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.world import build_world
@@ -129,10 +129,10 @@ def test_one_end_and_what_only_the_other_finds_is_all_light_in_fog(name, monkeyp
 
     everything = totals(Strategy.BOTH, 1024)
     outward = totals(Strategy.PROJECTOR, 2048)
-    unique = estimator.alone._replace(
+    unique = weights.alone._replace(
         fraction=lambda others, vertex: dr.select(others == 0, 1.0, 0.0)
     )
-    monkeypatch.setattr(estimator, "alone", unique)
+    monkeypatch.setattr(weights, "alone", unique)
     only_inward = totals(Strategy.DETECTOR, 2048)
     assert abs(worlds.z_score(outward + only_inward, everything)) < 4
     assert only_inward.mean() > 0.01 * everything.mean()

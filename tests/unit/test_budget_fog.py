@@ -87,7 +87,7 @@ def test_strong_fog_is_the_strongest_pulse() -> None:
 @pytest.mark.parametrize("name", list_presets())
 def test_every_preset_has_one(name: str) -> None:
     result = asdict(fog_budget(load_instrument(name), target(4.0, FOG), FOG, LIMIT_M))
-    assert 0 < result["echo_share"] < 1
+    assert 0 < result["echo_fraction"] < 1
     assert result["sigma_m"] > 0
     assert result["longest_m"] >= 0
 
