@@ -152,9 +152,9 @@ def _require_regular(path: Path) -> None:
     if "\0" in str(path):
         raise InputError(f"{path}: a file name must not contain a null character")
     if path.is_dir():
-        raise InputError(f"{path} is a folder; the name of a file is needed")
+        raise InputError(f"{path} is a folder; a file name is needed")
     if path.exists() and not path.is_file():
-        raise InputError(f"{path} is not a regular file; the name of a file is needed")
+        raise InputError(f"{path} is not a regular file; a file name is needed")
 
 
 def _require_not_read(path: Path, inputs: Iterable[Path]) -> None:

@@ -79,7 +79,7 @@ def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
 def mesh_folder(output: Path) -> Path:
     """Mesh folder of a scene file; InputError if the file has no name."""
     if not output.name:
-        raise InputError(f"{output} is a folder; the name of a file is needed")
+        raise InputError(f"{output} is a folder; a file name is needed")
     return output.with_name(f"{output.stem}-meshes")
 
 

@@ -63,7 +63,7 @@ def test_what_is_no_regular_file_is_refused(write, tmp_path: Path) -> None:
     for path, message in {
         Path("/dev/null"): "/dev/null is not a regular file",
         tmp_path / "pipe": "pipe is not a regular file",
-        tmp_path: "is a folder; the name of a file is needed",
+        tmp_path: "is a folder; a file name is needed",
         tmp_path / "file" / "x" / "y": "file is not a folder",
     }.items():
         with pytest.raises(InputError, match=message):
