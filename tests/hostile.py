@@ -1,5 +1,6 @@
 """Many hostile inputs, tried in processes that may crash, hang or grow and harm nothing."""
 
+import gc
 import os
 import resource
 import signal
@@ -71,6 +72,8 @@ def _attack_all(
     writable: tuple[Path, ...],
 ) -> None:
     opened = _watch_files(readable, writable)
+    # What the parent holds is not this attack's: no collection of garbage walks it (or copies it).
+    gc.freeze()
     signal.signal(signal.SIGPROF, signal.SIG_DFL)
     before_mb = _peak_mb()
     for seed in seeds:
