@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.scene.rays import first_hits
+from spisim.scene.rays import PAIRS, hits
 
 #: Triangles in a block.
 BLOCK = 128
@@ -40,14 +40,16 @@ class Blocks:
     def first_hits(self, origin: Floats, rays: Floats) -> Floats:
         """Distance (n,) along each ray (n, 3) to the first hit, in ray lengths; inf if none."""
         result = np.full(len(rays), np.inf)
-        for number, ray in enumerate(rays):
-            enter, leave = self._crossed(origin, ray)
-            met = np.flatnonzero(enter <= leave)
-            for some in _pieces(met[np.argsort(enter[met])]):
-                if enter[some[0]] > result[number]:
-                    break
-                near = self.triangles[some].reshape(-1, 3, 3)
-                result[number] = min(result[number], first_hits(origin, ray[None], near)[0])
+        enter, leave = self._crossed(origin, rays)
+        enter = np.where(enter <= leave, enter, np.inf)
+        for some in _pieces(np.argsort(enter, axis=1)):
+            near = np.take_along_axis(enter, some, axis=1) < result[:, None]
+            if not near.any():
+                break
+            ray, block = np.nonzero(near)[0], some[near]
+            for pair in np.array_split(np.arange(len(ray)), -(-len(ray) * BLOCK // PAIRS)):
+                met = hits(origin, rays[ray[pair], None], self.triangles[block[pair]])
+                np.minimum.at(result, ray[pair], met.min(axis=1))
         return result
 
     def distance(self, point: Floats) -> float:
@@ -62,14 +64,14 @@ class Blocks:
             result = min(result, distance(point, near))
         return result
 
-    def _crossed(self, origin: Floats, ray: Floats) -> tuple[Floats, Floats]:
-        """Where a ray enters, or 0 within, and leaves the bounds of each block."""
-        ray = ray + 0.0  # no negative zeros
+    def _crossed(self, origin: Floats, rays: Floats) -> tuple[Floats, Floats]:
+        """Where each ray (n, 3) enters, or 0 within, and leaves the bounds of each block."""
+        rays = rays[:, None] + 0.0  # no negative zeros
         with np.errstate(divide="ignore", invalid="ignore"):
-            one, other = (self.low - origin) / ray, (self.high - origin) / ray
+            one, other = (self.low - origin) / rays, (self.high - origin) / rays
         # 0/0: the ray runs in a face of the bounds
-        enter = np.fmin(one, other).max(axis=1, where=~np.isnan(one), initial=0.0)
-        leave = np.fmax(one, other).min(axis=1, where=~np.isnan(other), initial=np.inf)
+        enter = np.fmin(one, other).max(axis=2, where=~np.isnan(one), initial=0.0)
+        leave = np.fmax(one, other).min(axis=2, where=~np.isnan(other), initial=np.inf)
         return enter, leave
 
 
@@ -98,8 +100,8 @@ def _from_segments(point: Floats, start: Floats, stop: Floats) -> Floats:
 
 
 def _pieces(order: NDArray[np.int64]) -> list[NDArray[np.int64]]:
-    """Block indices in growing pieces: most queries end with the first."""
-    return [piece for piece in np.split(order, [2, 8, 32, 128, 512]) if len(piece)]
+    """Block indices (..., n) in growing pieces: most queries end with the first."""
+    return [piece for piece in np.split(order, [2, 8, 32, 128, 512], axis=-1) if piece.size]
 
 
 def _keys(triangles: Floats) -> NDArray[np.int64]:
