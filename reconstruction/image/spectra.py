@@ -99,9 +99,8 @@ def _likelihoods(square: Floats, variance: Floats, freedom: float) -> Floats:
     ratio = square / variance
     scale = np.exp(np.log(ratio).mean(axis=1, keepdims=True))
     for _ in range(ROUNDS):  # expectation maximisation, K. L. Lange et al., JASA 84, 881 (1989)
-        scale = scale * ((freedom + 1) * ratio / (freedom * scale + ratio)).mean(
-            axis=1, keepdims=True
-        )
+        weighted = (ratio / (freedom * scale + ratio)).sum(axis=1, keepdims=True)
+        scale = scale * (freedom + 1) / square.size * weighted
     tails = np.log1p(ratio / (freedom * scale)).sum(axis=1)
     constant = lgamma((freedom + 1) / 2) - lgamma(freedom / 2) - log(freedom * pi) / 2
     spread = (np.log(scale[:, 0]) * square.size + np.log(variance).sum(axis=1)) / 2

@@ -5,6 +5,7 @@ appear in messages.
 """
 
 from collections.abc import Callable, Iterator
+from functools import lru_cache
 
 import numpy as np
 
@@ -13,6 +14,7 @@ from .dictionaries.dct import DICTIONARY
 from .spectra import powers
 
 
+@lru_cache(maxsize=16)
 def haar(side: int) -> Floats:
     """Orthonormal Haar wavelets (side, side) of a side 2^n: the constant, then the widest first."""
     rows = np.eye(1)

@@ -119,7 +119,13 @@ def survived(attack: Callable[[int], None], outside: Path, seeds: range) -> None
 
 @pytest.mark.parametrize("name", TREES)
 def test_mutants(outside: Path, name: str) -> None:
-    survived(partial(attack, name, TREES[name], outside, whole=250), outside, range(1000))
+    survived(partial(attack, name, TREES[name], outside, whole=250), outside, range(400))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TREES)
+def test_more_mutants(outside: Path, name: str) -> None:
+    survived(partial(attack, name, TREES[name], outside, whole=250), outside, range(400, 2000))
 
 
 @pytest.mark.hours

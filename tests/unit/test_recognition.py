@@ -148,7 +148,7 @@ CAR = Path(__file__).parents[1] / "data" / "car_buckets_201.npy"
 
 @pytest.mark.parametrize("tall", ["natural", "dyadic", "sequency"])
 @pytest.mark.parametrize("wide", ["natural", "dyadic", "sequency"])
-@pytest.mark.parametrize("seed", [None, 4])
+@pytest.mark.parametrize("seed", [None, pytest.param(4, marks=pytest.mark.slow)])
 def test_hadamard_coefficients_are_none_of_haar(tall, wide, seed):
     """Of a real recording and of a picture, in orders of software that have no name here."""
     basis = Hadamard(SHAPE)
