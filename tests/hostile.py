@@ -24,7 +24,8 @@ def survive(
 ) -> None:
     """Call `attack(seed)` for all seeds; AssertionError, naming the seed, for the first that harms.
 
-    Harm is an exception, a crash, more than `CPU_SECONDS` of processor time for one seed, more than
+    Harm is an exception, a crash, more than `CPU_SECONDS` of processor time for one seed (without
+    the kernel's, which copies pages of a large parent at the pace of the machine), more than
     `MEMORY_MB` beyond what the process held before, or a file opened from Python that lies outside
     the `readable` and `writable` folders (Python's own, libraries and devices aside), or that is
     opened for writing outside the `writable` ones.
@@ -74,13 +75,13 @@ def _attack_all(
     opened = _watch_files(readable, writable)
     # What the parent holds is not this attack's: no collection of garbage walks it (or copies it).
     gc.freeze()
-    signal.signal(signal.SIGPROF, signal.SIG_DFL)
+    signal.signal(signal.SIGVTALRM, signal.SIG_DFL)
     before_mb = _peak_mb()
     for seed in seeds:
         os.write(pipe, f"{seed} ".encode())
-        signal.setitimer(signal.ITIMER_PROF, CPU_SECONDS)
+        signal.setitimer(signal.ITIMER_VIRTUAL, CPU_SECONDS)
         attack(seed)
-        signal.setitimer(signal.ITIMER_PROF, 0)
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0)
         assert not opened, f"opened {opened}"
         grown_mb = _peak_mb() - before_mb
         assert grown_mb < MEMORY_MB, f"{grown_mb:.0f} MB more than before"
