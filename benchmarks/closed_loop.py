@@ -37,7 +37,7 @@ QUICK_GUST = "3,1.5,-0.4,0,0"
 
 @dataclass(frozen=True, eq=False)
 class Flight:
-    """By frame (F,): time in s, true and seen distance and the latter's sigma in m, what was told.
+    """By frame (F,): time in s, true and seen distance and the latter's sigma in m, and the report.
 
     And ranges (F, 4) with the true ones.
     """
@@ -57,7 +57,7 @@ class Flight:
 
 
 def main() -> int:
-    """Fly, judge, print, and tell by the exit status whether every promise is kept."""
+    """Fly, judge and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, f"{QUICK_S:g} s, surrogate light", PAGE, folder=FOLDER)
     if not (options.folder / "log.csv").is_file():
         fly(options.folder, quick=options.quick)
@@ -151,7 +151,7 @@ def draw(flight: Flight, capture: Capture) -> None:
     draw_distance(gust, flight, gust_s - 0.5, gust_s + 3.0)
     gust.set(title="the same about the gust, m")
     reported.plot(flight.time_s, flight.reported_m, color="C2", linewidth=1)
-    reported.set(title="told to be ahead, m", xlabel="s")
+    reported.set(title="reported distance ahead, m", xlabel="s")
     off_mm = 1e3 * (flight.seen_m - flight.true_m)
     error.plot(flight.time_s, off_mm, ",", color="C1")
     for side in (-2, 2):

@@ -238,13 +238,11 @@ def others(cells: Cells) -> Table:
             both = "–" if np.isnan(brier) else f"{brier:.3f} of {base:.3f}"
             body.append((*cell, way[0], *reported, both))
     columns = ("group", "weather", "preset", "method", *FIGURES.values(), "Brier score")
-    return Table(
-        "What else is told, mean over captures; metrics as in docs/studies.md.", columns, body
-    )
+    return Table("Further metrics, mean over captures, as in docs/studies.md.", columns, body)
 
 
 def sky(judged: Sequence[Judged], way: Way) -> tuple[float, float]:
-    """Brier score of nothing within reach, and that of its share told everywhere."""
+    """Brier score of no return, and that of its base rate."""
     fraction = mean(judged, way, "nothing_share")
     return mean(judged, way, "nothing_brier"), fraction * (1 - fraction)
 
@@ -299,7 +297,7 @@ def over(name: str, judged: Sequence[Judged], what: tuple[Way, Way, str], maximu
 
 
 def brier_score(judged: Sequence[Judged]) -> Check:
-    """Over the base rate's; of a method that does not tell, it is 1."""
+    """Over that of the base rate; 1 for a method that gives no probability."""
     result = values(judged, CANDIDATE, "nothing_brier")
     result = np.ones(result.shape) if np.isnan(result).all() else result
     fraction = values(judged, CANDIDATE, "nothing_share")
@@ -309,7 +307,7 @@ def brier_score(judged: Sequence[Judged]) -> Check:
         return nan_mean(result[some]) / (rate * (1 - rate) or np.nan)
 
     interval = of_figure(quotient, names(judged), positive=True)
-    name = "Brier score of nothing, over the base rate's"
+    name = "Brier score of no return, over the base rate's"
     return Check(name, quotient(np.arange(len(judged))), 1.0, interval=interval)
 
 

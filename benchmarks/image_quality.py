@@ -67,7 +67,7 @@ class Case:
 
 
 def main() -> int:
-    """Quality by row, share of patterns and method."""
+    """Quality by row, sampling ratio and method."""
     options = benchmark_options(__doc__, "every fourth image, three shares", PAGE)
     result: dict[tuple[str, float], list[dict[str, Metrics]]] = defaultdict(list)
     for fraction in FRACTIONS[: 3 if options.quick else None]:
@@ -114,7 +114,7 @@ def drawn() -> Iterator[Case]:
 
 
 def photographs() -> Iterator[Case]:
-    """Photographs with white noise, which the recording tells."""
+    """Photographs with white noise of the recording's stated level."""
     plan = make_plan((SIDE, SIDE), SIDE**2 // 4, polarity="signed")
     for number, name in enumerate(PHOTOGRAPHS):
         picture = np.asarray(getattr(skimage.data, name)(), dtype=np.float64)
@@ -161,7 +161,7 @@ def images(capture: Capture) -> dict[str, Image]:
 
 
 def level_of(image: Image, truth: Image) -> Image:
-    """The image with the level of the truth, where the recording does not tell it."""
+    """The image with the level of the truth, where the recording does not state it."""
     return image - image.mean() + truth.mean()
 
 
@@ -232,7 +232,7 @@ def compared(result: Estimate) -> Table:
         "dB over zero-filled",
         "worst, dB",
         "dB over the better of zero-filled and flat",
-        "dB where the noise is not told",
+        "dB where the noise is unknown",
     )
     return Table(title, columns, rows)
 
@@ -276,7 +276,7 @@ def checks(result: Estimate) -> list[Check]:
         (values(each, DEFAULT, "psnr_db") - values(each, "noise unknown", "psnr_db")).mean()
         for each in result.values()
     ]
-    promised.append(Check("dB lost where the noise is not told, worst row", float(max(lost)), 0.1))
+    promised.append(Check("dB lost where the noise is unknown, worst row", float(max(lost)), 0.1))
     return promised
 
 

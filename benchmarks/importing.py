@@ -168,7 +168,7 @@ def rounded(pose: np.ndarray) -> tuple[float, ...]:
 
 
 def independent_mesh(path: Path, there: set[str]) -> trimesh.Trimesh | bool | None:
-    """All triangles as trimesh has them, True where an XML file tells of some, or None.
+    """All triangles as trimesh has them, True where an XML file mentions some, or None.
 
     `there` are names of the files of the suite.
     """
@@ -323,20 +323,26 @@ def main() -> int:
     models = QUICK_MODELS if options.quick else MODELS
     times, search = time_world(models)
     total = sum(times.values())
-    listed = {**times, "together": total, "of which the search for the drone's place": search}
+    listed = {**times, "together": total, "of which the search for the drone's position": search}
     rows = [(name, f"{seconds:.1f}") for name, seconds in listed.items()]
     tables = [Table(f"A world of {models} models: processor time.", ("command", "s"), rows)]
     checks = [
         Check("large world: import, show and simulate, s", total, SECONDS),
-        Check("large world: search for the drone's place, s", search, SEARCH_SECONDS),
+        Check("large world: search for the drone's position, s", search, SEARCH_SECONDS),
     ]
     if suites:
         tables.insert(0, suite_table(suites))
     for suite in suites:
-        checks.append(Check(f"{suite.name}: share opened", suite.fraction, OPENED, at_least=True))
-        checks.append(Check(f"{suite.name}: unlike others'", len(suite.different), 0))
+        checks.append(
+            Check(f"{suite.name}: fraction opened", suite.fraction, OPENED, at_least=True)
+        )
+        checks.append(
+            Check(f"{suite.name}: different from other importers'", len(suite.different), 0)
+        )
         if suite.different:
-            print(f"{suite.name}: unlike others': {suite.different}", file=sys.stderr)
+            print(
+                f"{suite.name}: different from other importers': {suite.different}", file=sys.stderr
+            )
     around = surroundings(
         ["trimesh", "pycollada", "mitsuba", "usd-core", "DracoPy", "meshoptimizer"]
     )

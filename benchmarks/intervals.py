@@ -100,7 +100,7 @@ def of_size(signed: Interval) -> Interval:
 
 
 def of_minimum(several: Sequence[Interval]) -> Interval:
-    """Of the least of several figures, each surer than all together are to be."""
+    """Of the smallest of several figures, each surer than all together are to be."""
 
     def interval(confidence: float) -> tuple[float, float]:
         each = 1 - (1 - confidence) / max(len(several), 1)

@@ -67,7 +67,7 @@ class Run:
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, f"{QUICK_S} s each", PAGE)
     capture = spisim.simulate(
         spisim.load_scene("warehouse"), spisim.load_instrument("paper"), spp=16, frames=DIFFERENT
@@ -120,7 +120,7 @@ def row(name: str, run: Run, expected: list[str]) -> tuple[str, ...]:
 
 
 def detected(run: Run, faults: Faults) -> list[Check]:
-    """What was told of faults, beside what there were.
+    """Reported faults beside the actual ones.
 
     One in the header of a message is a frame lost and bytes discarded.
     """
@@ -128,11 +128,11 @@ def detected(run: Run, faults: Faults) -> list[Check]:
     gone = len(faults.lost) + len(faults.corrupted)
     return [
         Check(
-            "faults: corrupted and lost, not told", abs(counts.lost + counts.corrupted - gone), 0
+            "faults: corrupted or lost, not counted", abs(counts.lost + counts.corrupted - gone), 0
         ),
-        Check("faults: lost, not told as lost", max(len(faults.lost) - counts.lost, 0), 0),
-        Check("faults: reordered, not told", abs(counts.reordered - len(faults.swapped)), 0),
-        Check("faults: told of late or double ones", counts.late + counts.duplicated, 0),
+        Check("faults: lost, not counted as lost", max(len(faults.lost) - counts.lost, 0), 0),
+        Check("faults: reordered, not counted", abs(counts.reordered - len(faults.swapped)), 0),
+        Check("faults: counted as late or duplicated", counts.late + counts.duplicated, 0),
     ]
 
 

@@ -102,7 +102,7 @@ class Run:
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, f"{QUICK_S} s", PAGE)
     IMAGE_METHODS._loaded[FAILING] = FailingMethod()
     capture = spisim.simulate(
@@ -250,7 +250,7 @@ def wrong(capture: Capture, result: Run) -> int:
 
 
 def resident_mib() -> float:
-    """Memory of this process that is in use; nan where the system does not tell."""
+    """Memory of this process that is in use; nan where the system does not report it."""
     try:
         pages = int(Path("/proc/self/statm").read_text().split()[1])
     except OSError:

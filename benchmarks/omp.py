@@ -59,7 +59,7 @@ PROMISED = {BATCH_OMP, "least-squares"}
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "fewer calls of each", DOCS)
     calls = 10 if options.quick else 100
     dictionary, measured, atoms = problem(PAPER[0])

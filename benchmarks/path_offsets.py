@@ -1,4 +1,4 @@
-"""Wrongly calibrated paths in fog: how often they are told, and right ones by mistake.
+"""Wrongly calibrated paths in fog: how often they are reported, and right ones by mistake.
 
     python benchmarks/path_offsets.py [--quick] [--json] [--markdown]
 
@@ -38,7 +38,7 @@ Told = list[list[OffsetEvidence | None]]  # by draw of noise and scene
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether promises are kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "four scenes a cell, of fewer paths", DOCS)
     scenes, paths, draws = (
         (QUICK_SCENES, QUICK_PATHS, QUICK_DRAWS) if options.quick else (SCENES, PATHS, DRAWS)
@@ -58,11 +58,13 @@ def main() -> int:
                 rows.append(_row(cell, offset_m, frames, result, float(others)))
     table = Table(
         f"One spot's path taken for longer, by so many frames: {RECORDINGS} recordings each.",
-        ("visibility, ranges", "longer by, cm", "frames", "found, cm", "σ, cm", "that spot told, %",
-         "another told, %"),
+        ("visibility, ranges", "longer by, cm", "frames", "estimate, cm", "σ, cm",
+         "that spot reported, %", "another reported, %"),
         rows,
     )  # fmt: skip
-    checks = [Check("right paths told as wrong, share of recordings", float(np.mean(alarms)), 0.01)]
+    checks = [
+        Check("right paths reported as wrong, fraction of recordings", float(np.mean(alarms)), 0.01)
+    ]
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy", "scipy"))
     return finish(options, DOCS, "offsets", around, [table], checks)
 

@@ -53,8 +53,8 @@ Estimate = dict[tuple[str, float], dict[str, Quality]]
 
 
 def main() -> int:
-    """Quality by row, share of patterns and method."""
-    options = benchmark_options(__doc__, "every fourth image, at the lowest share", PAGE)
+    """Quality by row, sampling ratio and method."""
+    options = benchmark_options(__doc__, "every fourth image, at the lowest sampling ratio", PAGE)
     result: Estimate = defaultdict(lambda: defaultdict(Quality))
     for fraction in FRACTIONS[: 1 if options.quick else None]:
         compiled: dict[bytes, dict[str, Reconstructor]] = {}
@@ -138,7 +138,7 @@ def costs(result: Estimate) -> Table:
         "method",
         "correlation over least squares, all recordings",
         "worst",
-        "error over its deviation, median",
+        "error over its sigma, median",
         *(
             f"ms a frame, {100 * fraction:.3g} %"
             for fraction in sorted({fraction for _, fraction in result})
@@ -158,7 +158,7 @@ def gains(result: Estimate, name: str) -> Image:
 
 
 def cost_ms(result: Estimate, name: str, fraction: float) -> list[float]:
-    """Processor time of every frame at a share of patterns."""
+    """Processor time of every frame at a sampling ratio."""
     return [ms for (_, of), each in result.items() if of == fraction for ms in each[name].cost_ms]
 
 

@@ -72,7 +72,7 @@ class Way:
 
 @dataclass(frozen=True, eq=False)
 class Estimate:
-    """What a method told of all spots of a cell, each (trials,), beside what was true.
+    """Results of a method for all spots of a cell, each (trials,), beside the truth.
 
     ``scene`` is the number of each spot's scene, among those of all cells, ``bound_m`` the
     Cramér-Rao bound, ``frame_s`` the processor time per frame (frames,).
@@ -122,7 +122,7 @@ Results = dict[tuple[str, str, str, float], Estimate]  # by way, method, cell, k
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "four scenes a cell, of fewer paths", DOCS)
     scenes, paths = (QUICK_SCENES, QUICK_PATHS) if options.quick else (SCENES, PATHS)
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy", "scipy"))
@@ -278,7 +278,7 @@ def _row(result: Estimate) -> tuple[str, ...]:
 
 
 def _percent(hits: NDArray[np.bool_]) -> str:
-    """Per cent, and the interval that holds the true share at 95 %."""
+    """Per cent, and the 95 % interval of the fraction."""
     interval = binomtest(int(hits.sum()), hits.size).proportion_ci(method="wilson")
     return f"{100 * hits.mean():.0f} ({100 * interval.low:.0f}–{100 * interval.high:.0f})"
 
@@ -376,11 +376,11 @@ def _rmse(name: str, result: Estimate, limit_m: float) -> Check:
 
 
 def _least_honest(result: Sequence[Estimate]) -> Check:
-    """The least of several shares."""
+    """The smallest of several fractions."""
     reported = [each for each in result if each.valid.any()]
     minimum = min((float(each.within.mean()) for each in reported), default=1.0)
     interval = of_minimum([of_fraction(each.within, each.valid_scene) for each in reported])
-    return Check("paper: least share within 1 sigma", minimum, 0.6, True, interval)
+    return Check("paper: minimum fraction within 1 sigma", minimum, 0.6, True, interval)
 
 
 if __name__ == "__main__":

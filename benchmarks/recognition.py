@@ -51,12 +51,12 @@ class Answer(NamedTuple):
 
 
 def main() -> int:
-    """Answers by share of patterns, by order and by how sure they were."""
+    """Answers by sampling ratio, by order and by how sure they were."""
     options = benchmark_options(__doc__, "every eighth image", PAGE)
     images = [case.truth for case in drawn() if "paper" in case.row]
     result = list(answers(images[:: 8 if options.quick else 1]))
     tables = [
-        table(result, "share of patterns", ("patterns, %", "noise"), by_fraction),
+        table(result, "fraction of patterns", ("patterns, %", "noise"), by_fraction),
         table(result, "order", ("order",), lambda answer: (answer.order,)),
         calibration(result),
     ]
@@ -127,9 +127,9 @@ def table(
                 fraction_of([each for each in sure if not each.right], group),
             )
         )
-    titles = ("recordings", "told, %", "of these right, %", "stated, mean, %")
+    titles = ("recordings", "recognised, %", "of these right, %", "stated, mean, %")
     more = (f"{100 * SURE:g} % sure, %", "sure and wrong, %")
-    return Table(f"Layouts told, by {what}", (*columns, *titles, *more), rows)
+    return Table(f"Layouts recognised, by {what}", (*columns, *titles, *more), rows)
 
 
 def calibration(result: Estimate) -> Table:
@@ -156,7 +156,7 @@ def checks(result: Estimate) -> list[Check]:
     over = mean([each.stated for each in reported]) - mean([each.right for each in reported])
     return [
         Check("right where 95 % sure or more", mean([each.right for each in sure]), SURE, True),
-        Check("stated over right, of all that was told", over, 0.05),
+        Check("stated over right, of all recognised", over, 0.05),
     ]
 
 

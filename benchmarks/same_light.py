@@ -27,7 +27,7 @@ vary:
 
 
 def same_light(plan: str, samples: int) -> tuple[Table, list[Check]]:
-    """Images of small samples against Mitsuba's `volpath`, and their errors as told against true.
+    """Images of small samples against Mitsuba's `volpath`, and their reported against true errors.
 
     Means: ‖mean difference of the images‖ over its standard error, all pixels of all samples, each
     image relative to the sum of its own light. The fog begins 1 m ahead: where it surrounds the

@@ -56,7 +56,7 @@ LIMIT = 10.0
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether the promise is kept."""
+    """Measure and print; the exit status is 1 if the promise is broken."""
     options = benchmark_options(__doc__, "one sample of each kind", DOCS)
     around = surroundings(("spisim", "mitsuba", "drjit", "numpy"))
     kinds = [(scene, weather) for scene in NAMES for weather in ("clear", "fog, 40 m")]

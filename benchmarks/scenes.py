@@ -27,7 +27,7 @@ Section = tuple[Table, list[Check]]
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "truth of three scenes only", DOCS)
     around = surroundings(("spisim", "mitsuba", "drjit", "trimesh", "embreex", "numpy"))
     # Memory comes first: a process starts with the peak of the one that starts it.

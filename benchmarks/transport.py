@@ -89,7 +89,7 @@ Section = tuple[Table, list[Check]]
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
+    """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "rougher, in under a minute", DOCS)
     amounts = QUICK if options.quick else FULL
 
@@ -235,7 +235,7 @@ def spot_methods(scene: Scene, paths: int) -> tuple[Method, Method]:
 
 
 def steady(amounts: Amounts) -> Section:
-    """Error, told and true, of the projector's mean light on the ranging detectors."""
+    """Reported and true error of the projector's mean light on the ranging detectors."""
     rows, largest_z, reported = [], 0.0, []
     for visibility_m in (50, 10, 5):
         # The fog begins 1 m ahead: `volpath` has no finite variance in fog around both ends.
@@ -270,9 +270,9 @@ def steady(amounts: Amounts) -> Section:
     title = (
         "Light of all pixels alike on the four ranging detectors, of a fog bank that begins 1 m "
         f"ahead: {amounts.steady_runs} runs, against Mitsuba's `volpath`. χ² is that of the runs "
-        "over their standard errors as told, per degree of freedom."
+        "over their reported standard errors, per degree of freedom."
     )
-    columns = ("visibility", "error", "largest told", "χ²", "z", "processor time (s)")
+    columns = ("visibility", "error", "largest reported", "χ²", "z", "processor time (s)")
     checks = [Check("largest_z_steady", largest_z, 4), Check("chi2_steady", max(reported), 1.7)]
     return Table(title, columns, rows), checks
 

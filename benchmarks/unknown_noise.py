@@ -1,4 +1,4 @@
-"""Noise that nobody tells, of few readings: the default image beside those of noise that is told.
+"""Unknown noise of few readings: the default image beside those with the noise stated.
 
     pip install 'spisim[benchmarks]'
     python benchmarks/unknown_noise.py [--recordings FOLDER] [--quick] [--json] [--markdown]
@@ -6,7 +6,7 @@
 White noise of a given size over the rms of the coefficients is added to the first readings of the
 measured car, of the truths of the scenes of image_quality.yaml, of photographs, and of the captures
 (`*.h5`) in folders that are named, whose truth is the image of all their patterns. Three images by
-the default method: the noise is not told, told as it is, or told as next to none. What is not told
+the default method: the noise is unknown, stated as it is, or stated as next to none. Unknown noise
 should lose little to the better of the others. `--markdown` pastes the table into
 docs/results/images.md.
 """
@@ -41,9 +41,9 @@ READINGS = (8, 16, 31, 64, 128, 410)
 NOISES = (0.0, 0.1, 0.3, 1.0, 3.0)
 """Over the rms of the coefficients other than the level."""
 NEXT_TO_NONE = 1e-4
-"""The same, that is told as none."""
+"""The same, stated as zero."""
 MAX_LOST = 0.01
-REPORTED = ("not told", "as it is", "as none")
+REPORTED = ("unknown", "as it is", "as none")
 
 Group = tuple[str, int, float]
 Estimate = dict[Group, list[list[float]]]
@@ -70,7 +70,7 @@ def main() -> int:
 
 
 def cases(folders: Iterator[Path]) -> Iterator[tuple[str, Capture, Image]]:
-    """Name of the row, a capture without noise of its own that is told, and its true image."""
+    """Name of the row, a capture without a stated noise, and its true image."""
     measured = car()
     yield measured.row, measured.capture, measured.truth
     for case in [*drawn(), *photographs()]:
@@ -118,7 +118,7 @@ def correlations(capture: Capture, truth: Image, noise: float, rng: np.random.Ge
 
 
 def lost(each: Sequence[Sequence[float]]) -> Image:
-    """What is lost, of each image, to that of the better told noise of the group."""
+    """What is lost, of each image, to that of the better stated noise of the group."""
     values = np.array(each)
     return values[:, 1 + int(np.argmax(values[:, 1:].mean(axis=0)))] - values[:, 0]
 
@@ -132,7 +132,7 @@ def table(result: Estimate) -> Table:
         text = f"{lost(each).mean():+.3f} ({low:+.3f} to {high:+.3f})"
         rows.append((row, str(readings), f"{noise:g}", str(len(each)), *means, text))
     columns = ("recordings", "readings", "noise", "images", *REPORTED, "lost to the better")
-    return Table("Correlation with the true image, by what is told of the noise", columns, rows)
+    return Table("Correlation with the true image, by what is known of the noise", columns, rows)
 
 
 def checks(result: Estimate) -> list[Check]:
@@ -141,7 +141,7 @@ def checks(result: Estimate) -> list[Check]:
     weak = [float(lost(each).mean()) for (_, _, noise), each in result.items() if noise <= 0.3]
     return [
         Check(
-            "correlation lost where noise is not told, mean of rows", np.mean(of_groups), MAX_LOST
+            "correlation lost where noise is unknown, mean of rows", np.mean(of_groups), MAX_LOST
         ),
         Check("the same, noise of 0.3 or less", np.mean(weak), MAX_LOST),
         Check("the same, worst row", max(of_groups), MAX_LOST),

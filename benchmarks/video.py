@@ -69,8 +69,8 @@ class Gains:
 
 
 def main() -> int:
-    """Measure, print, and tell by the exit status whether every promise is kept."""
-    options = benchmark_options(__doc__, "one scene, one instant, one share, fewer paths", PAGE)
+    """Measure and print; the exit status is 1 if a promise is broken."""
+    options = benchmark_options(__doc__, "one scene, one instant, one fraction, fewer paths", PAGE)
     paper = spisim.load_instrument("paper")
     names, instants = (STILLS[:1], INSTANTS_S[:1]) if options.quick else (STILLS, INSTANTS_S)
     spp = 16 if options.quick else 64
@@ -97,9 +97,9 @@ def main() -> int:
     columns: tuple[str, ...] = ("noise", "common", "method", "still, over all at once")
     for film in ("flight", "cuts"):
         columns += tuple(
-            f"{film}, {what}" for what in ("over single frames", "least", "over plain frames")
+            f"{film}, {what}" for what in ("over single frames", "minimum", "over plain frames")
         )
-    title = "Gain in dB, on the mean unless least, by the share of common patterns:"
+    title = "Gain in dB, mean unless minimum, by the fraction of common patterns:"
     tables = [Table(title, columns, rows), costs(flights[0], with_plan(paper, interleave=CYCLE))]
     around = surroundings(("spisim", "mitsuba", "numpy", "scipy"))
     return finish(options, PAGE, "benchmark", around, tables, checks)
@@ -114,13 +114,13 @@ def figures(behind: Floats, flight: Gains, cuts: Gains) -> tuple[str, ...]:
 
 
 def promised(of: str, behind: Floats, flight: Gains, cuts: Gains) -> list[Check]:
-    """What is promised of the usual share."""
+    """What is promised for the usual fraction."""
     reported = {
-        "still, after 8 frames over all at once, least of all scenes": (behind.min(), NEAR_DB),
+        "still, after 8 frames over all at once, minimum of all scenes": (behind.min(), NEAR_DB),
         "flight over single frames": (flight.over_single.mean(), GAIN_DB),
         "flight over plain frames": (flight.over_plain.mean(), GAIN_DB),
-        "flight over single frames, least": (flight.over_single.min(), NEVER_DB),
-        "cuts over single frames, least": (cuts.over_single.min(), NEVER_DB),
+        "flight over single frames, minimum": (flight.over_single.min(), NEVER_DB),
+        "cuts over single frames, minimum": (cuts.over_single.min(), NEVER_DB),
     }
     return [
         Check(f"{name}, dB, {of}", float(value), limit, at_least=True)

@@ -34,7 +34,7 @@ STEP = 0.4
 """Of the logarithms, at first."""
 EVALUATIONS = 200
 COVERED = 0.954
-"""Share of Gaussian errors within twice their deviation."""
+"""Fraction of Gaussian errors within twice their sigma."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +87,7 @@ def of(folder: Path, poses: int) -> list[View]:
 
 
 def simplex(start: AnchoredPrior, views: list[View]) -> AnchoredPrior:
-    """The prior of least error."""
+    """The prior of smallest error."""
     result = minimize(
         lambda logs: error(changed(start, logs), views),
         np.zeros(len(FREE)),

@@ -116,7 +116,7 @@ def estimates(displayed: NetworkInput) -> Iterator[tuple[str, DepthEstimate]]:
 
 
 def fitted(maps: list[Ahead], map_sigmas: tuple[float, ...]) -> CorridorPrior:
-    """The constants of least cross entropy."""
+    """The constants of smallest cross entropy."""
     free = truly_free(maps)
     best: tuple[float, CorridorPrior] | None = None
     for map_sigma in map_sigmas:

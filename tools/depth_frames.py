@@ -53,7 +53,7 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--plan", type=Path, default=PLAN)
     parser.add_argument("--scenes", type=int, nargs=2, default=(0, SCENES), metavar="N")
-    parser.add_argument("--like", type=Path, help="manifest of weights: make the scenes it tells")
+    parser.add_argument("--like", type=Path, help="manifest of weights: make the scenes it lists")
     parser.add_argument("--families", nargs="+", help="make the scenes of these alone")
     asked = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -156,7 +156,7 @@ def to_arrays(displayed: NetworkInput) -> dict[str, Any]:
 
 
 def from_arrays(reported: dict[str, Any]) -> NetworkInput:
-    """What `to_arrays` told."""
+    """The result of `to_arrays`."""
     names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
     return NetworkInput(
         image=reported["image"].astype(np.float64),

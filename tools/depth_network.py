@@ -3,12 +3,12 @@
     pip install 'spisim[torch]'
     python tools/depth_network.py FOLDER WEIGHTS.npz [--steps 18000] [--onnx FILE]
 
-The loss is that of a Laplace distribution of log depth, whose deviation is told besides; the mean
-relative error, which counts most what is told too far; and the cross entropy of "nothing". Every
-frame is shown with some of its spots, as it is or mirrored, with what fitting the fog tells or
-without. One family and every 20th scene are kept aside; on both the deviations are calibrated so
-that 95 % of the pixels lie within 1.96 of them. Beside the weights, a JSON file of their name tells
-what they were trained on, and how good they are on what was kept aside.
+The loss is that of a Laplace distribution of log depth with its sigma; the mean relative error,
+which is greatest for distances that are estimated too far; and the cross entropy of "no return".
+Every frame is used with some of its spots, as it is or mirrored, with the fog fit or without. One
+family and every 20th scene are held out; on both, sigma is calibrated so that 95 % of the pixels
+lie within 1.96 of it. Beside the weights, a JSON file of their name lists what they were trained
+on, and their figures on the held-out frames.
 """
 
 import argparse
@@ -101,7 +101,7 @@ class Net(nn.Module):
         self.leave.bias = nn.Parameter(bias)
 
     def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Log depth over the start, log of its deviation, logits of nothing and of plain ranges.
+        """Log depth over the start, log of its sigma, logits of nothing and of plain ranges.
 
         (B, 4, H, W).
         """
@@ -216,7 +216,7 @@ def stacked(frames: list[tuple[Inputs, Any]]) -> list[Tensor]:
 
 
 def log_depth_of(out: Tensor, start: Tensor) -> Tensor:
-    """Log depth (B, H, W) that is told, of the two starts (B, 2, H, W)."""
+    """Estimated log depth (B, H, W), of the two starts (B, 2, H, W)."""
     return start[:, 0] + torch.sigmoid(out[:, 3]) * (start[:, 1] - start[:, 0]) + out[:, 0]
 
 
@@ -294,7 +294,7 @@ def _last(maps: Tensor) -> Tensor:
 
 @torch.no_grad()
 def reported(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
-    """Error of log depth, its deviation, probability of nothing and whether there is, (n, H, W)."""
+    """Error of log depth, its sigma, probability of no return and its truth, (n, H, W)."""
     columns: list[list[Any]] = [[], [], [], []]
     for first in range(0, len(frames), BATCH):
         some = range(first, min(first + BATCH, len(frames)))
@@ -314,7 +314,7 @@ def reported(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
 
 
 def quality(net: nn.Module, frames: Frames, scale: float = 1.0) -> dict[str, float]:
-    """AbsRel, share within 25 % and within 1.96 deviations, Brier score and that of base rates."""
+    """AbsRel, fraction within 25 % and within 1.96 sigma, Brier score and that of base rates."""
     error, sigma, no_return, empty = reported(net, frames)
     relative = np.abs(np.expm1(error))[~empty]
     within = np.abs(error)[~empty] < 1.96 * scale * sigma[~empty]
@@ -406,7 +406,7 @@ def scenes_of(files: list[Path]) -> str:
 def write(
     file: Path, net: Net, train: Frames, held: dict[str, Frames], manifest: dict[str, Any]
 ) -> None:
-    """Weights, calibrated, with the limits of what they are for; and what is told of them."""
+    """Weights, calibrated, with the limits of what they are for; and their figures."""
     log_scale = calibration(net, list(held.values()))
     weights = {name: value.half().numpy() for name, value in net.state_dict().items()}
     np.savez(

@@ -32,7 +32,7 @@ DOCS = Path(__file__).parents[1] / "docs"
 #: Pixels of an image each way, and rays through each, each way.
 PIXELS, FINE = 64, 3
 SKY = 2.0
-#: What is farther counts as far, m, and what a spot of the paper's instrument tells.
+#: What is farther counts as far, m, and the range of a spot of the paper's instrument.
 FAR_M = 100.0
 #: Cycles per image between which the slope of a spectrum is fitted.
 BAND = (2, 24)
@@ -173,12 +173,12 @@ def _figure(views: dict[str, list[View]]) -> Figure:
     for chosen, label in ((~is_open, "closed"), (is_open, "open")):
         if chosen.any():
             depths.stairs(fractions[chosen].mean(axis=0), edges, label=f"{label} families", lw=1.6)
-    depths.set(xscale="log", xlabel="true range, m", ylabel="share of pixels")
-    depths.axvline(OFFERED.farthest_spot_m, color="0.5", ls=":", label="told without doubt")
+    depths.set(xscale="log", xlabel="true range, m", ylabel="fraction of pixels")
+    depths.axvline(OFFERED.farthest_spot_m, color="0.5", ls=":", label="unambiguous")
     depths.legend()
     displayed = [np.array([np.isinf(one.range_m).mean() for one in views[n]]) for n in names]
     _boxes(sky, names, displayed)
-    sky.set(ylabel="share of sky", ylim=(-0.02, 1))
+    sky.set(ylabel="fraction of sky", ylim=(-0.02, 1))
     _boxes(likeness, names, [nearest_correlation([one.lit for one in views[n]]) for n in names])
     likeness.axhline(0.6, color="0.5", ls=":")
     likeness.set(ylabel="correlation with the nearest seed", ylim=(0, 1))

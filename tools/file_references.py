@@ -68,7 +68,7 @@ UNITS = {
 
 @dataclass
 class Sections:
-    """A JSON Schema, and the parts of it that wait to be told."""
+    """A JSON Schema, and the parts of it that wait to be described."""
 
     definitions: Mapping[str, Any]
     described: set[str] = field(default_factory=set)
@@ -210,7 +210,7 @@ def _same(one: Any, other: Any) -> bool:
 def _inner(
     title: str, fields: Mapping[str, Any], sections: Sections, examples: Mapping[str, Any]
 ) -> Iterator[str]:
-    """Chapters of the sections that stand in these fields, each told once."""
+    """Chapters of the sections that stand in these fields, each described once."""
     above = "" if title == "The file" else title.strip("`") + "."
     for name, schema in fields.items():
         wanted = [ref for ref in _refs(schema) if ref not in sections.described]
@@ -225,7 +225,7 @@ def _inner(
 
 
 def _discriminator_of(section: Any) -> str:
-    """What tells this one of several sections: the word of a field, or the field itself."""
+    """What discriminates this one of several sections: the word of a field, or the field itself."""
     for name, schema in section["properties"].items():
         if "const" in schema:
             return f"`{name}: {schema['const']}`"

@@ -89,7 +89,7 @@ def run(script: Path, python: Path) -> bool:
 
 
 def main() -> int:
-    """Install, run all scripts, and tell whether all succeeded."""
+    """Install, run all scripts, and return whether all succeeded."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("scripts", nargs="*", metavar="SCRIPT", help="by name; all without")
     parser.add_argument("--python", type=Path, help="interpreter that has the packages already")

@@ -35,7 +35,7 @@ SNR = 0.1, 1000.0
 """Rms of coefficients other than the level over that of noise."""
 VEILED = 0.25
 MISTOLD = 0.2
-"""Share of recordings that tell their noise wrong, by a factor of `FACTOR` or so."""
+"""Fraction of recordings that state their noise wrong, by a factor of `FACTOR` or so."""
 FACTOR = 1.3
 
 

@@ -35,11 +35,11 @@ MIN_ERROR = 1e-4
 WORSE = 3.0
 """Weight of what makes an image worse, besides that of all errors."""
 OF_SIGMA = 0.1
-"""Weight of the deviation in the loss."""
+"""Weight of sigma in the loss."""
 USUAL = 0.02, 99.98
 """Percentiles of what is like the pairs learned from."""
 FARTHEST = 6.0
-"""Error over deviation, at most: one pixel does not decide."""
+"""Maximum error over sigma: one pixel does not decide."""
 LARGEST = 30.0
 """Mean square of the truth over that of the contrast: of more, noise hides all of it."""
 INVERTED = 0.2
@@ -63,7 +63,7 @@ class Net(nn.Module):
         nn.init.zeros_(self.leave.bias)
 
     def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Correction over deviation, and log of deviation over the one shown: (B, 2, H, W)."""
+        """Correction over sigma, and log of sigma over the one of the input: (B, 2, H, W)."""
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
         retained = torch.relu(self.enter(torch.cat([half, constant], dim=1)))

@@ -53,7 +53,7 @@ class Mutant:
 
     @property
     def change(self) -> str:
-        """For people, and for the list of faults that change nothing."""
+        """For people, and for the list of equivalent mutants."""
         return f"{self.old} → {self.new}"
 
     @property

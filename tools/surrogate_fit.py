@@ -1,4 +1,4 @@
-"""Fit what surrogate light adds to light scattered once, and tell how far it is from light traced.
+"""Fit what surrogate light adds to light scattered once, and report its distance from traced light.
 
     python tools/surrogate_fit.py [--seeds 7000 7003] [--families FAMILY ...]
 

@@ -1,4 +1,4 @@
-"""What the red of a surface tells of its reflectance at 1550 nm, from measured spectra.
+"""What the red of a surface says about its reflectance at 1550 nm, from measured spectra.
 
     python tools/texture_rule.py FOLDER
 
