@@ -82,7 +82,7 @@ def require_outputs(
         if one is not output:
             raise InputError(f"{one.path}: the {output.kind} and the {one.kind} need two names")
     for output in files:
-        _require_place(output.path)
+        _require_folder(output.path)
     _require_space(files)
 
 
@@ -92,12 +92,12 @@ def require_file(path: str | Path) -> None:
     Raises InputError if the name is taken by a folder or device, or as `require_folder`.
     """
     _require_regular(Path(path))
-    _require_place(Path(path))
+    _require_folder(Path(path))
 
 
 def require_folder(folder: str | Path) -> None:
     """Check that a folder can be written or created; raises InputError if not."""
-    _require_place(Path(folder) / "file")
+    _require_folder(Path(folder) / "file")
 
 
 def write_atomically(path: str | Path, content: bytes) -> None:
@@ -202,7 +202,7 @@ def _nearest_folder(folder: Path) -> Path:
     return existing
 
 
-def _require_place(path: Path) -> None:
+def _require_folder(path: Path) -> None:
     """Try to write, as permissions alone do not decide."""
     existing, temporary = _nearest_folder(path.parent), _temporary(path)
     longest = os.pathconf(existing, "PC_NAME_MAX")

@@ -302,11 +302,11 @@ class Capture:
         Raises InputError if there is no such frame, or Matplotlib is missing.
         """
         counts = self.frame(frame).buckets.counts[0]
-        known = self.truth is not None and self.truth.knows(frame)
-        axes = panels(3 if known else 1)
+        has_truth = self.truth is not None and self.truth.knows(frame)
+        axes = panels(3 if has_truth else 1)
         axes[0].plot(counts, ".", markersize=3)
         axes[0].set(title=f"readings of frame {frame}", xlabel="exposure", ylabel="counts")
-        if known:
+        if has_truth:
             assert self.truth is not None
             truth = self.truth.at(frame)
             draw_map(axes[1], truth.image, "true image", "electrons")

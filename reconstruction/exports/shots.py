@@ -64,12 +64,12 @@ def shots_of(
         if is_result(path):
             if weather is not None:
                 raise InputError(f"{path} is a result; a stated weather needs captures")
-            known = pose_source(None, 0)
+            source_pose = pose_source(None, 0)
             stamp_ns = next_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
-            if known is not None and known.time_s is not None:
-                stamp_ns = round(1e9 * known.time_s)
+            if source_pose is not None and source_pose.time_s is not None:
+                stamp_ns = round(1e9 * source_pose.time_s)
             shot = shot_of_result(path, stamp_ns, methods or {})
-            yield replace(shot, pose=None if known is None else known.pose)
+            yield replace(shot, pose=None if source_pose is None else source_pose.pose)
             next_ns = stamp_ns + round(1e9 * UNKNOWN_PERIOD_S) // 2
             continue
         with open_capture(path) as capture, naming(path):
@@ -79,12 +79,12 @@ def shots_of(
             begun_ns = max(_created_ns(capture), next_ns)
             period_ns = round(1e9 * _period_s(capture))
             for number in range(capture.frames):
-                known = pose_source(capture, number)
+                source_pose = pose_source(capture, number)
                 stamp_ns = begun_ns + number * period_ns + period_ns // 2
-                if known is not None and known.time_s is not None:
-                    stamp_ns = round(1e9 * known.time_s)
+                if source_pose is not None and source_pose.time_s is not None:
+                    stamp_ns = round(1e9 * source_pose.time_s)
                 result = reconstruct(capture.frame(number))
-                pose = None if known is None else known.pose
+                pose = None if source_pose is None else source_pose.pose
                 yield Shot.of(result, capture.setup, stamp_ns, pose)
                 next_ns = stamp_ns + period_ns // 2
 

@@ -72,9 +72,9 @@ def find_llvm() -> Path:
         if version is not None and version >= MIN_VERSION:
             return path
         rejected.append(f"{path} (version {version or 'unknown'})")
-    found = "found only " + ", ".join(rejected) if rejected else "found none"
+    versions = "found only " + ", ".join(rejected) if rejected else "found none"
     raise LLVMNotFound(
-        f"LLVM {MIN_VERSION} or newer is needed to trace light; {found}.\n{advice()}"
+        f"LLVM {MIN_VERSION} or newer is needed to trace light; {versions}.\n{advice()}"
     )
 
 

@@ -51,8 +51,10 @@ def _wavelengths(value: Any) -> Any:
     open_ = openable(value)
     for each in [] if value is None else possible(open_):
         if not is_distribution(each) and (isinstance(each, bool) or not isinstance(each, Real)):
-            found = "" if each is value else f", not {show(each)}"
-            raise PydanticCustomError("wavelength", "should be a number{found}", {"found": found})
+            suffix = "" if each is value else f", not {show(each)}"
+            raise PydanticCustomError(
+                "wavelength", "should be a number{suffix}", {"suffix": suffix}
+            )
     return open_
 
 

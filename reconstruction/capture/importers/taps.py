@@ -30,7 +30,7 @@ TAPS_ABOUT: dict[str, float] = {
 """Properties of the spots' detectors and their defaults: fields of `Charge`, and the counts from
 which on a reading is saturated."""
 
-NOTHING_KNOWN: Mapping[str, float] = MappingProxyType({})
+NO_METADATA: Mapping[str, float] = MappingProxyType({})
 
 
 class SpotGeometry(NamedTuple):
@@ -77,7 +77,7 @@ def spots_from_taps(
     phases_rad: ArrayLike = QUARTERS_RAD,
     phase_offsets_rad: ArrayLike = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NOTHING_KNOWN,
+    about: Mapping[str, float] = NO_METADATA,
 ) -> CwSpots:
     """Continuous-wave (iToF) readings of S spots, the number in ``geometry``.
 
@@ -124,7 +124,7 @@ def spots_from_windows(
     pulses: int = 1,
     delay_offset_s: float = 0.0,
     geometry: SpotGeometry = AHEAD,
-    about: Mapping[str, float] = NOTHING_KNOWN,
+    about: Mapping[str, float] = NO_METADATA,
 ) -> PulsedSpots:
     """Pulsed readings of S spots, the number in ``geometry``.
 

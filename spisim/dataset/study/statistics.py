@@ -60,19 +60,19 @@ def estimate(values: Sequence[float], units: Sequence[Hashable]) -> Estimate:
     mean, median = float(numbers.mean()), float(np.median(numbers))
     if len(sizes) < 2:
         return Estimate(len(numbers), len(sizes), mean, median=median)
-    deviations = np.bincount(member, numbers - mean).astype(np.float64)
-    low, high = _interval(deviations, sizes)
+    residuals = np.bincount(member, numbers - mean).astype(np.float64)
+    low, high = _interval(residuals, sizes)
     return Estimate(len(numbers), len(sizes), mean, mean + low, mean + high, median)
 
 
-def _interval(deviations: Floats, sizes: NDArray[np.intp]) -> tuple[float, float]:
-    """Return the ends of the interval minus the mean; `deviations` are sums over each unit."""
+def _interval(residuals: Floats, sizes: NDArray[np.intp]) -> tuple[float, float]:
+    """Return the ends of the interval minus the mean; `residuals` are sums over each unit."""
     units = len(sizes)
-    _, (error,) = _means(np.ones((1, units)), deviations, sizes)
+    _, (error,) = _means(np.ones((1, units)), residuals, sizes)
     student = -float(stdtrit(units - 1, TAIL))
     if units < FEW_UNITS:
         return -student * float(error), student * float(error)
-    means, errors = _means(_resamples(units), deviations, sizes)
+    means, errors = _means(_resamples(units), residuals, sizes)
     # Equal values leave a rounding error of about 1e-17 of their size.
     with np.errstate(divide="ignore", invalid="ignore"):
         studentized = np.nan_to_num(means / np.maximum(errors, 1e-9 * error))
@@ -81,10 +81,10 @@ def _interval(deviations: Floats, sizes: NDArray[np.intp]) -> tuple[float, float
     return -min(float(high), widest) * float(error), -max(float(low), -widest) * float(error)
 
 
-def _means(drawn: Floats, deviations: Floats, sizes: NDArray[np.intp]) -> tuple[Floats, Floats]:
+def _means(drawn: Floats, residuals: Floats, sizes: NDArray[np.intp]) -> tuple[Floats, Floats]:
     """Return means of units (n,) drawn so often (resamples, n), and their standard errors."""
     units = len(sizes)
-    columns = [deviations, sizes, deviations**2, deviations * sizes, sizes**2]
+    columns = [residuals, sizes, residuals**2, residuals * sizes, sizes**2]
     total, counts, squares, products, sizes_squared = (drawn @ np.stack(columns, axis=1)).T
     means = total / counts
     spread = np.maximum(squares - 2 * means * products + means**2 * sizes_squared, 0)

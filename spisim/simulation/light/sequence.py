@@ -92,9 +92,9 @@ def trace(
     Raises InputError as `at_key_times` does.
     """
 
-    def solved(moment: Scene, progress: Progress) -> Transport:
+    def solved(instant: Scene, progress: Progress) -> Transport:
         return solve(
-            moment,
+            instant,
             instrument,
             spp=spp,
             transport_noise_share=transport_noise_share,

@@ -66,7 +66,7 @@ def surrogate_light(
     return at_key_times(
         scene,
         instrument,
-        lambda moment, _: surrogate(moment, instrument, seed=seed),
+        lambda instant, _: surrogate(instant, instrument, seed=seed),
         frames=frames,
         progress=progress,
     )
