@@ -1,10 +1,8 @@
 """Plans, scenes, instruments and manifests changed by seeds: read, or refused in a sentence."""
 
-import os
 import shutil
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -69,17 +67,6 @@ def brief(error: InputError) -> None:
     assert len(text) < 3000, text[:500]
     assert "Error(" not in text
     assert "object at 0x" not in text
-
-
-@pytest.fixture
-def place(tmp_path: Path) -> Iterator[Path]:
-    """A folder in memory where there is one: a disk takes long to write a file again and again."""
-    memory = Path("/dev/shm")
-    if not os.access(memory, os.W_OK):
-        yield tmp_path
-        return
-    with tempfile.TemporaryDirectory(dir=memory) as folder:
-        yield Path(folder)
 
 
 @seeds
