@@ -33,6 +33,7 @@ def _one_thread_per_worker() -> None:
     if "PYTEST_XDIST_WORKER" in os.environ:
         use_threads(1)
         threadpool_limits(1)
+        os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
 
 
 @pytest.fixture
