@@ -48,16 +48,6 @@ class Sample:
     view: View
     parameters: Mapping[str, Any]  # by field of the plan
 
-    @property
-    def scene_text(self) -> str:
-        """The scene file."""
-        return dump_yaml(self.scene_fields)
-
-    @property
-    def instrument_text(self) -> str:
-        """The instrument file."""
-        return dump_yaml(self.instrument_fields)
-
 
 @dataclass(frozen=True)
 class PlannedSet:

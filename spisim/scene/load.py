@@ -6,15 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from spisim.atmosphere.sections import WEATHER
-from spisim.base.config import (
-    check_fields,
-    dump_yaml,
-    find_named,
-    load_yaml,
-    read_mapping,
-    read_text,
-    shipped,
-)
+from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
+from spisim.base.config.yaml import load_yaml
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw

@@ -83,9 +83,7 @@ def test_compiling_is_no_cost_of_a_sample() -> None:
     assert cost.median_s == 5
 
 
-def test_the_mean_is_that_of_the_plan(
-    planned: PlannedSet, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_mean_is_that_of_the_plan(planned: PlannedSet, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pilots of many seeds: their mean is that of all samples, whatever the groups cost."""
 
     def cost_s(group: Group) -> float:
