@@ -21,6 +21,9 @@ help:
 demo: $(INSTALLED)
 	@$(BIN)/spisim demo --output out/demo
 
+# Processes that tests start load the modules compiled by the first of them.
+test slow: export PYTHONDONTWRITEBYTECODE =
+
 test: $(INSTALLED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .

@@ -1,9 +1,12 @@
 """Fixtures that several test modules share."""
 
 import os
+from collections.abc import Iterable, Iterator
+from functools import cache
 
 import numpy as np
 import pytest
+import typer.testing
 from scipy.constants import c
 from threadpoolctl import threadpool_limits
 
@@ -11,9 +14,14 @@ from reconstruction import Capture, PatternPlan, make_plan
 from reconstruction.capture import Buckets, FrameTruth, Optics, Provenance, Truth
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.operators import expose
+from spisim.dataset.records import Outcome
+from spisim.dataset.workers import LocalExecutor
 from spisim.transport.backend import use_threads
 
 pytest_plugins = ["parts"]
+
+# The tree of commands is built once, as by a program, and not anew for each command.
+typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]
 
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000
@@ -25,6 +33,17 @@ def _one_thread_per_worker() -> None:
     if "PYTEST_XDIST_WORKER" in os.environ:
         use_threads(1)
         threadpool_limits(1)
+        os.environ["OMP_NUM_THREADS"] = "1"  # for processes that tests start
+
+
+@pytest.fixture
+def no_workers(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Samples are made and evaluated in this process; workers take seconds to start."""
+
+    def run(executor: LocalExecutor, indices: Iterable[int]) -> Iterator[Outcome]:
+        return map(executor._make, list(indices))
+
+    monkeypatch.setattr(LocalExecutor, "run", run)
 
 
 @pytest.fixture(scope="session")

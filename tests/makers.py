@@ -9,11 +9,13 @@ import time
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from spisim.dataset.folder import Layout, fingerprint
-from spisim.dataset.planned import PlannedSet
 from spisim.dataset.records import NO_SPACE, Outcome, failure
+
+if TYPE_CHECKING:
+    from spisim.dataset.planned import PlannedSet
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,12 @@ class Fake:
 
 @dataclass(frozen=True)
 class OfPlan(Fake):
-    """For samples of a plan."""
+    """For samples of a plan, which the processes are not given: it takes long to load."""
 
     planned: PlannedSet | None = None
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return Fake, (self.folder, self.bad, self.seconds)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ ODD: list[Any] = [
     float("inf"), float("nan"), "", " ", "x", "x" * 5000, "9" * 400, "1e999", "\x1b[31m", "\u202e",
     "x.yaml", "~", "=", "<<", "2024-01-01", [], {}, [[]], [{}], {"": ""}, {"x": {"y": []}},
     {1: 2}, [0, 0], [1, 0, 1], [None, None, None], [1e308, 1e308, 1e308], ["a", 1, None],
-    list(range(2000)), {f"f{k}": k for k in range(200)},
+    list(range(300)), {f"f{k}": k for k in range(200)},
     {"uniform": [0, 1]}, {"uniform": [1, 0]}, {"uniform": [-1e308, 1e308]}, {"uniform": "x"},
     {"log_uniform": [1e-300, 1e300]}, {"normal": [0, 1e308]}, {"normal": [0, 1], "within": [9, 8]},
     {"choice": []}, {"choice": [{"choice": [1, {"uniform": [0, 1]}]}]}, {"choice": "abc"},
@@ -115,10 +115,10 @@ def mutate_manifest(path: Path, seed: int) -> None:
         ):
             database.execute("PRAGMA ignore_check_constraints = ON")
             database.execute("PRAGMA synchronous = OFF")
-            if kind == "tables":
-                database.executescript(rng.choice(SCRIPTS))
             for _ in range(rng.randint(1, 3)):
                 _change_cell(database, rng)
+            if kind == "tables":  # last: the library would work long on what some of them add
+                database.executescript(rng.choice(SCRIPTS))
     content = bytearray(path.read_bytes())
     if kind == "bytes":
         _change_bytes(content, rng)

@@ -4,10 +4,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
+from spisim.base.config import load_yaml
 
 COLUMNS = {"water": 1, "ice": 3}  # column of n, followed by k
 
@@ -15,7 +15,7 @@ COLUMNS = {"water": 1, "ice": 3}  # column of n, followed by k
 @cache
 def _table() -> Floats:
     text = Path(__file__).with_name("indices.yaml").read_text(encoding="utf-8")
-    return np.asarray(yaml.safe_load(text)["rows"], float)
+    return np.asarray(load_yaml(text, "indices")["rows"], float)
 
 
 def check_wavelength(wavelength_nm: float) -> None:

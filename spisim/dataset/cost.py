@@ -10,7 +10,6 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere.sections import WEATHER
-from spisim.base.config import load_yaml
 from spisim.dataset.planned import PlannedSet, Sample
 from spisim.dataset.records import Record
 
@@ -28,8 +27,7 @@ class Group:
     @classmethod
     def of(cls, sample: Sample) -> Self:
         """Return the group of a sample by its scene and all weather in its scene file."""
-        fields = load_yaml(sample.scene_text, sample.scene_name)
-        weather = [name for name in WEATHER if fields.get(name) is not None]
+        weather = [name for name in WEATHER if name in sample.scene_fields]
         return cls(str(sample.parameters["scene"]), ", ".join(weather) or "clear")
 
 

@@ -40,9 +40,9 @@ class Sample:
     index: int
     seed: int
     scene_name: str  # equal for samples of the same scene
-    scene_text: str
+    scene_fields: dict[str, Any]
     scene_folder: Path
-    instrument_text: str
+    instrument_fields: dict[str, Any]
     instrument_folder: Path
     wavelength_nm: float | None  # of the instrument, if the plan sets it
     view: View
@@ -129,9 +129,9 @@ class PlannedSet:
             index,
             int(stream(seed, "capture", index).integers(2**62)),
             name,
-            _dump(scene),
+            _given(scene),
             folder,
-            _dump(files["instrument"]),
+            _given(files["instrument"]),
             self._instrument_file(instrument).parent,
             drawn.get("wavelength_nm"),
             View(number, plan.poses, self._pose_seed(round_)),
@@ -224,5 +224,5 @@ def _name_drawn(scene: Mapping[str, Any]) -> str | None:
     return f"{scene['family']}-{scene.get('seed') or 0}" if scene.get("family") else None
 
 
-def _dump(fields: Mapping[str, Any]) -> str:
-    return dump_yaml({name: value for name, value in fields.items() if value is not None})
+def _given(fields: Mapping[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in fields.items() if value is not None}

@@ -9,7 +9,6 @@ from warnings import catch_warnings, simplefilter
 import numpy as np
 
 from reconstruction.base.errors import InputError, naming, nearest
-from spisim.base.config import dump_yaml, load_yaml
 from spisim.dataset.cost import Cost, GroupCost, Pilot
 from spisim.dataset.manifest import read_manifest
 from spisim.dataset.planned import PlannedSet, Sample
@@ -89,9 +88,8 @@ def check(planned: PlannedSet, at_random: int = 0) -> None:
 
 def _own_materials(sample: Sample) -> set[str]:
     """Return the materials of the scene before any are replaced."""
-    fields = load_yaml(sample.scene_text, sample.scene_name)
-    del fields["material_swaps"]
-    scene, _ = load(replace(sample, scene_text=dump_yaml(fields)))
+    fields = sample.scene_fields | {"material_swaps": {}}
+    scene, _ = load(replace(sample, scene_fields=fields))
     return {thing.material.name for thing in scene.objects}
 
 

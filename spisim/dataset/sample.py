@@ -137,12 +137,12 @@ def _calculate_on_one_thread() -> None:
 def load(sample: Sample) -> tuple[Scene, Instrument]:
     """Load scene and instrument of a sample. Raises InputError."""
     instrument = parse_model(
-        sample.instrument_text, Instrument, "instrument", sample.instrument_folder
+        dump_yaml(sample.instrument_fields), Instrument, "instrument", sample.instrument_folder
     )
     if sample.wavelength_nm is not None:
         instrument = instrument.at_wavelength(sample.wavelength_nm)
     scene = make_scene(
-        sample.scene_text,
+        dump_yaml(sample.scene_fields),
         sample.scene_folder,
         f"scene {sample.scene_name}",
         wavelength_nm=instrument.wavelength_nm,

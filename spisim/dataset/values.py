@@ -22,11 +22,14 @@ class Grid(Section):
     """The values; samples run through all of them."""
 
 
+_GRID: TypeAdapter[Grid] = TypeAdapter(Grid)
+
+
 def openable(value: Any) -> Any:
     """Validate a field that may be a grid, or whatever `open_value` allows, also within a grid."""
     if not _is_grid(value):
         return open_value(value)
-    grid = _checked(TypeAdapter(Grid), value)
+    grid = _checked(_GRID, value)
     for choice in grid.grid:
         open_value(choice)
     return grid

@@ -5,10 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from spisim.atmosphere.sections import WEATHER
 from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
+from spisim.base.config.yaml import load_yaml
 from spisim.scene.assemble import assemble, check_drone, warn_of_oddities
 from spisim.scene.description import DrawnDescription, DroneState, SceneDescription
 from spisim.scene.drawn import draw
@@ -149,7 +148,7 @@ def catalogue() -> list[Entry]:
     """Summaries of the shipped scenes, sorted by name."""
     entries = []
     for name in list_scenes():
-        fields = yaml.safe_load(read_text(scenes_folder() / f"{name}.yaml"))
+        fields = load_yaml(read_text(scenes_folder() / f"{name}.yaml"), name)
         family = fields.get("family")
         entries.append(Entry(name, fields.get("description", ""), family, weather(fields)))
     return entries

@@ -4,11 +4,11 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-import yaml
 from scipy.integrate import cumulative_trapezoid
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.base.config import load_yaml
 
 
 @cache
@@ -24,7 +24,7 @@ def daylight_spectrum() -> tuple[Floats, Floats, float]:
     illuminance : float
         klx of this spectrum.
     """
-    table = yaml.safe_load(Path(__file__).with_name("sun.yaml").read_text(encoding="utf-8"))
+    table = load_yaml(Path(__file__).with_name("sun.yaml").read_text(encoding="utf-8"), "sun")
     irradiance = np.asarray(table["irradiance_w_per_m2_nm"], float)
     first, last = table["wavelengths_nm"]
     wavelengths = np.linspace(first, last, irradiance.size)

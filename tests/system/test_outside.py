@@ -91,10 +91,29 @@ def python(folder, *arguments):
     return done.stdout
 
 
-def test_schemas_and_lists_know_it(folder):
-    lists = ("schema instrument", "schema scene", "scenes list", "dataset export --formats",
-             "export --formats")  # fmt: skip
-    instruments, scenes, families, formats, files = run(folder, *lists)
+LISTS = (
+    "schema instrument", "schema scene", "scenes list", "dataset export --formats",
+    "export --formats",
+)  # fmt: skip
+IMPORTED = "scenes import big.crate -o crate.yaml --json"
+CHAIN = (
+    "simulate closet.yaml -o c.h5 --instrument elsewhere.yaml",
+    "reconstruct c.h5 -o result --image smoothed,pursuit:walsh --depth flat,nearest",
+    "evaluate c.h5 result --json",
+    "budget elsewhere.yaml --json",
+)
+
+
+@pytest.fixture(scope="module")
+def printed(folder):
+    """What each command prints, all in one process."""
+    (folder / "big.crate").write_text("200")
+    commands = (*LISTS, IMPORTED, *CHAIN)
+    return dict(zip(commands, run(folder, *commands), strict=True))
+
+
+def test_schemas_and_lists_know_it(printed):
+    instruments, scenes, families, formats, files = (printed[each] for each in LISTS)
     assert '"cooled"' in instruments
     assert '"dust"' in scenes
     assert "closet" in families
@@ -102,10 +121,8 @@ def test_schemas_and_lists_know_it(folder):
     assert "rows: ranges as rows" in files
 
 
-def test_its_format_is_imported(folder):
-    (folder / "big.crate").write_text("200")
-    (printed,) = run(folder, "scenes import big.crate -o crate.yaml --json")
-    report = json.loads(printed)
+def test_its_format_is_imported(printed):
+    report = json.loads(printed[IMPORTED])
     assert report["bounds_m"] == [[-1, -1, -1], [1, 1, 1]]
     assert report["unit_why"] == "edges are in centimetres"
 
@@ -116,14 +133,8 @@ def test_its_modules_may_be_imported_first(folder):
     assert "stopwatch" in python(folder, "-c", f"{imports}; {load}")
 
 
-def test_it_is_simulated_reconstructed_and_evaluated(folder):
-    *_, evaluated, budget = run(
-        folder,
-        "simulate closet.yaml -o c.h5 --instrument elsewhere.yaml",
-        "reconstruct c.h5 -o result --image smoothed,pursuit:walsh --depth flat,nearest",
-        "evaluate c.h5 result --json",
-        "budget elsewhere.yaml --json",
-    )
+def test_it_is_simulated_reconstructed_and_evaluated(folder, printed):
+    *_, evaluated, budget = (printed[each] for each in CHAIN)
     page = (folder / "result" / "report.html").read_text()
     assert "Smoothed inverse" in page
     assert "Flat wall" in page

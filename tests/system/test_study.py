@@ -110,6 +110,7 @@ def test_dense_fog_pulls_ranges_of_a_near_wall_closer(folder: Path) -> None:
     assert abs(means["1000"]) < 0.1
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_run_again_it_makes_only_what_is_missing(folder: Path) -> None:
     out = folder / "out"
     captures = {path: path.stat().st_mtime_ns for path in sorted(out.glob("samples/*/*.h5"))}
@@ -131,6 +132,7 @@ def test_run_again_it_makes_only_what_is_missing(folder: Path) -> None:
     assert not any(path.exists() for path in begun)
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_other_metrics_need_no_new_captures(folder: Path, tmp_path: Path) -> None:
     out = shutil.copytree(folder / "out", tmp_path / "out")
     other = {**PLAN["study"], "metrics": ["valid_spots"]}
@@ -157,6 +159,7 @@ def test_workers_and_dask_exclude_each_other(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.usefixtures("no_workers")
 def test_a_study_in_which_all_fails_says_why(tmp_path: Path) -> None:
     vary = {**PLAN["vary"], "instrument.detector.adc.full_scale_electrons": 1.0}
     once = {**PLAN["study"], "rounds": 1}

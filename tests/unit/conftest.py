@@ -1,5 +1,8 @@
 """Fixtures that several unit tests share."""
 
+import os
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -34,3 +37,14 @@ def load(tmp_path: Path) -> Load:
 def paper() -> Instrument:
     """The instrument of the paper."""
     return load_instrument("paper")
+
+
+@pytest.fixture
+def place(tmp_path: Path) -> Iterator[Path]:
+    """A folder in memory where there is one: a disk takes long to write a file again and again."""
+    memory = Path("/dev/shm")
+    if not os.access(memory, os.W_OK):
+        yield tmp_path
+        return
+    with tempfile.TemporaryDirectory(dir=memory) as folder:
+        yield Path(folder)

@@ -18,7 +18,7 @@ from reconstruction.capture.importers import load_array
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.reconstructor import reconstruct
 
-FAST = {"captures": 1_000, "results": 250, "mat 7.3": 250, "mat 5": 1_000, "npz": 1_000}
+FAST = {"captures": 500, "results": 150, "mat 7.3": 150, "mat 5": 500, "npz": 500}
 MANY = 100_000
 
 
@@ -111,14 +111,14 @@ def contents(value):
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", READERS)
-def test_changed_files_are_read_or_refused(bases, kind, tmp_path):
+def test_changed_files_are_read_or_refused(bases, kind, place):
     seeds = range(FAST[kind])
-    survive(attempts(bases, kind, tmp_path), seeds, readable=[tmp_path], writable=[tmp_path])
+    survive(attempts(bases, kind, place), seeds, readable=[place], writable=[place])
 
 
 @pytest.mark.hours
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 @pytest.mark.parametrize("kind", READERS)
-def test_many_changed_files_are_read_or_refused(bases, kind, tmp_path):
+def test_many_changed_files_are_read_or_refused(bases, kind, place):
     seeds = range(FAST[kind], MANY)
-    survive(attempts(bases, kind, tmp_path), seeds, readable=[tmp_path], writable=[tmp_path])
+    survive(attempts(bases, kind, place), seeds, readable=[place], writable=[place])

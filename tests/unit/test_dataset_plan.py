@@ -59,7 +59,7 @@ def test_a_section_is_told_as_the_plan_has_it(tmp_path: Path) -> None:
     vary = {"scene.fog": {"kind": "haze-l"}, "scene.fog.visibility_m": 30}
     sample = planned(tmp_path, vary=vary).sample(0)
     assert {name: sample.parameters[name] for name in vary} == vary
-    assert yaml.safe_load(sample.scene_text)["fog"] == {"kind": "haze-l", "visibility_m": 30}
+    assert sample.scene_fields["fog"] == {"kind": "haze-l", "visibility_m": 30}
 
 
 def test_the_texts_say_what_the_parameters_say(tmp_path: Path) -> None:
@@ -67,8 +67,8 @@ def test_the_texts_say_what_the_parameters_say(tmp_path: Path) -> None:
     for index in range(10):
         sample = plan.sample(index)
         scene, instrument = (
-            yaml.safe_load(sample.scene_text),
-            yaml.safe_load(sample.instrument_text),
+            sample.scene_fields,
+            sample.instrument_fields,
         )
         parameters = sample.parameters
         assert scene["fog"]["visibility_m"] == parameters["scene.fog.visibility_m"]
@@ -145,7 +145,7 @@ def test_values_of_a_grid_may_be_drawn_themselves(tmp_path: Path) -> None:
     plan = planned(tmp_path, samples=4, vary=vary)
     for index in (0, 2):
         assert 20 <= plan.sample(index).parameters["scene.fog"]["visibility_m"] <= 30
-        assert "fog" not in yaml.safe_load(plan.sample(index + 1).scene_text)
+        assert "fog" not in plan.sample(index + 1).scene_fields
 
 
 def test_values_of_a_choice_may_be_drawn_themselves(tmp_path: Path) -> None:
@@ -193,7 +193,7 @@ def test_distinct_scenes_come_again_as_they_were(tmp_path: Path) -> None:
 def test_a_section_before_its_fields(tmp_path: Path) -> None:
     fog = {"scene.fog": {"kind": "haze-l"}, "scene.fog.visibility_m": {"uniform": [20.0, 30.0]}}
     plan = planned(tmp_path, vary=fog)
-    samples = [yaml.safe_load(plan.sample(index).scene_text)["fog"] for index in (0, 1)]
+    samples = [plan.sample(index).scene_fields["fog"] for index in (0, 1)]
     assert samples[0]["kind"] == samples[1]["kind"] == "haze-l"
     assert samples[0]["visibility_m"] != samples[1]["visibility_m"]
     message = mistake(tmp_path, vary=dict(reversed(fog.items())))
@@ -238,7 +238,7 @@ def test_files_beside_the_plan_come_first(tmp_path: Path) -> None:
     sample = plan.sample(0)
     assert sample.scene_name == "mine"
     assert sample.scene_folder == own.parent
-    assert yaml.safe_load(sample.instrument_text) == {"wavelength_nm": 1550}
+    assert sample.instrument_fields == {"wavelength_nm": 1550}
     digest = plan.digest
     own.write_text("name: other\n")
     assert plan.sample(0).scene_name == "mine"  # as it was when the plan was first asked

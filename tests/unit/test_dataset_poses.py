@@ -49,10 +49,10 @@ def test_grids_run_through_every_pose(tmp_path: Path) -> None:
 
 def test_one_pose_is_what_a_plan_without_them_has(tmp_path: Path) -> None:
     one, none = planned(tmp_path, poses=1).sample(3), planned(tmp_path).sample(3)
-    assert one.scene_text == none.scene_text
+    assert one.scene_fields == none.scene_fields
     assert "pose" not in one.parameters
     several = planned(tmp_path, poses=4)
-    assert several.sample(4).scene_text == planned(tmp_path).sample(1).scene_text
+    assert several.sample(4).scene_fields == planned(tmp_path).sample(1).scene_fields
 
 
 def test_surfaces_are_made_once_and_seen_from_elsewhere(tmp_path: Path) -> None:

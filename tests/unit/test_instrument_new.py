@@ -5,11 +5,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from matplotlib.figure import Figure
 from typer.testing import CliRunner
 
 from reconstruction.base.errors import InputError
 from spisim.base.config import parse_model
-from spisim.budget import Target, budget_warnings
+from spisim.budget import Target, budget_warnings, plots
 from spisim.cli import app
 from spisim.cli.instrument import new
 from spisim.cli.instrument.data_sheet import QUESTIONS, completed
@@ -83,7 +84,9 @@ def test_wrong_answers_are_named(answers: dict[str, Any], message: str) -> None:
         new_instrument_text(completed(answers))
 
 
-def test_file_and_budget_are_written_together(tmp_path: Path) -> None:
+def test_file_and_budget_are_written_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     file = tmp_path / "mine.yaml"
     done = invoke("-o", file, "--makes", "image", "--field-deg", 30, "--json")
     assert done.exit_code == 0, done.output
@@ -94,6 +97,7 @@ def test_file_and_budget_are_written_together(tmp_path: Path) -> None:
     assert file.read_text(encoding="utf-8").count("#") > 10
     assert Path(report["written"]) == file.with_suffix(".png")
     assert "exists; --overwrite" in invoke("-o", file, "--defaults").output
+    monkeypatch.setattr(plots, "budget_figure", lambda *_: Figure())  # it takes seconds to draw
     assert invoke("-o", file, "--defaults", "--overwrite").exit_code == 0
 
 

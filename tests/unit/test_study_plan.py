@@ -49,12 +49,11 @@ def test_fields_that_change_together_and_instruments_are_grids(tmp_path: Path) -
         for instrument in ("paper", "fga015")
         for visibility, rain in ((None, None), (50, None), (None, 4))
     ]
-    scenes = [yaml.safe_load(sample.scene_text) for sample in samples]
+    scenes = [sample.scene_fields for sample in samples]
     assert ["fog" in scene for scene in scenes] == [False, True, False] * 2
     assert [scene.get("rain") for scene in scenes[:3]] == [None, None, {"rate_mm_per_h": 4}]
     areas = [
-        yaml.safe_load(sample.instrument_text)["detector"]["sensor"]["photoactive_area_mm2"]
-        for sample in samples
+        sample.instrument_fields["detector"]["sensor"]["photoactive_area_mm2"] for sample in samples
     ]
     assert areas[0] == areas[1] == areas[2] != areas[3] == areas[4] == areas[5]
 
