@@ -32,7 +32,7 @@ SCENES, PATHS = 50, 2**15
 QUICK_SCENES, QUICK_PATHS = 4, 2**12
 DRAWS, QUICK_DRAWS = 8, 2  # of noise for each scene
 KLX = 10.0
-SPOT, OFFSETS_M = 2, (0.0, 0.05, 0.1, 0.2)
+SPOT, SPOTS, OFFSETS_M = 2, 4, (0.0, 0.05, 0.1, 0.2)
 RECORDINGS = 300
 Told = list[list[OffsetEvidence | None]]  # by draw of noise and scene
 
@@ -92,7 +92,8 @@ def recordings(reported: Told, frames: int, rng: np.random.Generator) -> list[Pa
     draws, scenes = len(reported), len(reported[0])
     return [
         path_offsets(
-            [reported[rng.integers(draws)][scene] for scene in rng.permutation(scenes)[:frames]]
+            [reported[rng.integers(draws)][scene] for scene in rng.permutation(scenes)[:frames]],
+            SPOTS,
         )
         for _ in range(RECORDINGS)
     ]

@@ -44,11 +44,11 @@ def checked_depths(who: str, estimate: Any, shape: tuple[int, int]) -> DepthEsti
     return replace(estimate, depth_m=depth_m, sigma=sigma, no_return=no_return)
 
 
-def checked_ranges(name: str, ranges: Any) -> Ranges:
-    """Ranges of four spots, finite wherever the status says so; InputError for others."""
+def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:
+    """Ranges of so many spots, finite wherever the status says so; InputError for others."""
     who = f"ranging method {name!r}"
-    if not (isinstance(ranges, Ranges) and _are_of_four_spots(ranges)):
-        raise InputError(f"{who} returned {type(ranges).__name__}, not four ranges")
+    if not (isinstance(ranges, Ranges) and _are_of(ranges, spots)):
+        raise InputError(f"{who} returned {type(ranges).__name__}, not ranges of {spots} spot(s)")
     unknown = set(ranges.status) - set(get_args(Status))
     if unknown:
         raise InputError(
@@ -59,8 +59,9 @@ def checked_ranges(name: str, ranges: Any) -> Ranges:
     return ranges
 
 
-def _are_of_four_spots(ranges: Ranges) -> bool:
+def _are_of(ranges: Ranges, spots: int) -> bool:
     values = dict(vars(ranges))
     values.pop("fog")
     lists = values.pop("status"), values.pop("alternatives")
-    return all(np.shape(v) == (4,) for v in values.values()) and all(len(v) == 4 for v in lists)
+    shapes = {np.shape(v) for v in values.values()} | {(len(v),) for v in lists}
+    return shapes == {(spots,)}

@@ -11,7 +11,6 @@ from .base.arrays import Floats
 from .base.errors import InputError
 from .base.registry import Registry, check_name
 from .capture import Setup
-from .capture.spots import check_four
 from .depth import DEPTH_METHODS, depth_method, out_of_distribution, suits
 from .image import (
     IMAGE_METHODS,
@@ -220,14 +219,10 @@ def ranging_solvers(
 ) -> tuple[dict[str, RangingSolver], dict[str, str]]:
     """Solvers by name, and a note on the plain method where it refuses the recording."""
     spots = setup.spots
-    if spots is None or not spots.are_four:
+    if spots is None:
         for name in _listed(methods):
-            check_four(f"ranging method {name!r}", spots)
             raise InputError(f"ranging method {name!r} needs spots, which the recording lacks")
-        if spots is None:
-            return {}, {}
-        text = f"left out: methods need 4 spots, the recording has {len(spots.directions)}"
-        return {}, {f"ranging {spots.method}": text}
+        return {}, {}
     solvers: dict[str, RangingSolver] = {}
     refused: dict[str, str] = {}
 

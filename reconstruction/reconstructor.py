@@ -172,7 +172,8 @@ class Reconstructor:
             raise InputError(f"got {type(frames).__name__}, expected `Frames`, as of Capture.batch")
         expected, given = (
             (
-                f"{exposures} exposures, {type(part.spots).__name__}, "
+                f"{exposures} exposures, {type(part.spots).__name__} "
+                f"of {0 if part.spots is None else len(part.spots.directions)} spots, "
                 f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
             )
             for part, exposures in (
@@ -195,7 +196,9 @@ class Reconstructor:
         for name, solve in self._rangings.items():
             assert frame.spots is not None
             with self._contained(f"ranging {name}"), timed(timings, f"ranging {name}"):
-                rangings[name] = checked_ranges(name, solve(frame.spots, brightness))
+                rangings[name] = checked_ranges(
+                    name, solve(frame.spots, brightness), len(frame.spots.directions)
+                )
         if frame.spots is not None:
             warnings = range_consistency(rangings, frame.spots)
             notes |= {f"ranging {name}": note for name, note in warnings.items()} | self._refused
@@ -312,7 +315,6 @@ class Reconstructor:
         if (
             setup.optics is None
             or setup.spots is None
-            or not setup.spots.are_four
             or name is None
             or setup.buckets.baseline_electrons > 0
             or setup.buckets.unit != "electron"

@@ -29,7 +29,7 @@ class Result:
         By method, what each virtual pixel contributes to an exposure (H, W), in ``unit``, and its
         standard deviation, for methods that state one.
     rangings
-        Ranges of the four spots by method; empty without time of flight.
+        Ranges of the spots by method; empty without time of flight.
     depths, log_depth_sigmas
         Depth along the optical axis (H, W) in metres by method, nan where there is none, and the
         standard deviation of ln depth, for methods that state one.
@@ -134,7 +134,7 @@ class Result:
 
     @property
     def ranges(self) -> Ranges | None:
-        """Ranges of the four spots by the default method, None without time of flight."""
+        """Ranges of the spots by the default method, None without time of flight."""
         return next(iter(self.rangings.values()), None)
 
     @property

@@ -1,4 +1,4 @@
-"""Light of targets in even fog, in closed form, as four pencil beams and their detectors see it.
+"""Light of targets in even fog, in closed form, as pencil beams and their detectors see it.
 
 Written down anew, so that it shares nothing with the method that is tested.
 """
@@ -13,7 +13,7 @@ FIRST_M = 0.05
 
 
 def seen(instrument: Instrument, range_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weights in sr and path lengths (4, ranges): A cos / distance^2 of the aperture that sees.
+    """Weights in sr and path lengths (spots, ranges): A cos / distance^2 of the aperture that sees.
 
     Along its beam a detector looks, so that the part of its aperture from which a place of the beam
     is within the field is where two circles overlap.
@@ -56,7 +56,7 @@ def light(
     steady_per_s=1e8,
     frames=1,
 ) -> SpotLight:
-    """Light from targets at four ranges, none where infinite, and of the fog before them.
+    """Light from targets at the spots' ranges, none where infinite, and of the fog before them.
 
     ``fog_m`` are the ranges at which the fog begins and ends.
     """
@@ -65,18 +65,21 @@ def light(
         foggy = np.clip(at_m, *fog_m) - fog_m[0]
         return np.exp(-extinction_per_m * path_m * foggy / at_m)
 
-    ranges_m = np.broadcast_to(ranges_m, 4).astype(float)
-    reflectances = np.broadcast_to(reflectances, 4)
+    spots = len(instrument.spot_optics.directions)
+    ranges_m = np.broadcast_to(ranges_m, spots).astype(float)
+    reflectances = np.broadcast_to(reflectances, spots)
     electrons = instrument.electrons_per_joule(instrument.tof.detector, "laser")
     per_s = electrons * instrument.lasers.power_w
-    echo = np.zeros((4, PATHS.size))
+    echo = np.zeros((spots, PATHS.size))
+    lasts = np.minimum(ranges_m, PATHS[-1] / 2 - 0.1)
+    every = np.arange(FIRST_M, lasts.max(), STEP_M) + STEP_M / 2
+    weights, paths = seen(instrument, every)
+    within = (every > fog_m[0]) & (every < fog_m[1])
     for spot, range_m in enumerate(ranges_m):
-        last = min(range_m, PATHS[-1] / 2 - 0.1)
-        positions = np.arange(FIRST_M, last, STEP_M) + STEP_M / 2
-        weight, path = seen(instrument, positions)
-        within = (positions > fog_m[0]) & (positions < fog_m[1])
-        fog = within * extinction_per_m * backscatter_per_sr * STEP_M * weight[spot]
-        deposit(echo[spot], path[spot], fog * left(path[spot], positions))
+        before = np.s_[: len(np.arange(FIRST_M, lasts[spot], STEP_M))]
+        positions, path = every[before], paths[spot, before]
+        fog = within[before] * extinction_per_m * backscatter_per_sr * STEP_M
+        deposit(echo[spot], path, fog * weights[spot, before] * left(path, positions))
         if np.isfinite(range_m):
             position = np.array([range_m])
             weight, path = seen(instrument, position)
@@ -85,7 +88,7 @@ def light(
     return SpotLight(
         PATHS,
         np.broadcast_to(per_s * echo, (frames, *echo.shape)),
-        np.full((frames, 4), float(steady_per_s)),
+        np.full((frames, spots), float(steady_per_s)),
         instrument.lasers.power_w,
     )
 

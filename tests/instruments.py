@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import yaml
 
 from spisim.budget.equations import Flood
@@ -37,4 +38,18 @@ def flood(power_w: float, half_angle_deg: float, noise: float = 2e-12) -> Flood:
         half_angle_deg=half_angle_deg,
         illuminance_klx=100,
         noise_a_per_sqrt_hz=noise,
+    )
+
+
+def of_spots(name: str, spots: int, **changes: Any) -> Instrument:
+    """A preset with another number of spots, on a grid, each with a detector 1 cm beside it."""
+    side = int(np.ceil(np.sqrt(spots)))
+    across = np.linspace(-5, 5, side) if side > 1 else np.array([3.0])
+    directions = [[float(x), float(y)] for y in across for x in across][:spots]
+    positions = [[0.00707 * (-1) ** (x < 0), -0.00707 * (-1) ** (y < 0), 0] for x, y in directions]
+    return changed(
+        name,
+        lasers__directions_deg=directions,
+        tof__detector__positions_m=positions,
+        **changes,
     )

@@ -19,17 +19,9 @@ UNKNOWN: Any = np.nan
 SPOTS_AXIS, MAX_SPOTS = "spots", 64
 """Axis of the spots, and their maximum number."""
 USUAL_SPOTS = 4
-"""Number of spots that ranging and depth methods need."""
+"""Number of spots of readings without directions, and those the depth network learned from."""
 MAX_PULSE_S = 1e-3
 """Maximum duration of pulses and time bins, in which light travels 300 km."""
-
-
-def check_four(who: str, spots: "Spots | None") -> None:
-    """Raise InputError unless there are as many spots as ranging and depth methods need."""
-    if spots is not None and not spots.are_four:
-        raise InputError(
-            f"{who} needs {USUAL_SPOTS} spots; the recording has {len(spots.directions)}"
-        )
 
 
 def check_duration(name: str, duration_s: float) -> None:
@@ -95,11 +87,6 @@ class Spots(SpotOptics):
     def readings(self) -> NDArray[Any]:
         """Readings of the detectors, frames first."""
         raise NotImplementedError
-
-    @property
-    def are_four(self) -> bool:
-        """Whether there are as many spots as ranging and depth methods need."""
-        return len(self.directions) == USUAL_SPOTS
 
     @property
     def summary(self) -> str:

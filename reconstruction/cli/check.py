@@ -12,9 +12,9 @@ from ..base.errors import InputError, naming
 from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
 from ..ranging.fog.offsets import (
-    MIN_SIGNIFICANCE,
     OffsetEvidence,
     PathOffsets,
+    min_significance,
     path_check,
     path_offsets,
 )
@@ -31,7 +31,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Check all frames of the captures together."""
-    offsets = path_offsets(list(_evidence(options.captures)))
+    offsets = path_offsets(*_evidence(options.captures))
     if options.json:
         print(json_line(_report(offsets)))
     else:
@@ -39,9 +39,13 @@ def run(options: argparse.Namespace) -> None:
             print(printable(line))
 
 
-def _evidence(captures: Sequence[Path]) -> Iterator[OffsetEvidence | None]:
-    """Evidence of every frame; raises InputError unless all captures are of one rig."""
+def _evidence(captures: Sequence[Path]) -> tuple[list[OffsetEvidence | None], int]:
+    """Evidence of every frame, and how many spots there are.
+
+    Raises InputError unless all captures are of one rig.
+    """
     first: Spots | None = None
+    evidence: list[OffsetEvidence | None] = []
     for path in captures:
         with naming(path), open_capture(path) as file:
             spots = file.setup.spots
@@ -54,7 +58,9 @@ def _evidence(captures: Sequence[Path]) -> Iterator[OffsetEvidence | None]:
             for number in range(file.frames):
                 frame = file.frame(number).spots
                 assert frame is not None
-                yield find(frame)
+                evidence.append(find(frame))
+    assert first is not None
+    return evidence, len(first.directions)
 
 
 def _alike(one: Spots, other: Spots) -> bool:
@@ -73,7 +79,7 @@ def _report(offsets: PathOffsets) -> dict[str, Any]:
             "sigma_m": float(offsets.sigma_m[spot]) if finite[spot] else None,
             "told": bool(offsets.significant[spot]),
         }
-        for spot in range(4)
+        for spot in range(len(finite))
     ]
     return {"frames": offsets.frames, "spots": spots}
 
@@ -83,13 +89,12 @@ def _lines(offsets: PathOffsets) -> Iterator[str]:
         yield f"too little fog to check the spots' paths; frames with ranges: {offsets.frames}"
         return
     yield f"paths relative to those of the other spots, from fog in {offsets.frames} frames:"
-    for spot in range(4):
-        offset_m, sigma_m = offsets.offset_m[spot], offsets.sigma_m[spot]
+    for spot, (offset_m, sigma_m) in enumerate(zip(offsets.offset_m, offsets.sigma_m, strict=True)):
         line = f"spot {spot}  {100 * offset_m:+6.1f} cm, standard deviation {100 * sigma_m:.1f} cm"
         if offsets.significant[spot]:
             way = "far" if offset_m > 0 else "near"
             line += f": wrongly calibrated, its ranges are {50 * abs(offset_m):.1f} cm too {way}"
         yield line
     if not offsets.significant.any():
-        min_m = MIN_SIGNIFICANCE * offsets.sigma_m.max()
+        min_m = min_significance(offsets.sigma_m.size) * offsets.sigma_m.max()
         yield f"no spot differs from the others; {100 * min_m:.1f} cm would be significant"

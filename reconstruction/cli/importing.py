@@ -220,7 +220,7 @@ def _ask_about_taps(options: argparse.Namespace, readings: NDArray[Any]) -> None
     by_spot = readings.ndim < 2 or readings.shape[-1] % 4 == 0
     if small and not patterns_named and by_spot and readings.size % MIN_TAPS == 0:
         raise InputError(
-            f"{options.file} holds numbers of shape {readings.shape}: taps of the four spots, or "
+            f"{options.file} holds numbers of shape {readings.shape}: taps of four spots, or "
             f"readings of {options.shape[0]} x {options.shape[1]} patterns? For taps write --taps "
             f"{options.file} --frequency HZ in place of FILE and --shape, for patterns --order too"
         )

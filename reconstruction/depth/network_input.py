@@ -16,6 +16,7 @@ import numpy as np
 from ..base.arrays import Floats, Mask
 from ..base.layers import Channels
 from ..capture import Optics
+from ..capture.spots import USUAL_SPOTS
 from .kriging import BRIGHT, AnchoredImage, AnchoredPrior, LogDepth
 from .pixels import pixel_of, pixel_rays, squared_distances, wide_hats
 
@@ -58,7 +59,7 @@ CLEAR_PER_M = 1e-3
 
 
 class Anchors(NamedTuple):
-    """Log depths of four spots: ``log_depth`` and ``log_sigma``, (4,) each, nan if unknown."""
+    """Log depths of the spots: ``log_depth`` and ``log_sigma``, (spots,) each, nan if unknown."""
 
     log_depth: Floats
     log_sigma: Floats
@@ -74,9 +75,9 @@ class Anchors(NamedTuple):
 class NetworkInput:
     """One frame as the network sees it.
 
-    ``image`` (H, W) in any unit; ``directions`` (4, 3) of the spots. ``plain`` are their ranges by
-    the chosen method, ``fitted`` those fitted together with the fog, ``lost`` (4,) marks spots
-    without a return. ``log_reflectance`` (4,) by the laser light, nan if unknown. ``noise`` is the
+    ``image`` (H, W) in any unit; ``directions`` (S, 3) of the spots. ``plain`` are their ranges by
+    the chosen method, ``fitted`` those fitted together with the fog, ``lost`` (S,) marks spots
+    without a return. ``log_reflectance`` (S,) by the laser light, nan if unknown. ``noise`` is the
     rms noise of a reading over the spread of the readings, ``fraction`` the number of patterns over
     pixels, ``max_range_m`` the unambiguous range. ``extinction_per_m`` and ``backscatter_per_m_sr``
     are those of fog, nan if unknown.
@@ -185,9 +186,9 @@ def inputs_of(frame: NetworkInput) -> Inputs:
 class SpotGeometry(NamedTuple):
     """Spots among the pixels of an image.
 
-    ``anchors`` (4, 2): their pixels; ``near`` and ``inverse`` (4, H, W): Gaussian and inverse
-    squares of distances; ``x`` and ``y`` (H, W): slopes of the rays; ``down`` (4, H) and ``along``
-    (4, W): weights of the mean around each spot.
+    ``anchors`` (S, 2): their pixels; ``near`` and ``inverse`` (S, H, W): Gaussian and inverse
+    squares of distances; ``x`` and ``y`` (H, W): slopes of the rays; ``down`` (S, H) and ``along``
+    (S, W): weights of the mean around each spot.
     """
 
     anchors: Floats
@@ -199,16 +200,16 @@ class SpotGeometry(NamedTuple):
     along: Floats
 
     def around(self, image: Floats) -> Floats:
-        """Means (4,) of the pixels around the spots."""
+        """Means (S,) of the pixels around the spots."""
         return np.asarray(((self.down @ image) * self.along).sum(axis=1))
 
     def summed(self, nearness: Floats, weights: Floats) -> Floats:
-        """Sums (n, H, W) of maps (4, H, W) of the spots, weighted by (n, 4)."""
-        whole = weights @ nearness.reshape(4, -1)
+        """Sums (n, H, W) of maps (S, H, W) of the spots, weighted by (n, S)."""
+        whole = weights @ nearness.reshape(len(nearness), -1)
         return whole.reshape(-1, *nearness.shape[1:])
 
     def spread(self, *pairs: tuple[Floats, Floats]) -> Floats:
-        """Interpolate pairs of values and weights, (4,) each: (n, H, W), tending to 0 far away."""
+        """Interpolate pairs of values and weights, (S,) each: (n, H, W), tending to 0 far away."""
         values, weights = np.array(pairs).swapaxes(0, 1)
         sums = np.where(weights > 0, values, 0) * weights
         both = self.summed(self.inverse, np.concatenate([sums, weights]))
@@ -274,7 +275,10 @@ def _anchored(frame: NetworkInput, spots: SpotGeometry) -> tuple[Floats, Floats,
 
 
 def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: float) -> Channels:
-    """Values of `NUMBERS`; the veil of the fitted fog is comparable with the darkness of pixels."""
+    """Values of `NUMBERS`; the veil of the fitted fog is comparable with the darkness of pixels.
+
+    Numbers of spots are relative to those of the training: of fewer, the rest count as unknown.
+    """
     best = frame.best
     weight = best.weight
     total = max(weight.sum(), 1e-6)
@@ -283,8 +287,8 @@ def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: 
     numbers = [
         frame.mean_log_depth - np.log(USUAL_M),
         np.sqrt(weight @ away**2 / total),
-        np.count_nonzero(frame.plain.weight) / 4,
-        np.count_nonzero(frame.lost) / 4,
+        np.count_nonzero(frame.plain.weight) / USUAL_SPOTS,
+        np.count_nonzero(frame.lost) / USUAL_SPOTS,
         _mean_sigma(frame.plain),
         _mean_sigma(frame.fitted),
         math.log(min(max(frame.noise, 1e-4), 10)) / 4,
@@ -293,7 +297,7 @@ def _numbers(frame: NetworkInput, given: Floats, reflectance: Floats, in_front: 
         float(foggy),
         math.log(min(max(frame.max_range_m, 1), 100) / 10),
         given @ reflectance / max(given.sum(), 1e-6),
-        given.sum() / 4,
+        given.sum() / USUAL_SPOTS,
         math.log1p(min(max(in_front / frame.bright, 0), BRIGHTEST)),
         math.log1p(min(max(frame.percentiles[1] / frame.bright, -0.5), 1)),
     ]
@@ -315,7 +319,7 @@ def of_fraction(fraction: float) -> float:
 def _mean_sigma(anchors: Anchors) -> float:
     """Mean scaled log sigma; 1 for a spot without a range."""
     sigma = np.where(np.isfinite(anchors.log_sigma), anchors.log_sigma, 1.0)
-    return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / sigma.size / 4
+    return float(np.log(np.minimum(np.maximum(sigma, 1e-4), 1)).sum()) / USUAL_SPOTS / 4
 
 
 def veil(frame: NetworkInput, spots: SpotGeometry) -> float:

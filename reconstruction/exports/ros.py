@@ -2,7 +2,7 @@
 
 Frames follow REP 103 (x forward, y left, z up; optical ones x right, y down, z forward) and REP
 105: map, odom, base_link if poses are known, and from base_link on camera_link,
-camera_optical_frame, and spot_0 to spot_3, whose x axes are the directions of the ranges. Depth
+camera_optical_frame, and spot_0, spot_1, ..., whose x axes are the directions of the ranges. Depth
 images follow REP 118: 32FC1, metres along the optical axis, nan if unknown.
 """
 

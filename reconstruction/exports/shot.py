@@ -46,7 +46,7 @@ class Shot:
 
     ``image`` (H, W) in any unit; ``depth_m`` (H, W) along the optical axis, nan if unknown;
     ``stamp_ns`` of any clock; ``pose`` (4, 4) takes the optical frame (x right, y down, z forward)
-    to the world (z up), None if unknown. ``ranges`` belong to the four ``spots`` of time of flight.
+    to the world (z up), None if unknown. ``ranges`` belong to the ``spots`` of time of flight.
     """
 
     stamp_ns: int

@@ -56,7 +56,7 @@ class State:
 
 
 def result_entries(outcome: Outcome) -> dict[str, Any]:
-    """Maps (H, W) as float32, ranges (4,) as float64; missing values are left out."""
+    """Maps (H, W) as float32, ranges (spots,) as float64; missing values are left out."""
     result = outcome.result
     entries: dict[str, Any] = {
         "image": result.image,

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..capture import Unit, hdf5
+from ..capture.spots import MAX_SPOTS
 from ..depth import DISTANCES_M
 from ..ranging import Alternative, Ranges, Status
 from ..result import Result
@@ -18,7 +19,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 5),
+    version=(3, 6),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -29,7 +30,6 @@ RANGES = {
 }
 ALTERNATIVES = {"range_m": "m", "sigma_m": "m", "weight": "1"}
 """A row per spot, likeliest first, padded with nan; missing if no spot has any."""
-SPOTS = 4
 GROUPS = ("images", "rangings", "depths")
 
 
@@ -116,10 +116,15 @@ def _corridor(file: hdf5.Contents, methods: Iterable[str]) -> dict[str, Any]:
 
 
 def _ranges(file: hdf5.Contents, group: str) -> Ranges:
-    for name, units in (RANGES | {"status": "1"}).items():
+    spots = file.shape(f"{group}/status", "1")
+    if len(spots) != 1 or not 1 <= spots[0] <= MAX_SPOTS:
+        raise InputError(
+            f"dataset {group}/status has shape {spots}, expected (spots,), 1 to {MAX_SPOTS} of them"
+        )
+    for name, units in RANGES.items():
         shape = file.shape(f"{group}/{name}", units)
-        if shape != (SPOTS,):
-            raise InputError(f"dataset {group}/{name} has shape {shape}, expected ({SPOTS},)")
+        if shape != spots:
+            raise InputError(f"dataset {group}/{name} has shape {shape}, expected {spots}")
     values = {name: file.numbers(f"{group}/{name}", units) for name, units in RANGES.items()}
     status = tuple(file.texts(f"{group}/status"))
     unknown = set(status) - set(get_args(Status))

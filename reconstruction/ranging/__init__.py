@@ -1,4 +1,4 @@
-"""Ranges of the four spots from time-of-flight readings: methods and what they share."""
+"""Ranges of the spots from time-of-flight readings: methods and what they share."""
 
 from .brightness import Brightness, brightness_at
 from .consistency import range_consistency

@@ -13,18 +13,18 @@ NEIGHBOURS = 1
 
 
 class Brightness(NamedTuple):
-    """Electrons of a pixel, fully on, at the spots, (4,), and sigmas; nan outside the image."""
+    """Electrons of a pixel, fully on, at the spots, (spots,), and sigmas; nan outside the image."""
 
     electrons: Floats
     sigma: Floats
 
 
 def brightness_at(positions: Floats, image: Floats, sigma: Floats) -> Brightness:
-    """Brightness at ``positions`` (4, 2), row and column, of an image (H, W) in electrons.
+    """Brightness at ``positions`` (spots, 2), row and column, of an image (H, W) in electrons.
 
     Errors of neighbouring pixels are correlated, so the mean is no more certain than one pixel.
     """
-    electrons, electrons_sigma = np.full(4, np.nan), np.full(4, np.nan)
+    electrons, electrons_sigma = np.full((2, len(positions)), np.nan)
     for spot, (row, column) in enumerate(np.rint(positions).astype(int)):
         if 0 <= row < image.shape[0] and 0 <= column < image.shape[1]:
             around = tuple(
@@ -54,14 +54,15 @@ def bucket_optics(optics: Optics | None, spots: Spots) -> tuple[SpotOptics, ...]
         ).all()
     ):
         return ()
+    count = len(spots.directions)
     return tuple(
         SpotOptics(
             directions=spots.directions,
-            detector_positions_m=np.tile(position, (4, 1)),
-            detector_axes=np.tile([0.0, 0.0, 1.0], (4, 1)),
-            half_fields_rad=np.full(4, optics.detector_half_field_rad),
-            falloffs=np.full(4, optics.detector_falloff),
-            aperture_radii_m=np.full(4, optics.detector_aperture_radius_m),
+            detector_positions_m=np.tile(position, (count, 1)),
+            detector_axes=np.tile([0.0, 0.0, 1.0], (count, 1)),
+            half_fields_rad=np.full(count, optics.detector_half_field_rad),
+            falloffs=np.full(count, optics.detector_falloff),
+            aperture_radii_m=np.full(count, optics.detector_aperture_radius_m),
             beam_divergence_rad=0.0,
             beam_waist_m=0.0,
         )

@@ -13,7 +13,6 @@ from .ranges import MIN_SIGNAL, Ranges
 
 MIN_DIFFERENCE_M = 0.05
 """Smaller range differences may come from calibration."""
-NO_REASONS = ("",) * 4
 
 
 def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
@@ -28,8 +27,9 @@ def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str,
         if _models_other_light(ranges):
             continue
         others = {other: each for other, each in rangings.items() if _models_other_light(each)}
-        apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else NO_REASONS
-        reasons = [_by_others(spot, ranges, others) or apart[spot] for spot in range(4)]
+        count = len(ranges.status)
+        apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else [""] * count
+        reasons = [_by_others(spot, ranges, others) or apart[spot] for spot in range(count)]
         affected = [f"{spot} ({why})" for spot, why in enumerate(reasons) if why]
         if affected:
             result[name] = (
@@ -57,7 +57,7 @@ def _by_frequency(spots: CwSpots, ranges: Ranges) -> Sequence[str]:
     """Ranges of each spot by single frequencies, empty if they agree."""
     frequencies = np.unique(spots.tap_frequencies_hz)
     if frequencies.size < 2:
-        return NO_REASONS
+        return [""] * len(ranges.status)
     electrons = spots.electrons(spots.taps[0])
     variance = spots.variance(electrons)
     tap_phases = spots.phases_rad

@@ -8,7 +8,7 @@ from .ranges import Ranges
 
 
 class RangingSolver(Protocol):
-    """Maps the readings of a frame to the ranges of the four spots."""
+    """Maps the readings of a frame to the ranges of the spots."""
 
     def __call__(self, spots: Spots, brightness: Brightness | None = None) -> Ranges:
         """Ranges; ``brightness`` is that of the frame's image at the spots, if known."""

@@ -23,7 +23,7 @@ MAX_FOG_RANGE_M = 150.0
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Path lengths of the four spots, each (4,), or the reasons for none.
+    """Path lengths of the spots, each (spots,), or the reasons for none.
 
     ``sigma_m`` is the standard deviation of ``path_m``.
     """
@@ -58,7 +58,7 @@ class FogOptics(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Ranges:
-    """Ranges of the four spots of a frame, each (4,).
+    """Ranges of the spots of a frame, each (spots,).
 
     ``range_m`` is measured from the projector's pinhole along the spot's direction, ``sigma_m`` its
     standard deviation. Methods without a fog model include shot and electronics noise in it, but
@@ -82,12 +82,16 @@ class Ranges:
     signal_electrons: Floats
     background_electrons: Floats
     status: tuple[Status, ...]
-    alternatives: tuple[tuple[Alternative, ...], ...] = ((), (), (), ())
+    alternatives: tuple[tuple[Alternative, ...], ...] = ()
     fog: FogOptics | None = None
+
+    def __post_init__(self) -> None:
+        if not self.alternatives:
+            object.__setattr__(self, "alternatives", ((),) * len(self.status))
 
     @property
     def likeliest(self) -> tuple[Floats, Floats]:
-        """Ranges and sigmas, each (4,), also of spots that are not valid.
+        """Ranges and sigmas, each (spots,), also of spots that are not valid.
 
         Several alternatives are averaged, and sigma includes their spread; nan if there is none.
         """
@@ -102,7 +106,7 @@ class Ranges:
 
     @property
     def valid(self) -> NDArray[np.bool_]:
-        """Mask (4,) of spots with a range."""
+        """Mask (spots,) of spots with a range."""
         return np.isin(self.status, RANGED)
 
 

@@ -90,7 +90,7 @@ def test_offsets_scatter_as_their_sigma_says() -> None:
     spots = record(frames=40, **DENSE)
     find = path_check(between(spots, 0, 0))
     reported = [find(between(spots, k, k + 1)) for k in range(40)]
-    each = [path_offsets(reported[k : k + 4]) for k in range(0, 40, 4)]
+    each = [path_offsets(reported[k : k + 4], 4) for k in range(0, 40, 4)]
     z = np.array([result.offset_m / result.sigma_m for result in each])
     assert np.abs(z).max() < 3.5
     # Of each four, three differ; where they agree by chance, sigma grows all the same.

@@ -412,12 +412,12 @@ def ranges(**changes):
 @pytest.mark.parametrize(
     ("value", "message"),
     [
-        (np.ones(4), "returned ndarray, not four ranges"),
-        (None, "returned NoneType, not four ranges"),
-        (ranges(status=("ok",) * 3), "not four ranges"),
-        (ranges(range_m=np.ones(3)), "not four ranges"),
-        (ranges(sigma_m=np.ones((4, 2))), "not four ranges"),
-        (ranges(alternatives=((),) * 3), "not four ranges"),
+        (np.ones(4), "returned ndarray, not ranges of 4 spot"),
+        (None, "returned NoneType, not ranges of 4 spot"),
+        (ranges(status=("ok",) * 3), "not ranges of 4 spot"),
+        (ranges(range_m=np.ones(3)), "not ranges of 4 spot"),
+        (ranges(sigma_m=np.ones((4, 2))), "not ranges of 4 spot"),
+        (ranges(alternatives=((),) * 3), "not ranges of 4 spot"),
         (ranges(range_m=np.array([1, np.nan, 1, 1])), "a range that is not finite as 'ok'"),
     ],
 )

@@ -152,7 +152,7 @@ def test_numbers_that_may_be_taps_are_asked_about(tmp_path, capsys, shape):
     file = tmp_path / "t.csv"
     np.savetxt(file, np.random.default_rng(0).poisson(900, shape), delimiter=",")
     reported = refused(capsys, tmp_path, file, "--shape", "4x4")
-    assert "taps of the four spots, or readings of 4 x 4 patterns?" in reported
+    assert "taps of four spots, or readings of 4 x 4 patterns?" in reported
     assert "--taps" in reported
     capture = imported(tmp_path, file, "--shape", "4x4", "--order", "natural")
     assert capture.spots is None

@@ -13,7 +13,7 @@ from ..model import Capture
 from ..readings.cw import CwSpots
 from ..readings.dtof import HistogramSpots
 from ..readings.pulsed import PulsedSpots
-from ..spots import MAX_SPOTS, Spots
+from ..spots import MAX_SPOTS, USUAL_SPOTS, Spots
 from .about import checked_about
 from .arrays import capture_from_readings
 
@@ -39,7 +39,7 @@ class SpotGeometry(NamedTuple):
     By default four spots lie straight ahead and the detectors are at the pinhole.
     """
 
-    directions: ArrayLike = ((0.0, 0.0, 1.0),) * 4
+    directions: ArrayLike = ((0.0, 0.0, 1.0),) * USUAL_SPOTS
     detector_positions_m: ArrayLike | None = None
 
     @property

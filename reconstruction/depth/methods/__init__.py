@@ -5,7 +5,6 @@ from collections.abc import Callable
 from ...base.errors import InputError
 from ...base.registry import Registry
 from ...capture import Setup
-from ...capture.spots import check_four
 from ..method import DepthMethod, Need
 
 DEPTH_METHODS: Registry[DepthMethod] = Registry(
@@ -35,8 +34,6 @@ def depth_method(name: str, setup: Setup, own: DepthMethod | None = None) -> Dep
     if missing:
         parts = " and ".join(part.replace("_", " ") for part in missing)
         raise InputError(f"depth method {name!r} needs {parts}, which the recording lacks")
-    if "spots" in method.needs:
-        check_four(f"depth method {name!r}", setup.spots)
     return method
 
 
@@ -46,9 +43,8 @@ def lacks(method: DepthMethod, setup: Setup) -> tuple[Need, ...]:
 
 
 def suits(method: DepthMethod, setup: Setup) -> bool:
-    """Whether a recording has all parts that a method needs, and four spots if it needs spots."""
-    other = "spots" in method.needs and setup.spots is not None and not setup.spots.are_four
-    return not (lacks(method, setup) or other)
+    """Whether a recording has all parts that a method needs."""
+    return not lacks(method, setup)
 
 
 def out_of_distribution(method: DepthMethod, setup: Setup) -> str | None:

@@ -1,4 +1,4 @@
-"""Depth map from an image and four ranges: see `reconstruction.depth.kriging`."""
+"""Depth map from an image and ranges: see `reconstruction.depth.kriging`."""
 
 from dataclasses import dataclass, field
 
@@ -9,7 +9,7 @@ from ..pixels import pixel_of
 
 @dataclass(frozen=True)
 class Anchored:
-    """Depth from brightness and four ranges."""
+    """Depth from brightness and ranges."""
 
     prior: AnchoredPrior = field(default_factory=fitted_prior)
     title: str = "anchored on the spots"

@@ -15,6 +15,7 @@ import numpy as np
 from ...base.errors import InputError
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
+from ...capture.spots import USUAL_SPOTS
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..network_input import inputs_of, of_fraction
@@ -39,6 +40,8 @@ class Learned:
         """Why no frame of a recording is in distribution, None if some may be."""
         if not isinstance(setup.spots, CwSpots):
             return "trained for continuous-wave spots only"
+        if (spots := len(setup.spots.directions)) > USUAL_SPOTS:
+            return f"trained for at most {USUAL_SPOTS} spots, the recording has {spots}"
         assert setup.optics is not None
         shape = setup.plan.shape
         fraction = of_fraction(setup.plan.exposures / (shape[0] * shape[1]))

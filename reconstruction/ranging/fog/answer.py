@@ -1,4 +1,4 @@
-"""From the posterior of the four ranges to a range and status for each spot."""
+"""From the posterior of the ranges to a range and status for each spot."""
 
 from collections.abc import Sequence
 
@@ -45,7 +45,7 @@ def ranges_of(
 
 
 def statuses(estimate: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, ...]:
-    """Status of each spot; ``dark`` (4,) marks spots whose readings are just noise."""
+    """Status of each spot; ``dark`` (spots,) marks spots whose readings are just noise."""
     guessed = estimate.fog.log_backscatter_sigma > GUESSED_FRACTION * LOG_SIGMA
     return tuple(
         "saturated" if full else "weak" if noise else _status(spot, guessed)

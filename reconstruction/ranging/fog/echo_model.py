@@ -34,16 +34,17 @@ class Echo:
 
 
 class EchoModel:
-    """Readings of four spots up to a range; ``response`` as for `templates.make_templates`."""
+    """Readings of spots up to a range; ``response`` as for `templates.make_templates`."""
 
     def __init__(
         self, optics: SpotOptics, response: Callable[[Floats], Floats], max_range_m: float
     ) -> None:
+        self.spots = len(optics.directions)
         self._range_m = np.arange(1, max_range_m / STEP_M + 2) * STEP_M
         self._weight = overlap(optics, self._range_m)[0]
         self._path_m = path_lengths(optics, self._range_m)
         before, self._response, after = (
-            np.stack([response(path + shift) for path in self._path_m])  # (4, n, R)
+            np.stack([response(path + shift) for path in self._path_m])  # (spots, n, R)
             for shift in (-DIFFERENCE_M, 0.0, DIFFERENCE_M)
         )
         self._response_slope = (after - before) / (2 * DIFFERENCE_M)

@@ -35,7 +35,7 @@ def with_edges(
     readings: Floats,
     covariance: Floats,
 ) -> Posterior:
-    """Posterior of spots with readings (4, n) of covariance (4, n, n), two targets considered.
+    """Posterior of S spots, readings (S, n) of covariance (S, n, n), two targets considered.
 
     Spots on edges say nothing about the fog, which follows from the others. If even two targets do
     not explain the readings, sigmas grow with the remaining misfit.
@@ -60,13 +60,15 @@ def with_edges(
         spot = others.spots[number]
         return _wider(spot, n) if number in odd else spot
 
-    return Posterior(tuple(map(revised, range(4))), others.fog)
+    return Posterior(tuple(map(revised, range(len(given.spots)))), others.fog)
 
 
 def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
     """Posterior without these spots; the given one if none are left."""
     others = ~np.isin(modes.spot, spots)
-    return posterior(modes.only(others), prior) if spots and others.any() else given
+    return (
+        posterior(modes.only(others), prior, len(given.spots)) if spots and others.any() else given
+    )
 
 
 def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
@@ -79,10 +81,11 @@ def disagreement(given: Posterior, readings: int) -> float:
     """Probability that chance makes the spots, except the worst, disagree on the fog as much as
     these.
 
-    One spot may be on an edge; more indicate fog that violates the model. Excluding the worst of
-    four makes chance even less likely.
+    A quarter of the spots may be on edges; more indicate fog that violates the model. Excluding
+    the worst makes chance even less likely.
     """
-    misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)[:-1]
+    misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)
+    misfits = misfits[: 3 * len(misfits) // 4]
     freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
     return chi_squared_above(sum(misfits), freedom) if freedom > 0 else 1.0
 

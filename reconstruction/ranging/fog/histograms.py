@@ -43,8 +43,9 @@ MAX_EXCESS_SIGMAS = 4.0
 class HistogramTemplates:
     """Tables over spots, K extinctions, R ranges and B bins, in arrivals per cycle.
 
-    ``target`` (4, K, R): a whole pulse, for unit reflectance; ``delay`` (4, R) of its centre, in
-    bins; ``fog`` (4, K, B) for unit backscattering; ``width`` of the pulse, rms in bins.
+    ``target`` (spots, K, R): a whole pulse, for unit reflectance; ``delay`` (spots, R) of its
+    centre, in bins; ``fog`` (spots, K, B) for unit backscattering; ``width`` of the pulse, rms in
+    bins.
     """
 
     range_m: Floats
@@ -98,7 +99,7 @@ def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
 def find_histogram_modes(
     templates: HistogramTemplates, counts: Floats, cycles: int, usable: Mask, scaled: bool
 ) -> Modes:
-    """Modes of histograms (4, B) of the ``usable`` spots (4,); see `modes.find_modes`."""
+    """Modes of histograms (spots, B) of the ``usable`` ones (spots,); see `modes.find_modes`."""
     rate, watched = coates(counts, cycles)
     fitted = _without_target(templates, rate, watched, cycles)
     spot, node, position = _search(templates, rate, watched, fitted, usable)
@@ -109,7 +110,7 @@ def find_histogram_modes(
 def _without_target(
     templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
 ) -> tuple[Floats, Floats, Floats]:
-    """Backscattering and background (4, K) without outlying bins; bins' variance (4, B)."""
+    """Backscattering and background (spots, K) without outlying bins; variance (spots, B)."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
     smooth = uniform_filter1d(rate, SMOOTH_BINS, axis=-1, mode="nearest")

@@ -76,7 +76,7 @@ def expected_backscatter(extinction_per_m: Floats) -> Floats:
 def find_modes(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask, scaled: bool
 ) -> Modes:
-    """Modes of readings (4, n) with covariance (4, n, n), of the ``usable`` spots (4,).
+    """Modes of readings (spots, n) with covariance (spots, n, n), of the ``usable`` ones (spots,).
 
     ``scaled``: the templates are in units of the readings, so that reflectances have a prior.
     """
@@ -125,7 +125,7 @@ def _search(
     guess = expected_backscatter(templates.extinction_per_m)
     typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
     noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
-    white = np.linalg.inv(np.linalg.cholesky(noise))  # (4, K, n, n)
+    white = np.linalg.inv(np.linalg.cholesky(noise))  # (spots, K, n, n)
     a, g = (white @ table for table in templates.searched)
     y = white @ readings[:, None, :, None]
     prior = 1 / (guess * LOG_SIGMA) ** 2

@@ -28,15 +28,15 @@ ROUGH = 4.0
 """uneven fog with this many times the usual deviation is tried, as at the end of a bank."""
 STANDS_OUT = 20.0
 """Minimum strength of targets in such fog, in standard deviations; weaker ones may be fog."""
-MANY = 3
-"""So many spots are not on edges at once."""
+MAX_ODD = 0.5
+"""Maximum fraction of the spots that are on edges at once."""
 
 
 def charge_solver(
     spots: CwSpots | PulsedSpots, optics: Optics | None, max_range_m: float
 ) -> FogSolver:
     """Solver of a recording's charges; raises InputError as `echo_combinations`."""
-    spots.check_noise(4)
+    spots.check_noise(len(spots.directions))
     combine, response = echo_combinations(spots, max_range_m)
     if len(combine) == PER_TARGET:
         return underdetermined_solver(spots, optics, combine, response, max_range_m)
@@ -59,7 +59,7 @@ def charge_solver(
 
         def fit(templates: Templates) -> tuple[Posterior, Posterior]:
             modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-            estimate = posterior(modes, prior)
+            estimate = posterior(modes, prior, len(echoes))
             return estimate, with_edges(estimate, modes, prior, templates, echoes, covariance)
 
         single, estimate = fit(templates)
@@ -82,10 +82,10 @@ def charge_solver(
 
 
 def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
-    """Posterior of rough fog, with up to two ``odd`` spots taken for edges."""
+    """Posterior of rough fog, with the ``odd`` spots, if few, taken for edges."""
     spots = (
         even.spots[number]
-        if number in odd and len(odd) < MANY
+        if number in odd and len(odd) <= MAX_ODD * len(rough.spots)
         else replace(spot, needed=STANDS_OUT)
         for number, spot in enumerate(rough.spots)
     )

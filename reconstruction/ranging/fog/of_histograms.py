@@ -46,7 +46,7 @@ def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
         assert isinstance(spots, HistogramSpots)
         counts, saturated = spots.counts[0].astype(np.float64), spots.saturated[0]
         modes = find_histogram_modes(templates, counts, spots.pulses, ~saturated, scaled)
-        estimate = posterior(modes, prior)
+        estimate = posterior(modes, prior, len(counts))
         revised = tuple(
             with_echoes(each, templates, counts[spot], spots.pulses, spot)
             for spot, each in enumerate(estimate.spots)
@@ -66,7 +66,7 @@ def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
 
 
 def _is_even(counts: Floats) -> Mask:
-    """Whether histograms (4, B) show only arrivals at random times, (4,)."""
+    """Whether histograms (spots, B) show only arrivals at random times, (spots,)."""
     blocks = np.stack([part.sum(axis=1) for part in np.array_split(counts, BLOCKS, axis=1)])
     mean = np.maximum(blocks.mean(axis=0), 1e-12)
     squares = ((blocks - mean) ** 2 / mean).sum(axis=0)

@@ -1,7 +1,7 @@
 """Path offsets: whether a spot's path is calibrated differently from those of the other spots.
 
 In clear air a path offset looks like a farther target. The fog's echo reveals it: it begins at the
-instrument, has the same shape at all four spots, and is late by the offset. It is a small part of
+instrument, has the same shape at all spots, and is late by the offset. It is a small part of
 the light: one frame yields the delay to 10 or 20 cm, many frames together to centimetres. Only
 differences between the spots of a frame count, as multiple scattering delays all echoes.
 
@@ -15,6 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, ndtri
 
 from ...base.arrays import Floats, Mask
 from ...base.errors import InputError
@@ -47,9 +48,9 @@ MODEL_M = 0.01
 PARTS = 8
 """Parts of a recording that have to agree."""
 MIN_SIGNIFICANCE = 3.5
-"""Significance of an offset, in standard deviations: by chance in one of 500 recordings."""
-MAX_SIGNIFICANT = 2
-"""Maximum number of spots that can be told apart from the others."""
+"""Significance of an offset among four, in standard deviations: chance in one of 500 recordings."""
+MIN_SPOTS = 3
+"""Of two spots that differ, none is told to be the wrong one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,9 +58,9 @@ class OffsetEvidence:
     """Evidence of a frame on the offsets in metres, for each of U unevennesses.
 
     The log likelihood of offsets x is ``log`` + ``score`` x - x ``information`` x / 2, up to what
-    is common to the spots: (U,), (U, 4) and (U, 4, 4). ``left`` (U, 4, n) are the residuals after
-    target, fog and offsets, ``noise`` (U, 4, n, n) the covariance of the readings, and ``expected``
-    (U, 4, n, n) that of the residuals.
+    is common to the S spots: (U,), (U, S) and (U, S, S). ``left`` (U, S, n) are the residuals after
+    target, fog and offsets, ``noise`` (U, S, n, n) the covariance of the readings, and ``expected``
+    (U, S, n, n) that of the residuals.
     """
 
     log: Floats
@@ -74,9 +75,9 @@ class OffsetEvidence:
 class PathOffsets:
     """Excess of each spot's measured path over those of the others, in metres.
 
-    ``significant`` (4,) marks at most two spots that are off beyond chance; the others are the
-    reference. ``sigma_m`` (4,) is the standard deviation of ``offset_m`` (4,), and ``frames`` the
-    number of frames with at least two ranges. Ranges are too far by half an offset.
+    ``significant`` (S,) marks at most half of the spots, which are off beyond chance; the others
+    are the reference. ``sigma_m`` (S,) is the standard deviation of ``offset_m`` (S,), and
+    ``frames`` the number of frames with at least two ranges. Ranges are too far by half an offset.
     """
 
     offset_m: Floats
@@ -88,8 +89,14 @@ class PathOffsets:
 def path_check(spots: Spots) -> Callable[[Spots], OffsetEvidence | None]:
     """Function from a frame's readings to its evidence; None for frames with fewer than two ranges.
 
-    Raises InputError as `fog_solver`, and for histograms, which are not supported.
+    Raises InputError as `fog_solver`, for fewer than three spots, and for histograms, which are not
+    supported.
     """
+    if len(spots.directions) < MIN_SPOTS:
+        raise InputError(
+            "path offsets show by comparison with the other spots, of which there must be two or "
+            f"more; the recording has {len(spots.directions)} spot(s) in all"
+        )
     if not isinstance(spots, CwSpots | PulsedSpots):
         raise InputError("path offsets can be estimated from taps and windows, not from histograms")
     prior, solve = fog_solver(spots)
@@ -124,18 +131,25 @@ def measure_path_offsets(spots: Spots) -> PathOffsets:
     """Estimate the offsets from all frames of a recording; raises InputError as `path_check`."""
     find = path_check(between(spots, 0, 0))
     frames = range(len(spots.readings))
-    return path_offsets([find(between(spots, frame, frame + 1)) for frame in frames])
+    evidence = [find(between(spots, frame, frame + 1)) for frame in frames]
+    return path_offsets(evidence, len(spots.directions))
 
 
-def path_offsets(frames: Sequence[OffsetEvidence | None]) -> PathOffsets:
-    """Estimate the offsets from the evidence of successive frames."""
+def min_significance(spots: int) -> float:
+    """Significance of an offset among so many, as rare by chance as MIN_SIGNIFICANCE among four."""
+    return float(-ndtri(4 / spots * ndtr(-MIN_SIGNIFICANCE)))
+
+
+def path_offsets(frames: Sequence[OffsetEvidence | None], spots: int) -> PathOffsets:
+    """Estimate the offsets of so many spots from the evidence of successive frames."""
     evidence = [each for each in frames if each is not None]
+    off = np.zeros(spots, bool)
     if not evidence:
-        return PathOffsets(np.zeros(4), np.full(4, np.inf), np.zeros(4, bool), 0)
+        return PathOffsets(np.zeros(spots), np.full(spots, np.inf), off, 0)
     uneven = int(np.sum([each.log for each in evidence], axis=0).argmax())
     score = np.array([each.score[uneven] for each in evidence])
     information = np.array([each.information[uneven] for each in evidence])
-    covariance = inverse((information.sum(axis=0) + np.eye(4) / UNKNOWN_M**2)[None])[0]
+    covariance = inverse((information.sum(axis=0) + np.eye(spots) / UNKNOWN_M**2)[None])[0]
     offset_m = covariance @ score.sum(axis=0)
     parts = np.linspace(0, len(evidence), min(PARTS, len(evidence)), endpoint=False).astype(int)
     growth = max(
@@ -144,34 +158,35 @@ def path_offsets(frames: Sequence[OffsetEvidence | None]) -> PathOffsets:
         _scatter(np.add.reduceat(score, parts), np.add.reduceat(information, parts), offset_m),
         _in_common(evidence, uneven),
     )
-    off = np.zeros(4, bool)
     while True:
         beside_m, sigma_m = _beside_others(offset_m, growth**2 * covariance, ~off)
         away = np.where(off, 0, np.abs(beside_m) / sigma_m)
-        if away.max() < MIN_SIGNIFICANCE or off.sum() == MAX_SIGNIFICANT:
+        if away.max() < min_significance(spots) or off.sum() == spots // 2:
             return PathOffsets(beside_m, sigma_m, off, len(evidence))
         off[away.argmax()] = True
 
 
 def _beside_others(offset_m: Floats, covariance: Floats, right: Mask) -> tuple[Floats, Floats]:
-    """Offsets and sigmas (4,) relative to the mean of the other spots that are right."""
-    others = right & ~np.eye(4, dtype=bool)
-    beside = np.eye(4) - others / others.sum(axis=1, keepdims=True)
+    """Offsets and sigmas (S,) relative to the mean of the other spots that are right."""
+    every = np.eye(len(right))
+    others = right & (every == 0)
+    beside = every - others / others.sum(axis=1, keepdims=True)
     variance = np.diagonal(beside @ covariance @ beside.T)
     return beside @ offset_m, np.sqrt(variance + MODEL_M**2)
 
 
 def _scatter(score: Floats, information: Floats, offset_m: Floats) -> float:
-    """Birge ratio of parts (P, 4): scatter around their mean over the expected one.
+    """Birge ratio of parts (P, S): scatter around their mean over the expected one.
 
-    Each part has three differences between its spots.
+    Each part has S - 1 differences between its spots.
     """
     if len(score) < 2:
         return 1.0
     beyond = score - information @ offset_m
-    valid = information + np.eye(4) / UNKNOWN_M**2
+    parts, spots = score.shape
+    valid = information + np.eye(spots) / UNKNOWN_M**2
     squares = (beyond * solved(valid, beyond)).sum()
-    return float(np.sqrt(squares / (3 * (len(score) - 1))))
+    return float(np.sqrt(squares / ((spots - 1) * (parts - 1))))
 
 
 def _in_common(evidence: Sequence[OffsetEvidence], uneven: int) -> float:
@@ -221,10 +236,13 @@ def _evidence(
         at = at + move
         at[3::3] = np.maximum(at[3::3], MIN_REFLECTANCE)
     result = [
-        _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at, spots)
+        _of_offsets(left, jacobian, covariance + unevenness**2 * uneven, at)
         for unevenness in UNEVENNESSES
     ]
-    return OffsetEvidence(*(np.array(each) for each in zip(*result, strict=True)))
+    log, score, information, *others = (np.array(each) for each in zip(*result, strict=True))
+    every = np.eye(model.spots)[:, spots]
+    scattered = (np.einsum("sm,um...->us...", every, each) for each in others)
+    return OffsetEvidence(log, score @ every.T, every @ information @ every.T, *scattered)
 
 
 def _around(
@@ -264,9 +282,9 @@ def _normal(
 
 
 def _of_offsets(
-    left: Floats, jacobian: Floats, noise: Floats, at: Floats, spots: Indices
+    left: Floats, jacobian: Floats, noise: Floats, at: Floats
 ) -> tuple[float, Floats, Floats, Floats, Floats, Floats]:
-    """Fields of `OffsetEvidence` for one unevenness."""
+    """Fields of `OffsetEvidence` for one unevenness, of the fitted spots alone."""
     information, gradient, log = _normal(left, jacobian, noise, at)
     own = np.arange(4, at.size, 3)
     regularised = information.copy()
@@ -281,16 +299,9 @@ def _of_offsets(
     precise = precise - np.outer(sums, sums) / sums.sum()
     return (
         log,
-        _of_four(score, spots),
-        _of_four(_of_four(precise, spots).T, spots),
-        _of_four(left - jacobian @ (covariance @ gradient), spots),
-        _of_four(noise, spots),
-        _of_four(noise - jacobian @ covariance @ jacobian.swapaxes(1, 2), spots),
+        score,
+        precise.T,
+        left - jacobian @ (covariance @ gradient),
+        noise,
+        noise - jacobian @ covariance @ jacobian.swapaxes(1, 2),
     )
-
-
-def _of_four(values: Floats, spots: Indices) -> Floats:
-    """Scatter values (m, ...) of some spots into zeros for all four (4, ...)."""
-    every = np.zeros((4, *values.shape[1:]))
-    every[spots] = values
-    return every

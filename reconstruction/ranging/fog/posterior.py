@@ -1,4 +1,4 @@
-"""Posterior of the four ranges and of the fog they share.
+"""Posterior of the ranges and of the fog they share.
 
 Extinction and backscattering are common to the spots and integrated out: the extinction over the
 nodes of the tables, the backscattering over a grid on which the modes' parabolas are summed.
@@ -48,16 +48,16 @@ class SpotPosterior:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior of the four ranges and of the fog."""
+    """Posterior of the ranges and of the fog."""
 
     spots: tuple[SpotPosterior, ...]
     fog: FogState
 
 
-def posterior(modes: Modes, prior: FogState) -> Posterior:
-    """Posterior of the modes of all spots, for a prior of the fog."""
+def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
+    """Posterior of the modes of so many spots, for a prior of the fog."""
     if not modes.spot.size:
-        return Posterior((SpotPosterior(),) * 4, prior)
+        return Posterior((SpotPosterior(),) * spots, prior)
     modes = modes.only(np.lexsort((modes.node, modes.spot)))
     beta = GRID
     weight, by_mode = _weighted(modes, prior, beta)
@@ -90,7 +90,7 @@ def posterior(modes: Modes, prior: FogState) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(spots=tuple(of(spot) for spot in range(4)), fog=prior.update(weight, beta))
+    return Posterior(spots=tuple(of(spot) for spot in range(spots)), fog=prior.update(weight, beta))
 
 
 def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:

@@ -142,7 +142,7 @@ class RootTables:
         backscatter: Floats,
         log_density: Callable[[Floats], Floats],
     ) -> Roots:
-        """All roots for readings (4, 2) of covariance (4,) and rising backscattering (K, B)."""
+        """All roots for readings (S, 2) of covariance (S,) and rising backscattering (K, B)."""
         spot, node, draw, coarse = self._crossings(pairs, backscatter)
         (x, y), beta = pairs[spot].T, backscatter[node, draw]
         table = spot * self._shape[1] + node

@@ -32,10 +32,10 @@ NOMINAL_ELECTRONS_PER_JOULE = 5e18
 
 @dataclass(frozen=True, eq=False)
 class Templates:
-    """Tables over spots, K extinctions and R ranges, in n combinations of readings.
+    """Tables over S spots, K extinctions and R ranges, in n combinations of readings.
 
-    ``target`` (4, K, n, R) for unit reflectance, ``fog`` (4, K, n, R) for unit backscattering up to
-    that range, ``uneven`` (4, K, P, n, n) the covariance that unevenness adds per squared
+    ``target`` (S, K, n, R) for unit reflectance, ``fog`` (S, K, n, R) for unit backscattering up to
+    that range, ``uneven`` (S, K, P, n, n) the covariance that unevenness adds per squared
     backscattering, at every PATCH_STEP-th range.
     """
 
@@ -66,7 +66,7 @@ def make_templates(
     coarse_m = np.arange(0.0, max_range_m + OVERLAP_STEP_M, OVERLAP_STEP_M) + STEP_M
     weight = np.array([np.interp(fine_m, coarse_m, w) for w in overlap(optics, coarse_m)[0]])
     path_m = path_lengths(optics, fine_m)
-    kernel = np.stack([response(path) for path in path_m])  # (4, n, fine)
+    kernel = np.stack([response(path) for path in path_m])  # (S, n, fine)
     keep = slice(INTEGRATION_STEPS - 1, None, INTEGRATION_STEPS)
     target, fog, uneven = [], [], []
     for extinction in extinctions_per_m:
@@ -85,7 +85,7 @@ def make_templates(
 
 
 def _uneven(density: Floats) -> Floats:
-    """Covariance (4, P, n, n) of the echo up to every PATCH_STEP-th range, of cells (4, n, fine).
+    """Covariance (S, P, n, n) of the echo up to every PATCH_STEP-th range, of cells (S, n, fine).
 
     With exponential correlation it grows cell by cell: the covariance of a new cell with those
     before fades by exp(-step / PATCH_M), as a running sum of growing cells does.

@@ -9,7 +9,7 @@ evidence on the fog comes from
 dark, clear air taken for fog makes targets too bright,
 * the image: patterns light the same surfaces and fog from another angle, so a spot's pixel must
 match its reflectance, its range and the fog's veil, and
-* all four spots at once, as they share the fog.
+* all spots at once, as they share the fog.
 
 The result is the posterior over fogs on a grid: for each fog the roots of the range, weighted by
 their prior over the Jacobian of the readings. Their mean and spread give the range and a sigma that
@@ -71,6 +71,9 @@ MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
+FULL_EVIDENCE = 4
+"""Number of spots whose evidence on the fog counts in full; that of more grows as the square root
+of their number, because the errors of priors and grid are common to all."""
 APART_M = 0.5
 """Roots farther apart are different alternatives."""
 NEGLIGIBLE = 1e-6
@@ -127,7 +130,8 @@ def underdetermined_solver(
             supported = plausibility >= plausibility.max() - SUPPORT
         supporting = supported[roots.node, roots.draw]
         estimate = Posterior(
-            _spot_posteriors(roots, by_root, supporting), prior.update(weight, backscatter)
+            _spot_posteriors(roots, by_root, supporting, len(pairs)),
+            prior.update(weight, backscatter),
         )
         max_sigma_m = MAX_SIGMA_M if guessed else np.inf
         statuses = tuple(
@@ -189,7 +193,7 @@ def _weights(
         assert tables.empty_pixel is not None
         light_prior = LIGHT_PRIOR
         veil = (tables.empty_pixel[..., None] * backscatter).ravel()
-        own = np.repeat(np.arange(4), fogs[0] * fogs[1])
+        own = np.repeat(np.arange(len(log_empty)), fogs[0] * fogs[1])
         empty = empty * _likelihood_of_pixel(
             np.zeros(veil.size), veil, *(each[own] for each in brightness)
         )
@@ -199,8 +203,10 @@ def _weights(
     total = empty.copy()
     if starts.size:
         total[:, having] += np.add.reduceat(target, starts, axis=1)
-    by_spot = np.log(total).reshape(light_prior.size, 4, -1) + peak.reshape(4, -1)
+    by_spot = np.log(total).reshape(light_prior.size, len(log_empty), -1)
+    by_spot += peak.reshape(len(log_empty), -1)
     evidence = by_spot[:, usable].sum(axis=1)
+    evidence *= np.sqrt(FULL_EVIDENCE / max(int(usable.sum()), FULL_EVIDENCE))
     support = evidence.max(axis=0).reshape(fogs)
     evidence += np.log(light_prior)[:, None]
     evidence += np.log(
@@ -208,7 +214,7 @@ def _weights(
     ).T.ravel()
     weight = np.exp(evidence - evidence.max())
     weight /= weight.sum()
-    of_each = np.tile(weight, 4) / total
+    of_each = np.tile(weight, len(log_empty)) / total
     by_root = np.einsum("ac,ac->c", target, of_each[:, group])
     return weight.sum(axis=0).reshape(fogs), by_root, support
 
@@ -216,7 +222,7 @@ def _weights(
 def _log_density_of_fog(
     tables: RootTables, pairs: Floats, covariance: Symmetric, backscatter: Floats
 ) -> Floats:
-    """Log density (4, K, B) of each spot's readings in each fog, without a target."""
+    """Log density (spots, K, B) of each spot's readings in each fog, without a target."""
     beta = backscatter[None]
     x, y = pairs.T[..., None, None]
     own = Symmetric(*(each[:, None, None] for each in vars(covariance).values()))
@@ -241,15 +247,17 @@ def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma
     return np.where(np.isfinite(likelihood) & (likelihood > 0), likelihood, 1.0)
 
 
-def _spot_posteriors(roots: Roots, by_root: Floats, supporting: Mask) -> tuple[SpotPosterior, ...]:
+def _spot_posteriors(
+    roots: Roots, by_root: Floats, supporting: Mask, spots: int
+) -> tuple[SpotPosterior, ...]:
     """Posterior of each spot, with close roots merged into alternatives.
 
     Sigma covers the farthest of the ``supporting`` roots (C,).
     """
-    of_spot = np.bincount(roots.spot, by_root, minlength=4)
+    of_spot = np.bincount(roots.spot, by_root, minlength=spots)
     here = np.flatnonzero(by_root > NEGLIGIBLE * of_spot[roots.spot])
     if not here.size:
-        return (SpotPosterior(),) * 4
+        return (SpotPosterior(),) * spots
     here = here[np.lexsort((roots.range_m[here], roots.spot[here]))]
     spot, range_m, weight = roots.spot[here], roots.range_m[here], by_root[here]
     apart = (np.diff(range_m) > APART_M) | (np.diff(spot) > 0)
@@ -283,7 +291,7 @@ def _spot_posteriors(roots: Roots, by_root: Floats, supporting: Mask) -> tuple[S
             noise_m=float(noise_m[best]),
         )
 
-    return tuple(of(number) for number in range(4))
+    return tuple(of(number) for number in range(spots))
 
 
 def _status(spot: SpotPosterior, max_range_m: float, max_sigma_m: float) -> Status:

@@ -29,7 +29,7 @@ class Cw:
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver for a recording's taps; raises InputError if their noise is unknown."""
         assert isinstance(spots, CwSpots)
-        spots.check_noise(4)
+        spots.check_noise(len(spots.directions))
         frequencies = np.unique(spots.tap_frequencies_hz)
         first = int(np.searchsorted(frequencies, spots.tap_frequencies_hz[0]))
         tap_phases = spots.phases_rad

@@ -1,4 +1,4 @@
-"""Ranges through fog: joint fit of target and fog echo for all four spots.
+"""Ranges through fog: joint fit of target and fog echo for all spots.
 
 The fog is assumed homogeneous, with unknown extinction and backscattering; unevenness counts as
 noise. See `reconstruction.ranging.fog`.
@@ -15,7 +15,7 @@ from ..ranges import Ranges
 
 
 class Fog:
-    """Joint likelihood of the four spots and the fog they share, frame by frame.
+    """Joint likelihood of the spots and the fog they share, frame by frame.
 
     Needs the overlap of beams and detector fields, and the laser light in each reading.
     """

@@ -31,7 +31,7 @@ class Pulsed:
     def compile(self, spots: Spots, optics: Optics | None = None) -> RangingSolver:
         """Solver for a recording's windows; raises InputError if their noise is unknown."""
         assert isinstance(spots, PulsedSpots)
-        spots.check_noise(4)
+        spots.check_noise(len(spots.directions))
         return _solve
 
     def unambiguous_range_m(self, spots: Spots) -> float:
