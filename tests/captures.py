@@ -1,5 +1,7 @@
 """A capture with every part, of random numbers, shared by the tests."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from reconstruction.capture import (
@@ -118,3 +120,18 @@ def full_capture():
             detector_position_m=rng.random(3),
         ),
     )
+
+
+def with_spots(capture, order):
+    """The same capture with the spots of these indices, in this order; some may come again."""
+    spots, truth = capture.spots, capture.truth
+    fields = {
+        name: getattr(spots, name)[order]
+        for name in (
+            "directions", "detector_positions_m", "detector_axes", "half_fields_rad", "falloffs",
+            "aperture_radii_m",
+        )
+    } | {name: getattr(spots, name)[:, order] for name in ("taps", "saturated")}  # fmt: skip
+    if truth is not None:
+        truth = replace(truth, spot_range_m=truth.spot_range_m[:, order])
+    return replace(capture, spots=replace(spots, **fields), truth=truth)

@@ -104,7 +104,7 @@ def _wrong_arguments(error: Any) -> str | None:
 app = typer.Typer(
     cls=Commands,
     name="spisim",
-    help="Single-pixel imaging with four laser spots: simulate, reconstruct, evaluate.",
+    help="Single-pixel imaging with laser spots: simulate, reconstruct, evaluate.",
     no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},

@@ -68,7 +68,7 @@ def _ranges(name: str) -> Read:
         if capture.spots is None:
             return None
         frames = [default_ranges(capture, frame) for frame in range(capture.frames)]
-        unknown = np.full(4, np.nan)
+        unknown = np.full(len(capture.spots.directions), np.nan)
         return np.stack([unknown if each is None else getattr(each, name) for each in frames])
 
     return read

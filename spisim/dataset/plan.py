@@ -107,7 +107,7 @@ class Keep(Section):
     transport: bool = False
     """The transport image and its errors, as OpenEXR beside the capture."""
     histograms: bool = False
-    """The light of the four spots over path length, as NPZ beside the capture."""
+    """The light of the spots over path length, as NPZ beside the capture."""
 
 
 class Plan(Section):

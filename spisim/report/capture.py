@@ -167,7 +167,7 @@ def _ahead(capture: Capture, result: Result, truth: FrameTruth | None) -> Markup
 
 
 def _path_lengths(spots: Spots, range_m: Floats) -> Floats:
-    """Return path lengths from the lasers to the spots and on to their detectors, (4,)."""
+    """Return path lengths from the lasers to the spots and on to their detectors, (spots,)."""
     points = range_m[:, None] * spots.directions
     back: Floats = np.linalg.norm(points - spots.detector_positions_m, axis=1)
     return range_m + back

@@ -11,7 +11,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import DISTANCES_M
 
-from .style import CURVE_COLOURS, SPOT_COLOURS, WIDE_IN, drawn
+from .style import CURVE_COLOURS, WIDE_IN, drawn, spot_looks
 from .units import prefix_axis, prefix_log
 
 DECADES = 6  # displayed below the maximum
@@ -23,7 +23,7 @@ class SpotHistograms(Protocol):
 
     @property
     def spot_histogram(self) -> Floats:
-        """Fraction of each laser's power per bin of path length (4, bins)."""
+        """Fraction of each laser's power per bin of path length (spots, bins)."""
 
     @property
     def path_length_m(self) -> Floats:
@@ -35,7 +35,7 @@ def light_figure(
 ) -> Figure | None:
     """Plot light per metre of path length and watt of each laser; None without any light.
 
-    `true_length_m` (4,), the true path to each spot and back, is marked by a dashed line.
+    `true_length_m` (spots,), the true path to each spot and back, is marked by a dashed line.
     """
     lengths_m: Floats = np.asarray(transport.path_length_m, np.float64)
     if lengths_m.size == 0:  # an instrument without lasers
@@ -83,11 +83,11 @@ def _figure(
     label: str,
     width_in: float,
 ) -> Figure:
-    """Plot curves (4, bins) on a logarithmic scale; the path too, if it is long."""
+    """Plot curves (spots, bins) on a logarithmic scale; the path too, if it is long."""
     figure = Figure(figsize=(width_in, 2.9), layout="constrained")
     axes = figure.subplots()
-    for k, (row, colour) in enumerate(zip(values, SPOT_COLOURS, strict=True)):
-        axes.plot(lengths_m, row, color=colour, lw=1.3, label=f"spot {k}")
+    for k, (row, (colour, spots)) in enumerate(zip(values, spot_looks(len(values)), strict=True)):
+        axes.plot(lengths_m, row, color=colour, lw=1.3, label=spots)
         if true_length_m is not None and np.isfinite(true_length_m[k]):
             axes.axvline(true_length_m[k], color=colour, lw=1, ls="--")
     axes.set_yscale("log", nonpositive="clip")
@@ -97,7 +97,7 @@ def _figure(
     axes.set(ylim=limits, xlim=(1.0 if farthest_m > LINEAR_M else 0, farthest_m))
     axes.set(ylabel=label)
     prefix_axis(axes.xaxis, "path length, m")
-    figure.legend(loc="outside upper right", ncols=len(values) if width_in == WIDE_IN else 2)
+    figure.legend(loc="outside upper right", ncols=4 if width_in == WIDE_IN else 2)
     return figure
 
 

@@ -21,7 +21,7 @@ from spisim.base.config.files import csv_table
 from spisim.dataset.flight import Instant
 
 from .pictures import Scale, depth_scale, intensity_scale, show
-from .style import SPOT_COLOURS, plot_style
+from .style import plot_style, spot_looks
 
 #: Duration of the animation's last image.
 LAST_S = 1.5
@@ -64,9 +64,9 @@ class EvaluatedFrame:
 
     @property
     def measured_m(self) -> np.ndarray:
-        """Measured spots in the world, (4, 3); nan without a range."""
+        """Measured spots in the world, (spots, 3); nan without a range."""
         if self.result.ranges is None or self.capture.spots is None:
-            return np.full((4, 3), np.nan)
+            return np.full((len(self.truth.spot_range_m), 3), np.nan)
         rays = self.capture.spots.directions @ self.pose[:3, :3].T
         return np.asarray(self.pose[:3, 3] + self.result.ranges.range_m[:, None] * rays)
 
@@ -183,7 +183,7 @@ def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float,
     plan.set_title("path and measured spots, m", fontsize=9)
     path = np.array([frame.pose[:3, 3] for frame in flown])
     spots = np.array([frame.measured_m for frame in flown])
-    for k, colour in enumerate(SPOT_COLOURS):
+    for k, (colour, _) in enumerate(spot_looks(spots.shape[1])):
         plan.plot(spots[:, k, 0], spots[:, k, 1], "o", ms=3, color=colour, mew=0)
         ray = np.stack([path[-1], spots[-1, k]])
         plan.plot(ray[:, 0], ray[:, 1], lw=1.0, color=colour)

@@ -14,7 +14,7 @@ from .contact_sheet import evenly
 from .facts import in_all
 from .flight import KIND, EvaluatedFrame, Scales, map_limits
 from .page import duration, length, write_page
-from .style import SPOT_COLOURS, WIDE_IN, plot_in_page, plot_style
+from .style import WIDE_IN, plot_in_page, plot_style, spot_looks
 from .units import engineering, prefix_axis
 
 #: Captures on the page, evenly chosen from longer flights.
@@ -116,8 +116,9 @@ def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -
     times = [frame.instant.time_s for frame in flight]
     figure = Figure(figsize=(width_in, 4.2), layout="constrained")
     spots, depth = figure.subplots(2, sharex=True)
-    for number, (row, colour) in enumerate(zip(_spot_errors(flight).T, SPOT_COLOURS, strict=True)):
-        spots.plot(times, row, "o-", ms=4, lw=1.3, color=colour, label=f"spot {number}")
+    rows = _spot_errors(flight).T
+    for row, (colour, label) in zip(rows, spot_looks(len(rows)), strict=True):
+        spots.plot(times, row, "o-", ms=4, lw=1.3, color=colour, label=label)
     spots.axhline(0, color="0.5", lw=0.8, zorder=0)
     prefix_axis(spots.yaxis, "range error, m")
     depth.plot(
@@ -132,10 +133,10 @@ def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -
 
 
 def _spot_errors(flight: Sequence[EvaluatedFrame]) -> Floats:
-    """Return range errors (captures, 4) in metres, nan without a range."""
+    """Return range errors (captures, spots) in metres, nan without a range."""
     return np.array(
         [
-            np.full(4, np.nan)
+            np.full_like(frame.truth.spot_range_m, np.nan)
             if frame.result.ranges is None
             else np.asarray(frame.result.ranges.range_m) - frame.truth.spot_range_m
             for frame in flight

@@ -15,6 +15,7 @@ from reconstruction.base.files import mark, write_atomically
 from reconstruction.base.text import printable
 
 from .pictures import packed
+from .style import SPOT_COLOURS
 from .units import engineering
 
 #: Scripts of the pages, in this order.
@@ -66,6 +67,7 @@ def _templates() -> Environment:
         "plain": plain,
         "capital": capital,
         "packed": packed,
+        "spot_colour": lambda number: f"var(--spot-{number % len(SPOT_COLOURS)})",
     }
     return templates
 

@@ -6,6 +6,8 @@ from reconstruction import Capture, Result
 from reconstruction.depth import MAX_RANGE_M
 from reconstruction.ranging import RANGED
 
+from .style import VARIABLES, spot_looks
+
 #: Titles by the kind of map.
 KINDS = {
     "depth": "depth",
@@ -58,7 +60,7 @@ def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
     points = result.ranges.range_m[:, None] * capture.spots.directions
     statuses = zip(points.tolist(), result.ranges.status, strict=True)
     return [
-        {"spot": spot, "at": [round(value, 4) for value in at]}
-        for spot, (at, status) in enumerate(statuses)
+        {"colour": VARIABLES[colour], "at": [round(value, 4) for value in at]}
+        for (colour, _), (at, status) in zip(spot_looks(len(points)), statuses, strict=True)
         if status in RANGED
     ]

@@ -15,8 +15,11 @@ from matplotlib.figure import Figure
 from reconstruction.base.files import mark
 from reconstruction.base.text import printable
 
-#: Colours of the four laser spots, also used in pages.
-SPOT_COLOURS = ("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8")
+#: Colours of the laser spots, also used in pages; more spots begin again with the first.
+SPOT_COLOURS = (
+    *("#2f78b7", "#c96a15", "#2f8f62", "#8a5bb8"),
+    *("#b83b4b", "#1d8a99", "#857a1d", "#b8559a"),
+)
 #: Colours of curves, as in `plots.mplstyle`.
 CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#555555")
 
@@ -36,6 +39,16 @@ def file_of(
     maker = {"png": {"Software": mark(kind)}, "svg": {"Creator": mark(kind), "Date": None}}
     figure.savefig(buffer, format=form, metadata=maker[form], **options)
     return buffer.getvalue()
+
+
+def spot_looks(count: int) -> list[tuple[str, str]]:
+    """Return colour and label of each spot; spots of one colour share the label of the first."""
+    step, looks = len(SPOT_COLOURS), []
+    for k in range(count):
+        more = ", …" if k + 2 * step < count else ""
+        label = f"spots {k}, {k + step}{more}" if k + step < count else f"spot {k}"
+        looks.append((SPOT_COLOURS[k % step], label if k < step else ""))
+    return looks
 
 
 def drawn(words: str) -> str:

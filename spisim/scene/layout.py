@@ -38,13 +38,13 @@ RAYS = 11
 
 @dataclass(frozen=True)
 class Needs:
-    """Needs of a drone that takes images and ranges four spots, in the optical frame."""
+    """Needs of a drone that takes images and ranges spots, in the optical frame."""
 
     half_field_deg: tuple[float, float]  # of the image, across and down
-    beams: Floats  # (4, 3), unit vectors to the spots
+    beams: Floats  # (spots, 3), unit vectors to the spots
     farthest_spot_m: float  # maximum unambiguous range
     min_spots: int  # that must return within it
-    detectors_m: Floats  # (4, 3), of the spots
+    detectors_m: Floats  # (spots, 3)
     lens_ring_m: float  # radius that holds half the area of a detector's lens
 
 
@@ -134,7 +134,7 @@ class Layout:
 
     @cached_property
     def _spots(self) -> Floats:
-        """Ranges (4,) of the spots."""
+        """Ranges (spots,) of the spots."""
         return first_hits(np.zeros(3), self.needs.beams, self._seen)
 
     def _owner(self, triangle: int) -> SceneObject:

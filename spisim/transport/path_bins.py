@@ -1,4 +1,4 @@
-"""Path-length bins for the light of the four spots: fine near by and around far surfaces.
+"""Path-length bins for the light of the spots: fine near by and around far surfaces.
 
 Up to NEAR_PATH_M bins are BIN_WIDTH_M wide. Beyond, only surfaces return light, and bins widen in
 proportion to the path, except around the path to the surface that a laser meets, where they are

@@ -64,7 +64,7 @@ class GroundTruth:
 def ground_truth(
     scene: Scene, instrument: Instrument, *, subpixels: int = SUBPIXELS
 ) -> GroundTruth:
-    """Trace the centre of every virtual pixel, the pixels' parts, and the four laser beams.
+    """Trace the centre of every virtual pixel, the pixels' parts, and the laser beams.
 
     Parameters
     ----------

@@ -68,8 +68,6 @@ class BeamView:
 
 NO_DETECTOR = DetectorView(np.zeros((0, 3)), np.zeros((0, 3)), 0.0, 0.0)
 NO_BEAMS = BeamView(np.zeros((0, 3)), np.zeros((0, 3)))
-#: Number of lasers whose light is traced.
-TRACED_SPOTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,11 +88,6 @@ class InstrumentView:
                 f"{scene.wavelength_nm:g} of scene {scene.name!r}: load the scene with "
                 f"wavelength_nm={instrument.wavelength_nm:g}, or move the instrument with "
                 f"at_wavelength({scene.wavelength_nm:g})"
-            )
-        if instrument.ranges and instrument.ranging.spots != TRACED_SPOTS:
-            raise InputError(
-                f"lasers.directions_deg has {instrument.ranging.spots} spots: light is traced for "
-                f"{TRACED_SPOTS}; use {TRACED_SPOTS}, or leave out lasers and tof for an image"
             )
         return cls.of(instrument, scene.drone_pose)
 

@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 
 import worlds
+from instruments import PAPER
 from reconstruction.ranging import measure_ranges
 from spisim.budget import (
     Target,
@@ -38,6 +40,7 @@ DISTANCE_M, REFLECTANCE, SUN_KLX, EXTINCTION = 4.0, 0.5, 5.0, 0.06
 TARGET = Target(DISTANCE_M, REFLECTANCE, SUN_KLX)
 WALL = worlds.plane(DISTANCE_M, REFLECTANCE)
 DAYLIGHT = Ambient(sun_klx=SUN_KLX, sun_direction=(0, 0, 1))
+IMAGING = ("projector", "plan", "detector", "exposure_time_s")
 RUNS, SPP = 8, 16
 FRAMES = 5000  # of four spots each
 #: Light is traced in single precision and into bins of path length.
@@ -82,6 +85,23 @@ def test_mean_light_of_the_spots(name: str) -> None:
     echoes = [run.spot_histogram.sum(axis=-1) * instrument.lasers.power_w for run in runs(name)]
     assert np.abs(z_score(echoes, budget.echo_w)).max() < 4
     assert np.abs(z_score([run.spot_daylight_w for run in runs(name)], budget.daylight_w)).max() < 4
+
+
+@pytest.mark.parametrize("spots", [1, 64])
+def test_mean_light_of_any_number_of_spots(spots: int) -> None:
+    """On a grid; the relative errors of all are alike, so they are pooled."""
+    across = 16 * ((np.arange(np.sqrt(spots)) + 0.5) / np.sqrt(spots) - 0.5)
+    fields = {name: part for name, part in yaml.safe_load(PAPER).items() if name not in IMAGING}
+    fields["lasers"]["directions_deg"] = [[x, y] for y in across.tolist() for x in across.tolist()]
+    fields["tof"]["detector"]["positions_m"] = [[0.01, 0.0, 0.0]] * spots
+    instrument = Instrument.model_validate(fields)
+    light = [solve(worlds.scene(WALL), instrument, spp=1, seed=seed) for seed in range(RUNS)]
+    echo_w = spot_link(instrument, Target(DISTANCE_M, REFLECTANCE)).echo_w
+    power_w = instrument.ranging.lasers.power_w
+    ratios = np.array([run.spot_histogram.sum(axis=-1) for run in light]) * power_w / echo_w
+    error = np.sqrt(ratios.var(axis=0, ddof=1).mean() / RUNS)
+    assert ratios.shape == (RUNS, spots)
+    assert np.abs(ratios.mean(axis=0) - 1).max() < 4.5 * np.hypot(error, ROUNDING)
 
 
 @pytest.mark.slow

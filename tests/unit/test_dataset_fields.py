@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import spisim
+from captures import with_spots
 from datasets import make_set
 from pages import ROOT
 from reconstruction import Capture, InputError, reconstruct, write_capture
@@ -87,6 +88,15 @@ def test_spots_meet_the_scene_where_pose_and_intrinsics_say(data: DataSet) -> No
     np.testing.assert_allclose(edge, [15.5, -0.5, 1])
     at = sample.array("spot_directions") * sample.array("true_spot_range_m")[0][:, None]
     np.testing.assert_allclose((to_pixels @ at[3])[:2] / at[3, 2], 11.5)
+
+
+def test_samples_may_have_nine_spots(own: Path, capture: Capture) -> None:
+    nine = with_spots(capture, [0, 1, 2, 3, 0, 1, 2, 3, 0])
+    write_capture(nine, own / "samples/000/000000.h5")
+    sample = spisim.open_dataset(own)[0]
+    assert {sample.array(f"spot_{name}").shape for name in ("range_m", "sigma_m")} == {(1, 9)}
+    assert sample.array("spot_readings").shape == (1, 9, 4)
+    np.testing.assert_array_equal(sample.array("true_spot_range_m"), nine.truth.spot_range_m)
 
 
 def test_masks_tell_where_numbers_are(own: Path, capture: Capture) -> None:

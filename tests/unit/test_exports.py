@@ -233,6 +233,8 @@ def test_a_data_set_has_an_index_as_coco(data, tmp_path):
     EXPORTS["coco"](data, tmp_path / "coco", 0)
     index = json.loads((tmp_path / "coco" / "index.json").read_text())
     assert [row["id"] for row in index["images"]] == [1, 2, 3, 4]
+    (category,) = index["categories"]
+    assert category["keypoints"] == ["spot 0", "spot 1", "spot 2", "spot 3"]
     for sample, row, note in zip(data, index["images"], index["annotations"], strict=True):
         assert row["sample"] == sample.index
         assert row["parameters"] == dict(sample.parameters)

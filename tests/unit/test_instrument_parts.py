@@ -1,6 +1,5 @@
 """Instruments of an image alone, of ranges alone, and of other numbers of spots."""
 
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -9,6 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
+from captures import with_spots
 from instruments import PAPER, changed
 from reconstruction import evaluate, read_capture, reconstruct, write_capture
 from reconstruction.base.errors import InputError
@@ -147,26 +147,43 @@ def test_numbers_of_spots_and_photodiodes_fit() -> None:
         )
 
 
-def test_light_is_traced_for_four_spots() -> None:
-    with pytest.raises(InputError, match=r"lasers\.directions_deg has 7 spots: .* for 4"):
-        simulate(load_scene("target-plane"), of_seven_spots(), spp=1)
+@pytest.mark.parametrize("light", ["traced", "surrogate"])
+def test_a_capture_of_seven_spots_has_their_readings_truth_and_page(
+    light: Any, tmp_path: Path
+) -> None:
+    """The first four are those of the paper; the others meet the wall where their rays do."""
+    scene, instrument = load_scene("target-plane"), of_seven_spots()
+    capture = simulated(()).capture
+    spp = 4 if light == "traced" else None
+    seven = simulate(scene, instrument, light=light, spp=spp, frames=2, noise=False)
+    assert seven.capture.spots is not None is not capture.spots
+    assert seven.capture.truth is not None is not capture.truth
+    assert seven.capture.spots.readings.shape == (2, 7, 4)
+    true_m = seven.capture.truth.spot_range_m
+    np.testing.assert_array_equal(true_m[:, :4], capture.truth.spot_range_m)
+    np.testing.assert_allclose(
+        true_m * seven.capture.spots.directions[:, 2], true_m[0, 0] * capture.spots.directions[0, 2]
+    )
+    signal = np.ptp(seven.capture.spots.readings, axis=2)
+    assert signal[:, 4:].min() > 0.8 * signal[:, :4].min()
+    write_report(tmp_path / "c.html", seven.capture, reconstruct(seven.capture),
+                 transport=seven.transport)  # fmt: skip
+    assert "spot 6<" in (tmp_path / "c.html").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("spots", [0, 65])
+def test_instruments_have_1_to_64_spots(spots: int) -> None:
+    fields = yaml.safe_load(PAPER)
+    fields["lasers"]["directions_deg"] = [[0.0, 0.0]] * spots
+    fields["tof"]["detector"]["positions_m"] = [[0.0, 0.01, 0.0]]
+    with pytest.raises(InputError, match=r"lasers\.directions_deg"):
+        parse_model(yaml.safe_dump(fields), Instrument, "mine.yaml")
 
 
 def test_a_recording_of_seven_spots_is_read_and_reconstructed(tmp_path: Path) -> None:
     capture = simulated(()).capture
-    assert capture.spots is not None
-    assert capture.truth is not None
     order = [0, 1, 2, 3, 0, 1, 2]
-    per_spot = {
-        name: getattr(capture.spots, name)[order]
-        for name in (
-            "directions", "detector_positions_m", "detector_axes", "half_fields_rad", "falloffs",
-            "aperture_radii_m",
-        )
-    }  # fmt: skip
-    readings = {name: getattr(capture.spots, name)[:, order] for name in ("taps", "saturated")}
-    truth = replace(capture.truth, spot_range_m=capture.truth.spot_range_m[:, order])
-    seven = replace(capture, spots=replace(capture.spots, **per_spot, **readings), truth=truth)
+    seven = with_spots(capture, order)
     write_capture(seven, tmp_path / "c.h5")
     copy = read_capture(tmp_path / "c.h5")
     assert copy.spots is not None
@@ -183,19 +200,8 @@ def test_a_recording_of_seven_spots_is_read_and_reconstructed(tmp_path: Path) ->
 
 def test_more_than_64_spots_are_refused() -> None:
     capture = simulated(()).capture
-    assert capture.spots is not None
-    order = np.zeros(65, int)
-    spots = {
-        name: getattr(capture.spots, name)[order]
-        for name in ("directions", "detector_positions_m", "half_fields_rad", "falloffs")
-    } | {
-        "detector_axes": capture.spots.detector_axes[order],
-        "aperture_radii_m": capture.spots.aperture_radii_m[order],
-        "taps": capture.spots.readings[:, order],
-        "saturated": np.zeros((2, 65, 4), bool),
-    }
     with pytest.raises(InputError, match=r"has 65 spots; allowed: 1\.\.64"):
-        replace(capture, truth=None, spots=replace(capture.spots, **spots))
+        with_spots(capture, [0] * 65)
 
 
 @pytest.mark.parametrize(

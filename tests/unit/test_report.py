@@ -14,6 +14,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from captures import with_spots
 from densescene import make_capture
 from reconstruction import Capture, InputError, Result, evaluate, make_plan, reconstruct
 from reconstruction.capture import Spots
@@ -24,7 +25,7 @@ from spisim.report.capture_plots import arrival_figure, light_figure
 from spisim.report.comparison import compared_spots
 from spisim.report.overview import write_overview
 from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
-from spisim.report.style import file_of, plot_style
+from spisim.report.style import SPOT_COLOURS, file_of, plot_style, spot_looks
 
 GEOMETRY: dict[str, Any] = {
     "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),
@@ -331,6 +332,42 @@ def test_the_plot_marks_the_true_path_length_where_the_light_peaks() -> None:
     peaks = [line.get_xdata()[np.argmax(line.get_ydata())] for line in lines]
     assert marks == pytest.approx([5.0] * 4)
     assert peaks == pytest.approx([5.0] * 4)
+
+
+@pytest.mark.parametrize(
+    ("spots", "labels"),
+    [
+        (1, ["spot 0"]),
+        (4, [f"spot {k}" for k in range(4)]),
+        (9, ["spots 0, 8", *(f"spot {k}" for k in range(1, 8))]),
+        (64, [f"spots {k}, {k + 8}, …" for k in range(8)]),
+    ],
+)
+def test_curves_of_any_number_of_spots_have_labels(spots: int, labels: list[str]) -> None:
+    """Spots of one colour share a label."""
+    histogram = np.full((spots, 500), 1e-9)
+    light = SimpleNamespace(spot_histogram=histogram, path_length_m=0.02 * np.arange(500))
+    figure = light_figure(light, np.full(spots, 5.0))
+    assert figure is not None
+    lines, marks = curves(figure)
+    assert len(lines) == len(marks) == spots
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == labels
+    file_of(figure, "test")  # lays it out
+    assert figure.bbox.x0 <= legend.get_window_extent().x0
+    assert [line.get_color() for line in lines] == [colour for colour, _ in spot_looks(spots)]
+
+
+def test_pages_have_the_colours_of_all_spots_in_light_and_dark(
+    capture: Capture, tmp_path: Path
+) -> None:
+    text = report_of(capture, tmp_path)
+    for number in range(len(SPOT_COLOURS)):
+        assert len(set(re.findall(rf"--spot-{number}: (#\w+);", text))) == 2
+    many = report_of(with_spots(capture, [0, 1, 2, 3] * 16), tmp_path)
+    used = set(re.findall(r"var\(--spot-(\d+)\)", many))
+    assert used == {str(number) for number in range(len(SPOT_COLOURS))}
+    assert many.count('title="spot 63"')
 
 
 def test_no_light_gives_no_plot() -> None:

@@ -13,6 +13,7 @@ from matplotlib.image import imread
 from typer.testing import CliRunner
 
 import spisim
+from instruments import changed
 from scenefiles import MINIMAL
 from spisim.cli import app
 from spisim.report.scene_view import Look, picture, survey
@@ -178,6 +179,21 @@ def test_show_of_a_drawn_scene_warns_of_what_makes_it_useless(
     assert "spot 0 meets nothing within 9.8 m" in run.stderr
     assert "4.800" in run.stdout
     assert (tmp_path / "ball.png").is_file()
+
+
+def test_scenes_are_shown_with_nine_spots(tmp_path: Path) -> None:
+    nine = changed(
+        "paper",
+        lasers__directions_deg=[[x, y] for x in (-5, 0, 5) for y in (-5, 0, 5)],
+        tof__detector__positions_m=[[0.01, 0, 0]] * 9,
+    )
+    (tmp_path / "nine.yaml").write_text(nine.text, encoding="utf-8")
+    run = show(
+        "target-plane", "--instrument", tmp_path / "nine.yaml", "-o", tmp_path / "x.png", "--json"
+    )
+    assert run.exit_code == 0, run.output
+    assert len(json.loads(run.stdout)["spots"]) == 9
+    assert (tmp_path / "x.png").is_file()
 
 
 def test_mistakes_are_told_before_the_work(tmp_path: Path) -> None:

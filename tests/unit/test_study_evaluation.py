@@ -33,7 +33,7 @@ def test_metrics_are_those_of_the_evaluation(capture: Capture) -> None:
     for method, figures in reported["depths"].items():
         assert outcome[f"depth_within_25[{method}]"] == figures["within_25_percent"]
     assert outcome["depth_mae_m"] == next(iter(reported["depths"].values()))["mae_m"]
-    assert (outcome["valid_spots"], outcome["saturated"]) == (4, 0)
+    assert (outcome["valid_spots"], outcome["lost_spots"], outcome["saturated"]) == (4, 0, 0)
 
 
 def test_unknown_metrics_are_told_with_the_nearest_names() -> None:
@@ -69,7 +69,7 @@ def test_range_metrics_are_over_the_spots_that_have_a_range(capture: Capture) ->
     lost[0, 3] = True
     spots = replace(capture.spots, saturated=lost)
     result = evaluation_of(replace(capture, truth=shifted, spots=spots)).metrics
-    assert result["valid_spots"] == 3
+    assert (result["valid_spots"], result["lost_spots"]) == (3, 1)
     assert result["range_bias_m"] == pytest.approx(0.0, abs=1e-6)
     assert result["range_error_m"] == pytest.approx(0.2, abs=1e-6)
     all_lost = replace(capture.spots, saturated=np.ones_like(lost))

@@ -81,18 +81,22 @@ def test_where_spots_are_lost_how_many_are_left_is_told(tmp_path: Path) -> None:
     """The error of the others falls when the hard ones drop out."""
     study = planned(tmp_path, study={"metrics": ["range_error_m[cw]"], "rounds": 1})
 
-    def results(left: float) -> Results:
+    def results(left: float, spots: float = 4.0) -> Results:
         parameters = [
             {"scene": "target-plane", "scene.fog.visibility_m": visibility}
             for visibility in (20, 100)
         ]
         records = [record(index, "target-plane", each) for index, each in enumerate(parameters)]
         values = dict.fromkeys(QUANTITIES) | {"range_error_m[cw]": 0.1}
-        counts = ({"valid_spots[cw]": left}, {"valid_spots[cw]": 4.0})
+        counts = [
+            {"valid_spots[cw]": valid, "lost_spots[cw]": spots - valid} for valid in (left, spots)
+        ]
         evaluations = {index: Evaluation(values | each) for index, each in enumerate(counts)}
         return results_of(study, records, evaluations)
 
-    assert results(4.0).metrics == ("range_error_m[cw]",)
+    assert results(4.0).metrics == results(9.0, 9.0).metrics == ("range_error_m[cw]",)
+    assert results(1.0, 1.0).metrics == ("range_error_m[cw]",)
+    assert results(8.0, 9.0).metrics == ("range_error_m[cw]", "valid_spots[cw]")
     lossy = results(3.0)
     assert lossy.metrics == ("range_error_m[cw]", "valid_spots[cw]")
     assert [row["mean"] for row in table(summary_csv(lossy)) if "valid" in row["metric"]] == [

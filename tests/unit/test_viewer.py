@@ -12,13 +12,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from captures import make_spots
+from captures import make_spots, with_spots
 from datasets import make_set
 from exported import with_scene
 from reconstruction import InputError, write_capture
 from spisim.cli import app
 from spisim.report.viewer import Recording, window
 from spisim.report.viewer.readings import phasors_of
+from spisim.report.viewer.space import rgb_of_spots
 from spisim.report.viewer.views import views_of_captures
 from streams import film, messages
 
@@ -114,6 +115,17 @@ def test_other_readings_are_shown_as_they_are(method, capture, tmp_path):
     assert run.exit_code == 0, run.output
     kind = "taps" if method == "pulsed" else "histograms"
     assert f"/readings/{kind}/spot_3" in entities(tmp_path / "a.rrd")
+
+
+def test_nine_spots_are_shown(capture, tmp_path):
+    nine = with_spots(with_scene(capture), [0, 1, 2, 3, 0, 1, 2, 3, 0])
+    write_capture(nine, tmp_path / "a.h5")
+    run = view(tmp_path / "a.h5", "--save", tmp_path / "a.rrd")
+    assert run.exit_code == 0, run.output
+    shown = entities(tmp_path / "a.rrd")
+    assert {"/readings/taps/spot_8", "/ranges/spot_8", "/ranges/true_8"} <= shown
+    assert "/ranges/spot_9" not in shown
+    assert len({tuple(colour) for colour in rgb_of_spots(9)}) == 8
 
 
 def test_a_scene_whose_meshes_are_gone_is_left_out_and_told(capture, tmp_path):

@@ -22,7 +22,7 @@ def command(
     instrument: Annotated[
         str | None,
         typer.Option(
-            help="Put an instrument's camera and four rays into a world of Gazebo, where the drone "
+            help="Put an instrument's camera and rays into a world of Gazebo, where the drone "
             "is: an instrument file, or the name of a preset."
         ),
     ] = None,

@@ -1,8 +1,8 @@
 """Images and true depth images of all samples with a COCO index (cocodataset.org).
 
-Every image has one annotation of the category "spots". Its `keypoints` are the pixel coordinates of
-the four laser spots, where (0, 0) is the centre of the first pixel as in COCO. It also holds their
-measured ranges.
+Every image has one annotation of the category "spots", of as many as it has. Its `keypoints` are
+the pixel coordinates of the laser spots, where (0, 0) is the centre of the first pixel as in COCO.
+It also holds their measured ranges.
 """
 
 from __future__ import annotations
@@ -23,13 +23,6 @@ from spisim_formats.samples._writing import true_shots, write_whole
 if TYPE_CHECKING:
     from spisim.dataset.reader import DataSet, StoredSample
 
-CATEGORY = {
-    "id": 1,
-    "name": "spots",
-    "supercategory": "laser",
-    "keypoints": [f"spot {k}" for k in range(4)],
-    "skeleton": [],
-}
 #: COCO's flag of a keypoint that is labelled and visible.
 VISIBLE = 2
 
@@ -47,6 +40,7 @@ def _write(samples: DataSet, folder: Path) -> None:
         (folder / name).mkdir()
     images: list[dict[str, Any]] = []
     annotations: list[dict[str, Any]] = []
+    categories: dict[int, int] = {}  # by number of spots
     for sample in samples:
         for frame, shot in enumerate(true_shots(sample)):
             name = f"{sample.index:06d}" + (f"-{frame:04d}" if frame else "") + ".png"
@@ -57,7 +51,8 @@ def _write(samples: DataSet, folder: Path) -> None:
                 truth = sample.capture.truth
                 assert truth is not None
                 true_m = truth.at(frame).spot_range_m
-                annotations.append(_spots(len(annotations) + 1, len(images), shot, true_m))
+                kind = categories.setdefault(len(true_m), len(categories) + 1)
+                annotations.append(_spots(len(annotations) + 1, len(images), kind, shot, true_m))
     index = {
         "info": {
             "description": samples.meta.get("name", ""),
@@ -65,11 +60,21 @@ def _write(samples: DataSet, folder: Path) -> None:
             "depth": "along the optical axis, 16 bits, millimetres; 0: none",
         },
         "licenses": [],
-        "categories": [CATEGORY],
+        "categories": [_category(number, spots) for spots, number in categories.items()],
         "images": images,
         "annotations": annotations,
     }
     (folder / "index.json").write_text(json_line(index) + "\n", encoding="ascii")
+
+
+def _category(number: int, spots: int) -> dict[str, Any]:
+    return {
+        "id": number,
+        "name": "spots",
+        "supercategory": "laser",
+        "keypoints": [f"spot {k}" for k in range(spots)],
+        "skeleton": [],
+    }
 
 
 def _image(number: int, name: str, shot: Shot, sample: StoredSample) -> dict[str, Any]:
@@ -88,7 +93,7 @@ def _image(number: int, name: str, shot: Shot, sample: StoredSample) -> dict[str
     }
 
 
-def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str, Any]:
+def _spots(number: int, image: int, kind: int, shot: Shot, true_m: np.ndarray) -> dict[str, Any]:
     """Return the annotation of an image; the box encloses the visible spots, in pixels."""
     assert shot.spots is not None
     assert shot.ranges is not None
@@ -103,7 +108,7 @@ def _spots(number: int, image: int, shot: Shot, true_m: np.ndarray) -> dict[str,
     return {
         "id": number,
         "image_id": image,
-        "category_id": CATEGORY["id"],
+        "category_id": kind,
         "iscrowd": 0,
         "keypoints": points.ravel().tolist(),
         "num_keypoints": len(inside),

@@ -1,4 +1,4 @@
-"""An instrument as sensors simulated by Gazebo: a depth camera and four lidar rays (SDFormat 1.9).
+"""An instrument as sensors simulated by Gazebo: a depth camera and lidar rays (SDFormat 1.9).
 
 Gazebo simulates only their geometry: no fog, and no noise of a single-pixel camera. They serve to
 develop downstream software with the messages and poses of the real instrument.

@@ -64,7 +64,7 @@ QUESTIONS: dict[str, Question] = {
     "patterns": Question("Patterns of a frame", 127, 1, 2**20, IMAGE),
     "image_part": Question("Detector of the image, by part", "fga015", of=IMAGE),
     "image_adc_bits": Question("Bits of its converter", 16, 1, 31, IMAGE),
-    "spots": Question("Laser spots; light is traced for 4", 4, 1, 64, RANGES),
+    "spots": Question("Laser spots", 4, 1, 64, RANGES),
     "laser_power_w": Question("Power of a laser, of a pulse its peak", 5e-3, 1e-9, 1e4, RANGES),
     "modulation": Question("Time of flight: cw, pulsed or dtof", "cw", of=RANGES),
     "frequency_hz": Question("Modulation frequency of cw", 15e6, 1e4, 1e10, RANGES),

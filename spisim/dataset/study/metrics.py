@@ -90,7 +90,10 @@ QUANTITIES: Mapping[str, Quantity] = {
         "estimated standard error of the range, RMS over the spots with a range",
     ),
     "valid_spots": Quantity(
-        "spots", "valid", "spots with a range, of 4", "high", "number of spots with a range"
+        "spots", "valid", "spots with a range", "high", "number of spots with a range"
+    ),
+    "lost_spots": Quantity(
+        "spots", "lost", "spots without a range", "low", "number of spots without a range"
     ),
     "depth_mae_m": Quantity(
         "depths", "mae_m", "mean depth error, m", "low", "mean absolute error of the depth map"
@@ -306,6 +309,7 @@ def _spot_values(spots: Sequence[Mapping[str, Any]]) -> dict[str, float | None]:
         ),
         "sigma_m": float(np.sqrt(np.mean(np.square(sigmas)))) if sigmas else None,
         "valid": float(len(valid)),
+        "lost": float(len(spots) - len(valid)),
     }
 
 

@@ -18,7 +18,7 @@ from spisim.dataset.study.statistics import FEW_UNITS, Estimate, estimate
 Condition = tuple[Any, ...]
 
 ALL_SCENES = "all scenes"
-SPOTS_LEFT, ALL_SPOTS = "valid_spots", 4
+SPOTS_LEFT, SPOTS_LOST = "valid_spots", "lost_spots"
 #: Metrics that a notebook displays.
 DISPLAYED = 3
 
@@ -198,15 +198,14 @@ def _spots_left(metrics: Sequence[str], rows: Sequence[Row]) -> list[str]:
     The other metrics improve when difficult spots drop out.
     """
     of_spots = [Metric.of(name) for name in metrics if Metric.of(name).quantity.station == "spots"]
-    names = dict.fromkeys(
-        SPOTS_LEFT if metric.method is None else f"{SPOTS_LEFT}[{metric.method}]"
-        for metric in of_spots
+    methods = dict.fromkeys(
+        "" if metric.method is None else f"[{metric.method}]" for metric in of_spots
     )
-    values = {name: [row.metrics.get(name) for row in rows] for name in names}
     return [
-        name
-        for name, left in values.items()
-        if name not in metrics and any(number is not None and number < ALL_SPOTS for number in left)
+        SPOTS_LEFT + method
+        for method in methods
+        if SPOTS_LEFT + method not in metrics
+        and any(row.metrics.get(SPOTS_LOST + method) for row in rows)
     ]
 
 

@@ -21,7 +21,13 @@ from spisim.transport import RayCaster
 from .cameras import Section, cut_m, heading, perspective_rays
 from .survey import Spot, Survey
 
-SPOT_COLOURS = ("#4aa3f0", "#ff9a3c", "#37c48a", "#c58bff")
+#: Colours of the spots; more spots begin again with the first.
+SPOT_COLOURS = (
+    *("#4aa3f0", "#ff9a3c", "#37c48a", "#c58bff"),
+    *("#ff7a85", "#3fc4d0", "#d0be3a", "#f08fd0"),
+)
+#: Maximum number of spots with their distances in the picture; more have their numbers alone.
+LISTED = 4
 PROJECTOR, DETECTOR, NEAREST = "#ffd34d", "#ff6b6b", "#ffffff"
 SKY = (0.80, 0.86, 0.92)
 INK, PALE_INK = "#20262c", "#5a646e"
@@ -48,7 +54,7 @@ class Look:
 
     @property
     def spots_m(self) -> Floats:
-        """Ends of the beams in the world, (4, 3); far out if they hit nothing."""
+        """Ends of the beams in the world, (spots, 3); far out if they hit nothing."""
         pose = self.scene.drone_pose
         ranges = np.array([min(spot.range_m, MAX_DISPLAYED_M) for spot in self.survey.spots])
         rays = self.instrument.ranging.lasers.directions @ pose[:3, :3].T
@@ -129,7 +135,8 @@ def _draw_view(axis: Any, look: Look, fov_deg: float) -> None:
         x, y = spot[:2] / spot[2]
         text = _metres(look.survey.spots[k])
         texts.append(_numbered(axis, x, y, k))
-        texts.append(_label(axis, (x, y), text, SPOT_COLOURS[k], (9, 0), "center"))
+        if len(look.survey.spots) <= LISTED:
+            texts.append(_label(axis, (x, y), text, _colour(k), (9, 0), "center"))
     nearest = _projected(look.scene.drone_pose, look.survey.nearest_m)
     _mark_nearest(axis, nearest)
     if np.isfinite(nearest).all():
@@ -145,8 +152,8 @@ def _projected(pose: Floats, point_m: Floats) -> Floats:
 
 
 def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
-    """List below the view what each spot hits, in its colour."""
-    for k, spot in enumerate(spots):
+    """List below the view what each spot hits, in its colour; of many what the first ones do."""
+    for k, spot in enumerate(spots[:LISTED]):
         left, top = 0.02 + 0.22 * (k % 2), 0.105 - 0.042 * (k // 2)
         sheet.text(
             left,
@@ -156,7 +163,7 @@ def _spot_list(sheet: Figure, spots: tuple[Spot, ...]) -> None:
             weight="bold",
             color="white",
             va="center",
-            bbox={"boxstyle": "circle,pad=0.25", "fc": SPOT_COLOURS[k], "ec": "none"},
+            bbox={"boxstyle": "circle,pad=0.25", "fc": _colour(k), "ec": "none"},
         )
         name = spot.object or "nothing"
         text = f"{_metres(spot)}  {drawn(name if len(name) < 30 else name[:29] + '…')}"
@@ -224,7 +231,7 @@ def _draw_section(
     _cone(axis, section, pose, corners * reach, fill=False, ec=PROJECTOR, lw=1.4)
     ends = section.project(look.spots_m)
     for k, end in enumerate(ends):
-        axis.plot(*np.stack([here, end], axis=1), color=SPOT_COLOURS[k], lw=1.3)
+        axis.plot(*np.stack([here, end], axis=1), color=_colour(k), lw=1.3)
     for k, (x, y) in enumerate(ends):
         _numbered(axis, x, y, k)
     axis.plot(*here, marker="o", ms=9, mfc="white", mec=INK, mew=2)
@@ -245,7 +252,7 @@ def _mark_nearest(axis: Any, position: Floats) -> None:
 
 
 def _numbered(axis: Any, x: float, y: float, number: int) -> Text:
-    axis.plot(x, y, marker="o", ms=12, mfc=SPOT_COLOURS[number], mec="white", mew=1.2, zorder=5)
+    axis.plot(x, y, marker="o", ms=12, mfc=_colour(number), mec="white", mew=1.2, zorder=5)
     text: Text = axis.text(
         x,
         y,
@@ -270,6 +277,10 @@ def _label_clear(axis: Any, position: Floats, text: str, colour: str, others: li
                 return
             label.remove()
     _label(axis, position, text, colour, (0, -9), "top")
+
+
+def _colour(number: int) -> str:
+    return SPOT_COLOURS[number % len(SPOT_COLOURS)]
 
 
 def _label(

@@ -83,8 +83,7 @@ function explore(section) {
     if (truth?.checked) sets.push(pointsOf(valuesOf(trueDepth), 0xff7a4de0));
     const lines = ladder(beam);
     if (rays?.checked) {
-      spots.forEach(({ spot, at }) =>
-        lines.push({ from: [0, 0, 0], to: at, colour: `--spot-${spot}`, dot: true }));
+      spots.forEach(({ colour, at }) => lines.push({ from: [0, 0, 0], to: at, colour, dot: true }));
     }
     if (pointed) {
       const k = pointed.row * width + pointed.column, z = valuesOf(depth).values[k];

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.ranging.methods.cw import quadrature_weights
-from spisim.report.viewer.space import spot_colours, spot_words
+from spisim.report.viewer.space import rgb_of_spots, spot_words
 from spisim.report.viewer.views import View
 
 
@@ -35,9 +35,9 @@ def draw_readings(rerun: Any, stream: Any, view: View) -> None:
             stream.log(f"ranges/true_{k}", rerun.Scalars(view.truth.spot_range_m[k]))
 
 
-def style_ranges(rerun: Any, stream: Any) -> None:
-    """Give curves the colours of their spots, paler for the truth."""
-    for k, colour in enumerate(spot_colours()):
+def style_ranges(rerun: Any, stream: Any, spots: range) -> None:
+    """Give the curves of some spots their colours, paler for the truth."""
+    for k, colour in zip(spots, rgb_of_spots(spots.stop)[spots.start :], strict=True):
         pale = (colour.astype(int) + 255) // 2
         for name, shade, width in (("spot", colour, 2.0), ("true", pale, 1.0)):
             line = rerun.SeriesLines(colors=[shade.tolist()], names=f"{name} {k}", widths=[width])
@@ -48,7 +48,7 @@ def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
     """Log the taps or the histogram of each spot, and phasors of continuous waves."""
     if spots is None:
         return
-    colours = spot_colours()
+    colours = rgb_of_spots(len(spots.directions))
     if isinstance(spots, HistogramSpots):
         bins = spots.start_s + (np.arange(spots.counts.shape[-1]) + 0.5) * spots.bin_width_s
         for k, colour in enumerate(colours):
@@ -68,7 +68,7 @@ def _draw_spots(rerun: Any, stream: Any, spots: Any) -> None:
 
 
 def phasors_of(spots: CwSpots) -> dict[float, np.ndarray]:
-    """Return A exp(i phi) (4,) in electrons of the first frame, by modulation frequency."""
+    """Return A exp(i phi) (spots,) in electrons of the first frame, by modulation frequency."""
     electrons = spots.electrons(spots.taps[0])
     result = {}
     for hertz in np.unique(spots.tap_frequencies_hz).tolist():

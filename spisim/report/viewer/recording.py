@@ -59,7 +59,7 @@ class Recording:
             rr.save(path, recording=self._stream)
         self._space = Space(rr, self._stream)
         self._begun_ns: int | None = None
-        self.frames = 0
+        self.frames = self._styled = 0
 
     def add(self, view: View) -> None:
         """Add a frame."""
@@ -68,11 +68,13 @@ class Recording:
             self._begun_ns = view.shot.stamp_ns
             pose = np.eye(4) if view.shot.pose is None else view.shot.pose
             self._rerun.send_blueprint(layout(pose, view.scene), recording=stream)
-            style_ranges(self._rerun, stream)
         seconds = (view.shot.stamp_ns - self._begun_ns) / 1e9
         stream.set_time("time", duration=np.timedelta64(round(1e9 * seconds), "ns"))
         stream.set_time("frame", sequence=self.frames)
         self.frames += 1
+        count = 0 if view.shot.spots is None else len(view.shot.spots.directions)
+        style_ranges(self._rerun, stream, range(self._styled, count))
+        self._styled = max(self._styled, count)
         self._space.draw(view)
         draw_pictures(self._rerun, stream, view)
         draw_readings(self._rerun, stream, view)

@@ -12,7 +12,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.depth import pixel_rays
 from reconstruction.ranging import RANGED
 from reconstruction.result import Result
-from spisim.report.style import SPOT_COLOURS
+from spisim.report.style import spot_looks
 from spisim.report.viewer.views import View
 from spisim.scene import Scene, SceneObject
 
@@ -113,7 +113,7 @@ class Space:
         assert view.shot.spots is not None
         range_m, sigma_m = view.shot.ranges.range_m, view.shot.ranges.sigma_m
         directions, valid = view.shot.spots.directions, view.shot.ranges.valid
-        colours = spot_colours()
+        colours = rgb_of_spots(len(valid))
         ends = directions[valid] * range_m[valid, None]
         beams = [[(0.0, 0.0, 0.0), end] for end in ends.tolist()]
         self._stream.log(f"{DRONE}/spots/beams", rr.LineStrips3D(beams, colors=colours[valid]))
@@ -139,10 +139,10 @@ class Space:
             self._stream.log(f"{DRONE}/spots/truth", there)
 
 
-def spot_colours() -> NDArray[np.uint8]:
-    """Return (4, 3) colours as in the reports."""
-    return np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in SPOT_COLOURS],
-                    np.uint8)  # fmt: skip
+def rgb_of_spots(count: int) -> NDArray[np.uint8]:
+    """Return colours (count, 3) as in the reports."""
+    names = [name for name, _ in spot_looks(count)]
+    return np.array([[int(name[k : k + 2], 16) for k in (1, 3, 5)] for name in names], np.uint8)
 
 
 def spot_words(result: Result) -> list[str]:

@@ -105,7 +105,7 @@ class SceneBuilder:
 class Family:
     """A family of scenes; `build` makes a scene from parameters and a random generator.
 
-    Draws repeat until `min_spots` of the four laser spots return: all in closed worlds, fewer in
+    Draws repeat until `min_spots` of four laser spots return: all in closed worlds, fewer in
     open ones.
     """
 

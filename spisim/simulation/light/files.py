@@ -65,7 +65,7 @@ def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
 
 
 def write_histograms(path: Path, light: Transport) -> None:
-    """Write light over path length, of the four spots and the cube, as a NumPy file.
+    """Write light over path length, of the spots and the cube, as a NumPy file.
 
     `units.<name>` is the unit of each array.
     """

@@ -100,9 +100,9 @@ def simplices(positions: Floats) -> tuple[NDArray[np.int64], Floats]:
 
 @dataclass(frozen=True, eq=False)
 class _Key:
-    """A solution, and the unscattered light (4, bins) of the spots, which surfaces reflect.
+    """A solution, and the unscattered light (spots, bins) of the spots, which surfaces reflect.
 
-    `path_m` (4,) is its mean path length, nan without light.
+    `path_m` (spots,) is its mean path length, nan without light.
     """
 
     transport: Transport
@@ -119,7 +119,7 @@ class _Key:
         return cls(replace(transport, extra=extra), surfaces, path_m)
 
     def moved(self, by_m: Floats) -> Transport:
-        """Solution whose surface echoes have paths that are longer by (4,)."""
+        """Solution whose surface echoes have paths that are longer by (spots,)."""
         histogram = self.transport.spot_histogram.copy()
         lengths = self.transport.path_length_m
         for spot in np.flatnonzero(by_m):

@@ -84,7 +84,7 @@ def spot_error_metric(
     waves = np.stack([np.ones_like(phase_rad), np.cos(phase_rad), np.sin(phase_rad)])
 
     def readings(sums: Mapping[str, Floats]) -> Floats:
-        return np.asarray(waves @ sums["histogram"].T * echo)  # (3, 4)
+        return np.asarray(waves @ sums["histogram"].T * echo)  # (3, spots)
 
     def size(mean: Floats, error: Floats) -> float:
         noise = ranging_noise(instrument, {"signal": mean[0], **others})

@@ -28,7 +28,7 @@ from spisim.transport.world import World, build_world
 
 logger = logging.getLogger(__name__)
 
-#: Laser paths per `spp`: four beams need far fewer paths than thousands of pixels.
+#: Laser paths per `spp`: the few beams need far fewer paths than thousands of pixels.
 SPOT_PATHS_PER_SPP = 64
 #: Laser paths of the first launch towards a target error: fewer would take as long.
 FIRST_SPOT_PATHS = 64
@@ -50,20 +50,20 @@ class Transport:
     over their neighbours (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
-    (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, 4, bins).
+    (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, spots, bins).
     """
 
     image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
     image_error: Floats
-    spot_histogram: Floats  # (4, bins): fraction of a laser's power on its detector's aperture
+    spot_histogram: Floats  # (spots, bins): fraction of a laser's power on its detector's aperture
     spot_histogram_error: Floats
     #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
     path_length_m: Floats
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     daylight_error_w: float
-    spot_daylight_w: Floats  # (4,)
+    spot_daylight_w: Floats  # (spots,)
     spot_daylight_error_w: Floats
-    spot_crosstalk_w: Floats  # (4,): mean power of the projector's patterns there
+    spot_crosstalk_w: Floats  # (spots,): mean power of the projector's patterns there
     spot_crosstalk_error_w: Floats
     #: Standard errors over the detectors' noise, rms: of decoded coefficients, of spots' phasors.
     noise_share: float

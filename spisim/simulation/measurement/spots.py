@@ -44,7 +44,7 @@ def spot_light(
 
 
 def _over_the_same_lengths(keys: Sequence[Transport]) -> tuple[Floats, list[Floats]]:
-    """Common path lengths (bins,) of all key times, and the light (4, bins) of each."""
+    """Common path lengths (bins,) of all key times, and the light (spots, bins) of each."""
     first = keys[0].path_length_m
     if all(np.array_equal(key.path_length_m, first) for key in keys):
         return first, [key.spot_histogram for key in keys]

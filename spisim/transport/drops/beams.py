@@ -26,7 +26,7 @@ APERTURE_POINTS = 16
 
 
 class SpotChange(NamedTuple):
-    """Means over every frame, (frames, 4, bins) of the path length."""
+    """Means over every frame, (frames, spots, bins) of the path length."""
 
     passed: Floats  # fraction of the light of that path length that drops let pass
     echo: Floats  # fraction of a laser's power that drops send onto its detector's aperture
@@ -66,7 +66,7 @@ def on_spots(drops: Sequence[FallingDrops], path_length_m: Floats) -> SpotChange
     Returns
     -------
     SpotChange
-        Fraction that passes, and fraction added by echoes, (frames, 4, bins).
+        Fraction that passes, and fraction added by echoes, (frames, spots, bins).
     """
     times_s = drops[0].times_s
     passed = np.zeros((len(times_s), len(drops[0].view.beams.directions), len(path_length_m)))

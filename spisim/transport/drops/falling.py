@@ -35,7 +35,7 @@ class FallingDrops:
     depths_by_frame_m
         Depths of the surfaces, m, (T, H, W): of each frame, or (1, H, W) of all.
     spot_ranges_by_frame_m
-        Ranges of the spots, m, (T, 4); nan for nothing.
+        Ranges of the spots, m, (T, spots); nan for nothing.
     fog_per_m
         Extinction of the air between the drops, 1/m; volumes of fog do not weaken their echo.
     times_s
@@ -77,7 +77,7 @@ class FallingDrops:
         return np.asarray(self.depths_by_frame_m[min(frame, len(self.depths_by_frame_m) - 1)])
 
     def spot_range_m(self, frame: int) -> Floats:
-        """Ranges (4,) of the spots in a frame, m, up to MAX_DEPTHS times the depth of drops."""
+        """Ranges (spots,) of the spots in a frame, m, up to MAX_DEPTHS times the depth of drops."""
         ranges = self.spot_ranges_by_frame_m
         far_m = MAX_DEPTHS * self.precipitation.far_m
         return np.asarray(np.fmin(ranges[min(frame, len(ranges) - 1)], far_m))
