@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from captures import some_of
 from fogs import light
 from hdf5files import changed
 from instruments import of_spots
@@ -30,10 +31,6 @@ WINDOWS = {
     "tof__windows": 6,
     "tof__detector__field_of_view_deg": 0.6,
 }
-PER_SPOT = (
-    *("directions", "detector_positions_m", "detector_axes"),
-    *("half_fields_rad", "falloffs", "aperture_radii_m"),
-)
 CHANGES = {"cw": {}, "pulsed": WINDOWS, "dtof": {"tof__bins": 550}}
 
 
@@ -53,13 +50,6 @@ def recorded(method: str, spots: int, frames: int = 1, **fog: float) -> Spots:
 def ranged(spots: Spots, method: str, frame: int = 0) -> Ranges:
     solve = ranging_method(method, spots).compile(between(spots, 0, 0))
     return solve(between(spots, frame, frame + 1))
-
-
-def some_of(spots: Spots, order: list[int]) -> Spots:
-    """Some spots of a continuous-wave recording, in this order."""
-    per_spot = {name: getattr(spots, name)[order] for name in PER_SPOT}
-    readings = {name: getattr(spots, name)[:, order] for name in ("taps", "saturated")}
-    return replace(spots, **per_spot, **readings)
 
 
 @pytest.mark.parametrize("spots", NUMBERS)
