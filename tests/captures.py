@@ -1,7 +1,5 @@
 """A capture with every part, of random numbers, shared by the tests."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from reconstruction.capture import (
@@ -18,10 +16,6 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.operators import make_plan
 
-PER_SPOT = (
-    *("directions", "detector_positions_m", "detector_axes"),
-    *("half_fields_rad", "falloffs", "aperture_radii_m"),
-)
 DIRECTIONS = np.tile([0.0, 0.6, 0.8], (4, 1))
 CHARGE = {
     "electrons_per_count": 1.5,
@@ -124,10 +118,3 @@ def full_capture():
             detector_position_m=rng.random(3),
         ),
     )
-
-
-def some_of(spots, order):
-    """Some spots of a continuous-wave recording, in this order."""
-    per_spot = {name: getattr(spots, name)[order] for name in PER_SPOT}
-    readings = {name: getattr(spots, name)[:, order] for name in ("taps", "saturated")}
-    return replace(spots, **per_spot, **readings)

@@ -7,9 +7,8 @@ import pytest
 from scipy.special import expit
 
 import worlds
-from captures import some_of
 from convolutions import convolved, shuffled, unshuffled
-from instruments import changed
+from instruments import changed, some_of
 from reconstruction import Capture, Reconstructor, write_capture
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics, Setup
