@@ -1,5 +1,6 @@
 """Instruments with one thing changed, shared by the tests."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,10 @@ from spisim.budget.equations import Flood
 from spisim.instrument import Instrument, load_instrument
 from spisim.instrument.model import PRESETS
 
+PER_SPOT = (
+    *("directions", "detector_positions_m", "detector_axes"),
+    *("half_fields_rad", "falloffs", "aperture_radii_m"),
+)
 PAPER = (PRESETS / "paper.yaml").read_text(encoding="utf-8")
 
 
@@ -53,3 +58,10 @@ def of_spots(name: str, spots: int, **changes: Any) -> Instrument:
         tof__detector__positions_m=positions,
         **changes,
     )
+
+
+def some_of(spots, order):
+    """Some spots of a continuous-wave recording, in this order."""
+    per_spot = {name: getattr(spots, name)[order] for name in PER_SPOT}
+    readings = {name: getattr(spots, name)[:, order] for name in ("taps", "saturated")}
+    return replace(spots, **per_spot, **readings)

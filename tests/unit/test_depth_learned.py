@@ -8,7 +8,7 @@ from scipy.special import expit
 
 import worlds
 from convolutions import convolved, shuffled, unshuffled
-from instruments import changed
+from instruments import changed, some_of
 from reconstruction import Capture, Reconstructor, write_capture
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics, Setup
@@ -225,6 +225,46 @@ def test_a_wall_is_where_it_is(capture):
     assert np.mean(np.isfinite(result.depth_m)) > 0.99
     assert result.sigma.shape == result.no_return.shape == result.depth_m.shape
     assert ((result.no_return >= 0) & (result.no_return <= 1)).all()
+
+
+@pytest.mark.parametrize(
+    ("order", "why"),
+    [
+        ([0, 1, 2], None),
+        ([0, 1, 2, 3, 0], "trained for at most 4 spots, the recording has 5"),
+        ([0, 3], "spots off a line = 0, trained for"),
+        ([1], "spots off a line = 0, trained for"),
+    ],
+)
+def test_the_network_is_asked_about_three_or_four_spots_alone(capture, order, why):
+    some = replace(capture, spots=some_of(capture.spots, order), truth=None)
+    result, plain = solved(some, view_of(some))
+    if why is None:
+        assert result.note is None
+        assert np.nanmedian(result.depth_m) == pytest.approx(4.0, rel=0.05)
+    else:
+        assert f"anchored on the spots, not learned: {why}" in result.note
+        np.testing.assert_array_equal(result.depth_m, plain.depth_m)
+    assert result.free is not None or why
+
+
+def test_a_spot_that_is_missing_looks_like_one_of_unknown_range(capture):
+    """To the numbers that the network gets: three spots, or four of which one has no range."""
+    three = replace(capture, spots=some_of(capture.spots, [0, 1, 2]), truth=None)
+    unknown = np.arange(4) == 3
+    frames = [Observer.of(each.setup)(view_of(each)) for each in (three, capture)]
+    result, expected = (
+        inputs_of(
+            replace(
+                frame,
+                plain=Anchors(*(np.where(unknown[:count], np.nan, each) for each in frame.plain)),
+                fitted=Anchors(*(np.full(count, np.nan),) * 2),
+                extinction_per_m=np.nan,
+            )
+        ).numbers
+        for frame, count in zip(frames, (3, 4), strict=True)
+    )
+    np.testing.assert_allclose(result, expected, atol=5e-3)
 
 
 def test_reflectance_is_that_of_the_wall(capture):
