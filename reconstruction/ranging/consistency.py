@@ -13,6 +13,8 @@ from .ranges import MIN_SIGNAL, Ranges
 
 MIN_DIFFERENCE_M = 0.05
 """Smaller range differences may come from calibration."""
+LISTED = 4
+"""Maximum number of spots that a warning lists."""
 
 
 def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str, str]:
@@ -31,6 +33,8 @@ def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str,
         apart = _by_frequency(spots, ranges) if isinstance(spots, CwSpots) else [""] * count
         reasons = [_by_others(spot, ranges, others) or apart[spot] for spot in range(count)]
         affected = [f"{spot} ({why})" for spot, why in enumerate(reasons) if why]
+        if more := affected[LISTED:]:
+            affected[LISTED:] = [f"and {len(more)} more"]
         if affected:
             result[name] = (
                 "possibly biased by fog or further echoes, beyond its sigma, at "

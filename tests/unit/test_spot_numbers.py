@@ -189,6 +189,10 @@ def test_brightness_and_consistency_are_per_spot(capture, spots) -> None:
     other = replace(other, alternatives=(*other.alternatives[:-1], ((4.0, 0.1, 1.0),)))
     note = range_consistency({"cw": ranges, "other": other}, many.spots)["cw"]
     assert f"at spot {spots - 1} (" in note
+    far = replace(other, range_m=ranges.range_m + 0.5)
+    note = range_consistency({"cw": ranges, "other": far}, many.spots)["cw"]
+    assert note.count("by other") == min(spots, 4)
+    assert note.endswith("and 5 more") == (spots == 9)
 
 
 # What is refused, and what is told of older files
