@@ -13,7 +13,7 @@ from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.operators import expose
 from spisim.transport.backend import use_threads
 
-pytest_plugins = ["parts"]
+pytest_plugins = ["parts", "references"]
 
 SHAPE = (16, 16)
 PERIOD_S = 1 / 15_000
