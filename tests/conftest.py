@@ -18,7 +18,7 @@ from spisim.dataset.records import Outcome
 from spisim.dataset.workers import LocalExecutor
 from spisim.transport.backend import use_threads
 
-pytest_plugins = ["parts"]
+pytest_plugins = ["parts", "references"]
 
 # The tree of commands is built once, as by a program, and not anew for each command.
 typer.testing._get_command = cache(typer.testing._get_command)  # type: ignore[attr-defined]

@@ -133,14 +133,25 @@ def histogram(world, lasers, ends, bins, paths, seed, **options):
     ).mean["histogram"]
 
 
-def mitsuba_readings(position, view, ends, patterns, runs, samples, seed=0):
-    """Power on all detectors by Mitsuba's own integrators, (runs, patterns)."""
-    powers = bucket_powers(position, view, ends, list(patterns) * runs, samples=samples, seed=seed)
-    return np.array(list(powers)).reshape(runs, len(patterns))
+def mitsuba_readings(position, view, ends, patterns, runs, samples):
+    """Power on all detectors by Mitsuba's own integrators, (runs, patterns); `runs` is a range."""
+    powers = bucket_powers(
+        position,
+        view,
+        ends,
+        list(patterns) * len(runs),
+        samples=samples,
+        seed=runs.start * len(patterns),
+    )
+    return np.array(list(powers)).reshape(len(runs), len(patterns))
 
 
 def seeds(count):
-    return [np.random.SeedSequence(entropy) for entropy in range(count)]
+    return seeds_of(range(count))
+
+
+def seeds_of(numbers):
+    return [np.random.SeedSequence(entropy) for entropy in numbers]
 
 
 def z_score(first, second):

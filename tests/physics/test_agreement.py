@@ -5,7 +5,7 @@ it gets more paths so that the normal law holds for its means.
 """
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -15,11 +15,12 @@ from reconstruction.operators import expose, illumination, make_plan
 from spisim.transport.engine.estimator import Strategy
 from spisim.transport.world import build_world
 
-SEEDS = worlds.seeds(10)
+RUNS = range(10)
+SEEDS = worlds.seeds_of(RUNS)
 POSITIONS = np.array([[0.05, 0.0, 0.0], [-0.2, 0.1, 0.0]])
 AXES = np.array([[0.0, 0.0, 1.0], [0.08, 0.0, 1.0]])
 PLAN = make_plan((16, 16), 4, polarity="single-ended")
-PATHS = {Strategy.BOTH: 256, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 4096}
+PATHS = {Strategy.BOTH: 160, Strategy.PROJECTOR: 2048, Strategy.DETECTOR: 4096}
 #: In clear air the slow tier compares the ends; against Mitsuba, `test_surfaces` does.
 EXTINCTIONS = [pytest.param(0.0, marks=pytest.mark.slow), 0.1]
 
@@ -64,60 +65,73 @@ def place(extinction):
 
 
 @cache
-def readings(extinction, strategy):
-    """Of two detectors together, which look at different places, (seeds, exposures)."""
-    world, view = build_world(place(extinction)), worlds.projector()
-    return np.array(
-        [
-            expose(
-                PLAN,
-                worlds.image(world, view, looking(0, 1), PATHS[strategy], s, strategy=strategy),
-            )
-            for s in SEEDS
-        ]
-    )
+def readings(extinction, strategy, seeds=RUNS, ends=(0, 1)):
+    """Of detectors together, which look at different places, (seeds, exposures)."""
+    world, view, paths = build_world(place(extinction)), worlds.projector(), PATHS[strategy]
+    images = [
+        worlds.image(world, view, looking(*ends), paths, s, strategy=strategy)
+        for s in worlds.seeds_of(seeds)
+    ]
+    return expose(PLAN, np.array(images))
+
+
+LIT = slice(0, -1)  # the last pattern is dark
 
 
 @pytest.mark.parametrize("extinction", EXTINCTIONS)
-def test_bucket_readings(extinction):
+def test_bucket_readings(extinction, reference):
     both = readings(extinction, Strategy.BOTH)
-    lit = slice(0, -1)  # the last pattern is dark
     assert np.all(both[:, -1] == 0)
-    for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
-        assert np.all(np.abs(worlds.z_score(readings(extinction, other)[:, lit], both[:, lit])) < 4)
+    for alone in (Strategy.PROJECTOR, Strategy.DETECTOR):
+        other = reference(
+            f"bucket readings by the {alone.value} alone, extinction {extinction}",
+            lambda seeds, alone=alone: readings(extinction, alone, seeds)[:, LIT],
+            len(RUNS),
+        )
+        assert np.all(np.abs(other.z_score(both[:, LIT])) < 4)
     # The comparison is sharp enough to matter.
-    assert np.all(both[:, lit].std(axis=0) < 0.06 * both[:, lit].mean(axis=0))
+    assert np.all(both[:, LIT].std(axis=0) < 0.06 * both[:, LIT].mean(axis=0))
 
 
 @pytest.mark.parametrize("extinction", EXTINCTIONS)
-def test_bucket_readings_against_mitsuba(extinction):
+def test_bucket_readings_against_mitsuba(extinction, reference):
     """Of a bank of fog, for the sake of Mitsuba's variance; an error of 3 % would be found."""
     place = worlds.scene(*worlds.room(), volumes=worlds.bank(extinction, albedo=0.98, g=0.85))
     world, view, ends = build_world(place), worlds.projector(), looking(0, 1)
-    images = np.array([worlds.image(world, view, ends, 256, s) for s in SEEDS])
-    both = expose(PLAN, images)[:, :-1]  # the last pattern is dark
     patterns = [illumination(PLAN, k) for k in range(PLAN.exposures - 1)]
-    reference = worlds.mitsuba_readings(place, view, ends, patterns, 20, 2**14)
-    assert np.all(np.abs(worlds.z_score(reference, both)) < 4)
-    totals, expected = reference.sum(axis=1), both.sum(axis=1)
-    assert abs(worlds.z_score(totals, expected)) < 4
+    mitsuba = reference(
+        f"bucket readings by Mitsuba, extinction {extinction}",
+        lambda runs: with_total(
+            worlds.mitsuba_readings(place, view, ends, patterns, runs, samples=2**14)
+        ),
+        20,
+    )
+    images = np.array([worlds.image(world, view, ends, 32, s) for s in SEEDS])
+    both = with_total(expose(PLAN, images)[:, LIT])
+    assert np.all(np.abs(mitsuba.z_score(both)) < 4)
     for error in (0.97, 1.03):
-        assert abs(worlds.z_score(error * totals, expected)) > 4
+        assert abs(mitsuba.z_score(both, error)[-1]) > 4
+
+
+def with_total(readings):
+    """Readings (runs, exposures) and, last, their sum."""
+    return np.column_stack([readings, readings.sum(axis=1)])
 
 
 @pytest.mark.parametrize("extinction", EXTINCTIONS)
-def test_detectors_together_receive_what_each_of_them_does(extinction):
-    world, view = build_world(place(extinction)), worlds.projector()
-    pair = readings(extinction, Strategy.BOTH)[:, :-1]
-    one, other = (
-        np.array([expose(PLAN, worlds.image(world, view, end, 256, s))[:-1] for s in seeds])
-        for end, seeds in (
-            (looking(0), worlds.seeds(20)[10:]),
-            (looking(1), worlds.seeds(30)[20:]),
+def test_detectors_together_receive_what_each_of_them_does(extinction, reference):
+    def trace(seeds):
+        """One, the other, and their sum."""
+        one, other = (
+            readings(extinction, Strategy.BOTH, range(first, first + len(seeds)), ends)[:, LIT]
+            for ends, first in (((0,), 1000 + seeds.start), ((1,), 2000 + seeds.start))
         )
-    )
-    assert np.all(np.abs(worlds.z_score(one + other, pair)) < 4)
-    assert np.max(np.abs(one.mean(axis=0) / other.mean(axis=0) - 1)) > 0.2  # unlike each other
+        return np.stack([one, other, one + other], axis=1)
+
+    apart = reference(f"readings of each detector, extinction {extinction}", trace, len(RUNS))
+    pair = readings(extinction, Strategy.BOTH)[:, LIT]
+    assert np.all(np.abs(apart.z_score(pair)[2]) < 4)
+    assert np.max(np.abs(apart.mean[0] / apart.mean[1] - 1)) > 0.2  # unlike each other
 
 
 @pytest.mark.parametrize(
@@ -127,29 +141,31 @@ def test_detectors_together_receive_what_each_of_them_does(extinction):
         pytest.param(0.1, {"divergence_rad": 0.02, "waist_m": 0.005}, id="wide beams in fog"),
     ],
 )
-def test_spot_histograms(extinction, width):
+def test_spot_histograms(extinction, width, reference):
     world = build_world(place(extinction))
     headings = np.array([[0.08, 0.08, 1.0], [-0.08, -0.08, 1.0], [0.1, 0.1, 1.0]])
     beams = replace(worlds.beams(*headings), **width)
     tof = worlds.detector(np.repeat([[0.05, 0, 0]], 3, axis=0), headings, half_angle_deg=6)
-    moments = {}
-    for strategy, samples in zip(Strategy, (2**14, 2**17, 2**15), strict=True):
+    phasor = np.exp(2j * np.pi * np.arange(2000) * 0.02 / 20)
+
+    def moments(strategy, samples, seeds):
+        """Power and phase of every spot."""
         runs = []
-        for seed in SEEDS:
+        for seed in worlds.seeds_of(seeds):
             histogram = worlds.histogram(
-                world,
-                beams,
-                tof,
-                (2000, 0.02),
-                samples,
-                seed,
-                strategy=strategy,
+                world, beams, tof, (2000, 0.02), samples, seed, strategy=strategy
             )
-            phasor = np.exp(2j * np.pi * np.arange(2000) * 0.02 / 20)
             runs.append([histogram.sum(axis=1), (histogram @ phasor).real])
-        moments[strategy] = np.array(runs)
-    for other in (Strategy.PROJECTOR, Strategy.DETECTOR):
-        assert np.all(np.abs(worlds.z_score(moments[other], moments[Strategy.BOTH])) < 4)
+        return np.array(runs)
+
+    both = moments(Strategy.BOTH, 2**14, RUNS)
+    for alone, samples in ((Strategy.PROJECTOR, 2**17), (Strategy.DETECTOR, 2**15)):
+        other = reference(
+            f"spots by the {alone.value} alone, extinction {extinction}",
+            partial(moments, alone, samples),
+            len(RUNS),
+        )
+        assert np.all(np.abs(other.z_score(both)) < 4)
 
 
 def test_swapping_the_ends_changes_nothing():

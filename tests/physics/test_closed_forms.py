@@ -172,14 +172,14 @@ def test_fog_in_a_closed_sphere_neither_makes_nor_loses_light():
         [np.sin(polar) * np.cos(azimuth), np.sin(polar) * np.sin(azimuth), np.cos(polar)], axis=1
     )
     runs = []
-    for number, seed in enumerate(worlds.seeds(12)):
+    for number, seed in enumerate(worlds.seeds(24)):  # turned otherwise, which varies the most
         turned = lattice @ np.linalg.qr(np.random.default_rng(number).normal(size=(3, 3)))[0]
         histogram = worlds.histogram(
             world,
             worlds.beams(*[[0.3, 0.1, 1.0]] * points),
             worlds.detector(turned * (radius * 0.995), -turned),
             (1000, 0.2),
-            2**10,
+            2**6,
             seed,
         )
         irradiance = histogram.sum(axis=1).mean() / AREA

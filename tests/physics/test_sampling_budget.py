@@ -94,7 +94,7 @@ def test_launches_of_different_sizes_count_by_their_paths():
 def test_the_standard_error_of_every_pixel_is_honest():
     world = build_world(room(0.02))
     estimates = [
-        transport_image(world, VIEW, END, PathBudget(128), seed=seed) for seed in worlds.seeds(24)
+        transport_image(world, VIEW, END, PathBudget(32), seed=seed) for seed in worlds.seeds(24)
     ]
     spread = np.array([e.mean["image"] for e in estimates]).std(axis=0, ddof=1)
     claimed = np.sqrt(np.mean([e.error["image"] ** 2 for e in estimates], axis=0))

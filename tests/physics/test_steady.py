@@ -32,13 +32,17 @@ def foggy(extinction):
 
 
 @pytest.mark.parametrize("fog", [0.0, 0.3], ids=["clear", "fog bank"])
-def test_the_projector_on_detectors_is_that_of_mitsuba(fog):
+def test_the_projector_on_detectors_is_that_of_mitsuba(fog, reference):
     position = worlds.scene(*worlds.room(), volumes=worlds.bank(fog, g=0.6))
     world = build_world(position)
     ours = [projector_power(world, VIEW, EVEN, ENDS, target=0.01, seed=s) for s in worlds.seeds(8)]
     renderer = Renderer(position, {"projector": pattern_emitter(VIEW, 2.0 / VIEW.pixels)})
-    theirs = [renderer.power(ENDS, samples=2**15, seed=s) for s in range(8)]
-    assert np.all(np.abs(worlds.z_score([each.power_w for each in ours], theirs)) < 4)
+    theirs = reference(
+        f"projector on detectors by Mitsuba, extinction {fog}",
+        lambda seeds: [renderer.power(ENDS, samples=2**15, seed=s) for s in seeds],
+        8,
+    )
+    assert np.all(np.abs(theirs.z_score([each.power_w for each in ours])) < 4)
 
 
 def test_an_uneven_picture_is_the_sum_of_its_pixels():

@@ -52,7 +52,7 @@ def test_full_basis_without_noise_gives_the_transport_image(warehouse, paper, po
 def test_clear_air_spots_are_unbiased(warehouse, paper):
     """Below 1 cm from 3 to 5 m: what is left is light that reaches the spot by other walls."""
     clear = replace(warehouse, atmosphere=CLEAR)
-    simulation = spisim.simulate(clear, paper, spp=64, noise=False)
+    simulation = spisim.simulate(clear, paper, spp=16, noise=False)
     measured = reconstruction.reconstruct(simulation.capture, weather="clear").ranges.range_m
     true = simulation.truths[0].spot_range_m
     assert np.sum((true > 2.8) & (true < 5.2)) == 3
@@ -61,7 +61,7 @@ def test_clear_air_spots_are_unbiased(warehouse, paper):
 
 def test_fog_pulls_near_spots_closer_and_pushes_far_ones_away(warehouse, paper):
     """Echo from the fog before the target adds a phasor close to zero path."""
-    simulation = spisim.simulate(warehouse, paper, spp=64, noise=False)
+    simulation = spisim.simulate(warehouse, paper, spp=16, noise=False)
     error = (
         reconstruction.reconstruct(simulation.capture, weather="clear").ranges.range_m
         - simulation.truths[0].spot_range_m
@@ -86,7 +86,7 @@ def test_equal_seeds_give_equal_files_and_different_seeds_do_not(warehouse, pape
 
 @pytest.mark.parametrize("seed", range(3))
 def test_reconstruction_beats_its_baselines(warehouse, paper, seed):
-    simulation = spisim.simulate(warehouse, paper, spp=32, seed=seed)
+    simulation = spisim.simulate(warehouse, paper, spp=8, seed=seed)
     result = reconstruction.reconstruct(simulation.capture)
     metrics = reconstruction.evaluate(result, simulation.capture)
     images, depths = metrics["images"], metrics["depths"]

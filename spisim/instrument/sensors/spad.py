@@ -140,16 +140,17 @@ class Spad(Sensor):
     def _events(self, primaries: Floats, time_s: Each, rng: np.random.Generator) -> Floats:
         """Counts, simulated detection by detection for all readings at once."""
         counts = np.zeros(primaries.shape)
-        times = np.zeros(primaries.shape)
         with np.errstate(divide="ignore"):
             waits = time_s / primaries
         going = np.flatnonzero(np.isfinite(waits))
+        waits, times = waits[going], np.zeros(going.size)
         while going.size:
-            times[going] += rng.exponential(waits[going])
-            going = going[times[going] < time_s]
+            times += waits * rng.standard_exponential(going.size)
+            on = times < time_s
+            going, waits, times = going[on], waits[on], times[on]
             cascade = rng.geometric(1 - self.afterpulse_probability, going.size)
             counts[going] += cascade
-            times[going] += cascade * self.dead_time_s
+            times += cascade * self.dead_time_s
         return counts
 
     def warnings(
