@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from instruments import some_of
 from reconstruction.capture import (
     Buckets,
     Capture,
@@ -124,14 +125,7 @@ def full_capture():
 
 def with_spots(capture, order):
     """The same capture with the spots of these indices, in this order; some may come again."""
-    spots, truth = capture.spots, capture.truth
-    fields = {
-        name: getattr(spots, name)[order]
-        for name in (
-            "directions", "detector_positions_m", "detector_axes", "half_fields_rad", "falloffs",
-            "aperture_radii_m",
-        )
-    } | {name: getattr(spots, name)[:, order] for name in ("taps", "saturated")}  # fmt: skip
+    truth = capture.truth
     if truth is not None:
         truth = replace(truth, spot_range_m=truth.spot_range_m[:, order])
-    return replace(capture, spots=replace(spots, **fields), truth=truth)
+    return replace(capture, spots=some_of(capture.spots, order), truth=truth)
