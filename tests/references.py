@@ -68,11 +68,11 @@ def _stored(name: str) -> Reference:
 def _traced(name: str, trace: Trace, runs: int) -> Reference:
     if "WRITE_REFERENCES" in os.environ:
         _store(name, Reference.of(np.asarray(trace(range(runs, (MORE_RUNS + 1) * runs)))))
-    found, kept = Reference.of(np.asarray(trace(range(runs)))), _stored(name)
+    fresh, stored = Reference.of(np.asarray(trace(range(runs)))), _stored(name)
     # The scatter of the stored ones is known better than that of few repetitions.
     error = np.sqrt(kept.variance * (1 / runs + 1 / kept.runs))
-    assert np.all(np.abs(found.mean - kept.mean) < MAXIMUM_Z * error)
-    return found
+    assert np.all(np.abs(fresh.mean - stored.mean) < MAXIMUM_Z * error)
+    return fresh
 
 
 def _store(name: str, reference: Reference) -> None:
