@@ -11,7 +11,7 @@ PYTHONS   := python3.13 python3.12 python3.11 python3
 help:
 	@echo 'make demo    simulate a flight over a foggy warehouse and reconstruct it, into out/demo'
 	@echo 'make test    lint, type check and fast tests'
-	@echo 'make slow    the slow tests, half an hour on two cores; with PART=3 a fifth of them'
+	@echo 'make slow    the slow tests, three quarters of an hour on two cores; with PART=3 a fifth of them'
 	@echo 'make hours   the tests that take hours: files and streams changed 100,000 times'
 	@echo 'make check   make test, make slow, the path and scripts of strangers, and a sample of faults'
 	@echo 'make docs    the documentation site, into out/site'
