@@ -183,3 +183,16 @@ def test_a_process_forked_after_cuda_was_used_is_told_so(monkeypatch: pytest.Mon
     monkeypatch.setattr(backend.os, "getpid", lambda: child)
     with pytest.raises(InputError, match=r"forked from one that uses CUDA.*spawn"):
         backend.activate()
+
+
+def test_an_interruption_while_a_loop_is_traced_stays_one() -> None:
+    from spisim.transport.backend import with_backend
+
+    @with_backend
+    def traced(cause: BaseException) -> None:
+        raise RuntimeError("dr.while_loop(): encountered an exception") from cause
+
+    with pytest.raises(KeyboardInterrupt):
+        traced(KeyboardInterrupt())
+    with pytest.raises(RuntimeError):
+        traced(ValueError())
