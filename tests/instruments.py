@@ -15,6 +15,14 @@ PER_SPOT = (
     *("directions", "detector_positions_m", "detector_axes"),
     *("half_fields_rad", "falloffs", "aperture_radii_m"),
 )
+#: Changes of a pulsed instrument: six short windows and a narrow field.
+WINDOWS = {
+    "lasers__power_w": 0.03,
+    "tof__pulse_width_s": 10e-9,
+    "tof__rise_time_s": 0.0,
+    "tof__windows": 6,
+    "tof__detector__field_of_view_deg": 0.6,
+}
 PAPER = (PRESETS / "paper.yaml").read_text(encoding="utf-8")
 
 

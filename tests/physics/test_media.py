@@ -123,7 +123,7 @@ def test_bounded_fog_against_mitsuba(pose, density, reference):
     ours = readings(position, 32)
     total = ours[:, :1]
     assert np.all(np.abs(mitsuba.z_score((total + ours) / 2)) < 4)
-    # The engine is told of the fog: a few of its paths find what many have found.
+    # The engine knows the fog: a few of its paths find what many have found.
     few = worlds.mitsuba_readings(
         position, worlds.projector(), BASELINE, patterns[:1], RUNS, samples=2**12
     )

@@ -99,7 +99,7 @@ def test_against_the_reference_engine(name, extinction, reference):
         runs,
     )
     assert np.all(np.abs(mitsuba.z_score(ours)) < 4)
-    # The engine is told of every surface: a few of its paths find what many have found.
+    # The engine knows every surface: a few of its paths find what many have found.
     few = worlds.mitsuba_readings(position, view, BASELINE, patterns[:1], range(8), samples=2**12)
     assert abs(mitsuba.z_score(few)[0]) < 5
     assert np.all(ours.std(axis=0) < 0.1 * ours.mean(axis=0))

@@ -11,7 +11,7 @@ import pytest
 from scipy.constants import c
 
 from fogs import light
-from instruments import changed
+from instruments import WINDOWS, changed
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
@@ -20,13 +20,6 @@ from spisim.instrument import Instrument, load_instrument
 
 RANGES = np.array([3.0, 4.5, 5.5, 7.0])
 FOG = {"extinction_per_m": 0.06, "backscatter_per_sr": 0.025}
-WINDOWS = {
-    "lasers__power_w": 0.03,
-    "tof__pulse_width_s": 10e-9,
-    "tof__rise_time_s": 0.0,
-    "tof__windows": 6,
-    "tof__detector__field_of_view_deg": 0.6,
-}
 
 
 @cache

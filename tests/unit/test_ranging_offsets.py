@@ -8,7 +8,7 @@ import pytest
 
 from captures import full_capture
 from fogs import PATHS, light
-from instruments import changed
+from instruments import WINDOWS, changed
 from reconstruction import write_capture
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
@@ -21,13 +21,6 @@ from spisim.instrument import load_instrument
 
 RANGES = np.array([2.2, 2.8, 3.2, 3.6])
 DENSE = {"extinction_per_m": 0.2, "backscatter_per_sr": 0.045}
-WINDOWS = {
-    "lasers__power_w": 0.03,
-    "tof__pulse_width_s": 10e-9,
-    "tof__rise_time_s": 0.0,
-    "tof__windows": 6,
-    "tof__detector__field_of_view_deg": 0.6,
-}
 
 
 def record(offset_m: float = 0.0, frames: int = 30, density=1.0, name="fog", **fog) -> Spots:

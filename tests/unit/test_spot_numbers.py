@@ -9,7 +9,7 @@ import pytest
 
 from fogs import light
 from hdf5files import changed
-from instruments import of_spots, some_of
+from instruments import WINDOWS, of_spots, some_of
 from reconstruction import Capture, Reconstructor, read_result, reconstruct
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Spots
@@ -23,13 +23,6 @@ from reconstruction.ranging.fog.offsets import measure_path_offsets, min_signifi
 FOG = {"extinction_per_m": 0.06, "backscatter_per_sr": 0.03}
 PRESETS = {"cw": "fog", "pulsed": "hybrid", "dtof": "fog-spad"}
 NUMBERS = (1, 3, 9, 16, 64)
-WINDOWS = {
-    "lasers__power_w": 0.03,
-    "tof__pulse_width_s": 10e-9,
-    "tof__rise_time_s": 0.0,
-    "tof__windows": 6,
-    "tof__detector__field_of_view_deg": 0.6,
-}
 CHANGES = {"cw": {}, "pulsed": WINDOWS, "dtof": {"tof__bins": 550}}
 
 
@@ -195,7 +188,7 @@ def test_brightness_and_consistency_are_per_spot(capture, spots) -> None:
     assert note.endswith("and 5 more") == (spots == 9)
 
 
-# What is refused, and what is told of older files
+# What is refused, and what is said of older files
 
 
 def test_a_result_of_an_older_version_is_read(capture, tmp_path) -> None:

@@ -50,7 +50,7 @@ PARTS = 8
 MIN_SIGNIFICANCE = 3.5
 """Significance of an offset among four, in standard deviations: chance in one of 500 recordings."""
 MIN_SPOTS = 3
-"""Of two spots that differ, none is told to be the wrong one."""
+"""Of two spots that differ, none is called the wrong one."""
 
 
 @dataclass(frozen=True, eq=False)
