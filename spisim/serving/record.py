@@ -15,8 +15,8 @@ from reconstruction.capture import Capture, Frames, Provenance, Setup, Truth, st
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.scene.trajectory import FRAMES, POSES
-from spisim.serving.camera import Shot
-from spisim.serving.motion import Motion
+from spisim.simulation.flight.camera import Shot
+from spisim.simulation.flight.motion import Motion
 from spisim.simulation.measurement import frame_truth
 from spisim.transport import ground_truth
 

@@ -22,7 +22,8 @@ from .line import SOCKET, LinkOptions
 from .telling import report, tell
 
 if TYPE_CHECKING:
-    from spisim.serving import Camera, Server
+    from spisim.serving import Server
+    from spisim.simulation.flight import Camera
 
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
@@ -94,8 +95,9 @@ def command(
     Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
     the messages.
     """
-    from spisim.serving import Camera, FlightRecord, Server, provenance, solver
+    from spisim.serving import FlightRecord, Server
     from spisim.serving.record import MAX_FRAMES
+    from spisim.simulation.flight import Camera, provenance, solver
 
     if run.json and link.to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")

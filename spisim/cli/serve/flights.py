@@ -14,7 +14,8 @@ from .. import options as opt
 
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
-    from spisim.serving import Gust, Keys, Motion, Pilot
+    from spisim.serving import Gust, Pilot
+    from spisim.simulation.flight import Keys, Motion
 
 #: Key poses of a path that is flown in real time, all of which are cached.
 MAX_AHEAD = 2000
@@ -80,7 +81,8 @@ class FlightOptions:
     ) -> Flight:
         """The flight; along a path the light is solved ahead unless frames may take their time."""
         from spisim.scene import check_clear_path
-        from spisim.serving import Drone, Follower, PathKeys, PoseKeys
+        from spisim.serving import Drone, Follower
+        from spisim.simulation.flight import PathKeys, PoseKeys
 
         if path is None:
             begun = scene if self.pose is None else _placed(scene, self.pose)
@@ -98,7 +100,7 @@ def at_rest(scene: Scene, duration_s: float) -> Motion:
     """A drone at rest in the pose that the scene gives it."""
     from scipy.spatial.transform import Rotation
 
-    from spisim.serving import Motion
+    from spisim.simulation.flight import Motion
 
     position_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
     return Motion(0.0, duration_s, position_m, position_m, turn, turn)
