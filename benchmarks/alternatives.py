@@ -89,7 +89,8 @@ class TransientSpots:
         power, phasor = ImageTally(1), PhasorTally(1, (self._frequency_hz,))
 
         def add(radiance: Any, length_m: Any, wavelengths: Any, active: Any) -> None:
-            light = Contribution(radiance.x / samples, mi.UInt32(0), length_m, mi.UInt32(0), active)
+            none = mi.UInt32(0)
+            light = Contribution(radiance.x / samples, none, length_m, none, active, none)
             power.add(light)
             phasor.add(light)
 

@@ -196,7 +196,7 @@ def datasets(file: h5py.File) -> list[h5py.Dataset]:
 def long_capture(capture: Capture, counts: np.ndarray) -> Capture:
     """A capture of more frames, with these readings alone."""
     buckets = replace(capture.buckets, counts=counts, saturated=np.zeros(counts.shape, bool))
-    return replace(capture, buckets=buckets, spots=None, pattern_taps=None, truth=None)
+    return replace(capture, buckets=buckets, spots=None, pattern_taps=None, poses=None, truth=None)
 
 
 def long_string(content: bytes, length: int) -> bytes:

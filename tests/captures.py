@@ -11,6 +11,7 @@ from reconstruction.capture import (
     FrameTruth,
     Optics,
     PatternTaps,
+    Poses,
     Provenance,
     Truth,
 )
@@ -120,6 +121,20 @@ def full_capture():
             phase_offsets_rad=np.repeat([0.1, 0.2], 3),
             detector_position_m=rng.random(3),
         ),
+        poses=make_poses(2),
+    )
+
+
+def make_poses(frames):
+    """A drone that flies forward and yaws, with unknown covariance in its last frame."""
+    angles, covariance = 0.1 * np.arange(frames), np.tile(1e-4 * np.eye(6), (frames, 1, 1))
+    covariance[-1] = np.nan
+    none = np.zeros(frames)
+    return Poses(
+        time_s=0.01 * (np.arange(frames) + 0.5),
+        position_m=np.stack([none, none, angles], axis=1),
+        orientation=np.stack([none, np.sin(angles / 2), none, np.cos(angles / 2)], axis=1),
+        covariance=covariance,
     )
 
 

@@ -17,6 +17,7 @@ from .model import (
     check_frames,
     check_parts,
 )
+from .poses import Poses
 from .readings import READINGS
 from .readings.cw import CwSpots
 from .readings.dtof import HistogramSpots
@@ -39,6 +40,7 @@ __all__ = [
     "HistogramSpots",
     "Optics",
     "PatternTaps",
+    "Poses",
     "Provenance",
     "PulsedSpots",
     "Recording",

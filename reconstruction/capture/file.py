@@ -17,6 +17,7 @@ from .buckets import Buckets
 from .charge import PatternTaps
 from .model import (
     PARTS,
+    READING_PARTS,
     SOURCES,
     Capture,
     Frames,
@@ -29,6 +30,7 @@ from .model import (
     check_part,
     check_parts,
 )
+from .poses import Poses
 from .readings import READINGS
 from .schema import Stored, check_shape, stored_fields
 from .spots import Spots
@@ -37,7 +39,7 @@ FORMAT = hdf5.Format(
     name="spisim-capture",
     kind="capture",
     oldest=(2, 0),
-    version=(3, 3),
+    version=(4, 0),
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
@@ -45,8 +47,6 @@ KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
 MAX_PLANS = 4096
 """Maximum number of frames until patterns repeat."""
 TEXTS = ("instrument", "scene", "settings")
-READING_PARTS = ("buckets", "spots", "pattern_taps")
-"""Parts that hold readings."""
 
 Part = TypeVar("Part")
 
@@ -133,6 +133,7 @@ class CaptureFile:
             buckets=readings.buckets,
             spots=readings.spots,
             pattern_taps=readings.pattern_taps,
+            poses=readings.poses,
             provenance=self.provenance,
             truth=self._truth(start, stop),
         )
@@ -166,12 +167,8 @@ class CaptureFile:
             }
             return replace(part, **values) if values else part  # type: ignore[type-var]
 
-        return Frames(
-            first=start,
-            buckets=read("buckets", setup.buckets),
-            spots=read("spots", setup.spots),
-            pattern_taps=read("pattern_taps", setup.pattern_taps),
-        )
+        parts = [(group, getattr(setup, group)) for group in READING_PARTS]
+        return Frames(start, **{group: part and read(group, part) for group, part in parts})
 
 
 def read_setup(file: hdf5.Tables) -> Setup:
@@ -185,6 +182,7 @@ def read_setup(file: hdf5.Tables) -> Setup:
         "buckets": Buckets,
         "spots": _spots_class(file),
         "pattern_taps": PatternTaps if "pattern_taps" in file else None,
+        "poses": Poses if "poses" in file else None,
         "optics": Optics if "optics" in file else None,
     }
     for group, part in kinds.items():
@@ -330,7 +328,7 @@ def _value(file: hdf5.Tables, where: str, stored: Stored, rows: slice | None) ->
 def _truth_of_the_first_frame(file: hdf5.Contents, *, still: bool) -> Truth:
     """Truth in a file of format version 2."""
     values: dict[str, Any] = {}
-    for name, stored in stored_fields(Truth):
+    for name, stored in _recorded_fields(file, "truth", Truth):
         if stored.axes[1:]:  # all but which frames these are
             value = file.get(f"truth/{name}", stored.units)
             values[name] = stored.converted(f"truth/{name}", value)[None]

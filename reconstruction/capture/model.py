@@ -20,13 +20,14 @@ from ..base.errors import InputError
 from ..operators import PatternPlan
 from .buckets import Buckets
 from .charge import PatternTaps
-from .schema import FRAMES, Stored, between, check_shape, stored_fields
-from .spots import SPOTS_AXIS, Spots
+from .poses import Poses
+from .schema import FRAMES, TRUTHS, Stored, between, check_shape, joined, stored_fields
+from .spots import SPOTS_AXIS, UNKNOWN, Spots
 
 Image = NDArray[np.float32]
 
 SOURCES = ("simulation", "hardware")
-TRUE_MAP = ("truths", "height", "width")
+TRUE_MAP = (TRUTHS, "height", "width")
 SURROGATE = "surrogate light"
 """Suffix of the software name of a simulation whose light was not traced."""
 
@@ -63,7 +64,9 @@ class FrameTruth:
 
     ``image`` (H, W) is the electrons per exposure that each virtual pixel alone, fully on,
     contributes, ``image_error`` the standard error of the light transport; ``spot_range_m``
-    (spots,) is nan where a laser hits nothing.
+    (spots,) is nan where a laser hits nothing. ``corridor_m`` is the distance along the optical
+    axis to the first surface in the corridor ahead (`reconstruction.depth.Corridor`), nan for none.
+    The pose, ``position_m`` (3,) and ``orientation`` (4,), is as in `Poses`.
     """
 
     image: Image
@@ -72,6 +75,9 @@ class FrameTruth:
     depth_m: Image
     reflectance: Image
     spot_range_m: Floats
+    corridor_m: float = np.nan
+    position_m: Floats = field(default_factory=lambda: np.full(3, np.nan))
+    orientation: Floats = field(default_factory=lambda: np.full(4, np.nan))
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +88,7 @@ class Truth:
     ``still`` nothing moves, and a single truth holds for every frame.
     """
 
-    frame: Annotated[NDArray[np.int64], Stored("1", ("truths",), "int64", sign="not negative")]
+    frame: Annotated[NDArray[np.int64], Stored("1", (TRUTHS,), "int64", sign="not negative")]
     still: Annotated[bool, Stored("1", dtype="bool")]
     image: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
     image_error: Annotated[Image, Stored("electron", TRUE_MAP, "float32", nan=True)]
@@ -90,8 +96,16 @@ class Truth:
     depth_m: Annotated[Image, Stored("m", TRUE_MAP, "float32", "not negative", nan=True)]
     reflectance: Annotated[Image, Stored("1", TRUE_MAP, "float32", "not negative", nan=True)]
     spot_range_m: Annotated[
-        Floats, Stored("m", ("truths", SPOTS_AXIS), sign="not negative", nan=True)
+        Floats, Stored("m", (TRUTHS, SPOTS_AXIS), sign="not negative", nan=True)
     ]
+    corridor_m: Annotated[Floats, Stored("m", (TRUTHS,), sign="not negative", nan=True)] = UNKNOWN
+    position_m: Annotated[Floats, Stored("m", (TRUTHS, 3), nan=True)] = UNKNOWN
+    orientation: Annotated[Floats, Stored("1", (TRUTHS, 4), nan=True)] = UNKNOWN
+
+    def __post_init__(self) -> None:
+        for name, shape in (("corridor_m", ()), ("position_m", (3,)), ("orientation", (4,))):
+            if np.ndim(getattr(self, name)) == 0:
+                object.__setattr__(self, name, np.full((len(self.frame), *shape), np.nan))
 
     @classmethod
     def of(cls, frames: Sequence[FrameTruth], *, still: bool = False) -> Self:
@@ -153,6 +167,7 @@ class Setup:
     spots: Spots | None
     pattern_taps: PatternTaps | None
     following_plans: tuple[PatternPlan, ...] = ()
+    poses: Poses | None = None
 
     def __repr__(self) -> str:
         return text_summary("Setup", self.facts)
@@ -202,6 +217,7 @@ class Frames:
     buckets: Buckets
     spots: Spots | None
     pattern_taps: PatternTaps | None
+    poses: Poses | None = None
 
     def __repr__(self) -> str:
         facts: dict[str, Any] = {"first": self.first, "frames": len(self)}
@@ -215,9 +231,15 @@ class Frames:
 
     def between(self, start: int, stop: int) -> "Frames":
         """Frames ``start`` to ``stop``, exclusive, counted from the first of these."""
-        parts = (self.buckets, self.spots, self.pattern_taps)
-        cut = (None if part is None else between(part, start, stop) for part in parts)
-        return Frames(self.first + start, *cut)  # type: ignore[arg-type]
+        parts = [(group, getattr(self, group)) for group in READING_PARTS]
+        cut = {group: part and between(part, start, stop) for group, part in parts}
+        return Frames(self.first + start, **cut)
+
+    @classmethod
+    def joined(cls, frames: "Sequence[Frames]") -> Self:
+        """Frames that follow one another as one."""
+        parts = [(group, [getattr(each, group) for each in frames]) for group in READING_PARTS]
+        return cls(frames[0].first, **{group: each[0] and joined(each) for group, each in parts})
 
     def digest(self, setup: Setup) -> str:
         """SHA-256 of patterns and readings, which identifies the frames of a result."""
@@ -250,9 +272,9 @@ class Recording(Protocol):
 class Capture:
     """A recording in memory; raises InputError if its parts are inconsistent.
 
-    With ``pattern_taps``, the buckets hold their sums over the taps. If frames show different
-    patterns, ``plan`` is that of the first frame and ``following_plans`` are those of the next:
-    frame t has plan t mod C of all C.
+    With ``pattern_taps``, the buckets hold their sums over the taps. A flight has ``poses``. If
+    frames show different patterns, ``plan`` is that of the first frame and ``following_plans`` are
+    those of the next: frame t has plan t mod C of all C.
     """
 
     plan: PatternPlan
@@ -263,6 +285,7 @@ class Capture:
     truth: Truth | None = None
     pattern_taps: PatternTaps | None = None
     following_plans: tuple[PatternPlan, ...] = ()
+    poses: Poses | None = None
 
     def __post_init__(self) -> None:
         check(self)
@@ -317,14 +340,8 @@ class Capture:
     def setup(self) -> Setup:
         """What its frames share."""
         empty = self._all.between(0, 0)
-        return Setup(
-            self.plan,
-            self.optics,
-            empty.buckets,
-            empty.spots,
-            empty.pattern_taps,
-            self.following_plans,
-        )
+        parts = {group: getattr(empty, group) for group in READING_PARTS}
+        return Setup(self.plan, self.optics, following_plans=self.following_plans, **parts)
 
     def frame(self, frame: int = 0) -> Frames:
         """Readings of one frame; raises InputError if it does not exist."""
@@ -337,10 +354,12 @@ class Capture:
 
     @property
     def _all(self) -> Frames:
-        return Frames(0, self.buckets, self.spots, self.pattern_taps)
+        return Frames(0, self.buckets, self.spots, self.pattern_taps, self.poses)
 
 
-PARTS = ("buckets", "spots", "pattern_taps", "optics", "truth")
+READING_PARTS = ("buckets", "spots", "pattern_taps", "poses")
+"""Names of the parts that hold a row for each frame."""
+PARTS = (*READING_PARTS, "optics", "truth")
 """Names of the parts that are data classes, in captures and files."""
 
 
@@ -390,7 +409,7 @@ def check_parts(capture: "Capture | Frames | Setup") -> None:
         if capture.buckets.dead_time_s > 0:
             for plan in (capture.plan, *capture.following_plans):
                 _check_dead_time(capture.buckets, plan)
-    for readings in (capture.spots, capture.pattern_taps):
+    for readings in (capture.spots, capture.pattern_taps, capture.poses):
         if readings is not None:
             readings.check()
 

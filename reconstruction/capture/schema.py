@@ -1,5 +1,6 @@
 """Data classes as a file's schema: type annotations say how fields are stored."""
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
@@ -99,6 +100,13 @@ def between(part: Part, start: int, stop: int) -> Part:
     by_frame = [name for name, stored in stored_fields(type(part)) if stored.by_frame]
     cut = {name: getattr(part, name)[start:stop] for name in by_frame}
     return replace(part, **cut)  # type: ignore[type-var]
+
+
+def joined(parts: Sequence[Part]) -> Part:
+    """Join the rows of parts that follow one another."""
+    by_frame = [name for name, stored in stored_fields(type(parts[0])) if stored.by_frame]
+    rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in by_frame}
+    return replace(parts[0], **rows)  # type: ignore[type-var]
 
 
 def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:

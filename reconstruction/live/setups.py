@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..base.errors import InputError
 from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
-from ..capture.file import READING_PARTS
+from ..capture.model import READING_PARTS
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 
@@ -78,13 +78,9 @@ class StreamSetup:
             values[name] = np.frombuffer(payload, empty.dtype, math.prod(shape), at).reshape(shape)
             at += _frame_bytes(empty)
         setup = self.setup
+        parts = [(group, getattr(setup, group)) for group in READING_PARTS]
         frames = Frames(
-            number,
-            _filled(setup.buckets, "buckets", values),
-            None if setup.spots is None else _filled(setup.spots, "spots", values),
-            None
-            if setup.pattern_taps is None
-            else _filled(setup.pattern_taps, "pattern_taps", values),
+            number, **{group: part and _filled(part, group, values) for group, part in parts}
         )
         check_parts(frames)
         return frames

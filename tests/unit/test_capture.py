@@ -56,13 +56,14 @@ def test_optional_parts_may_be_absent(capture, tmp_path):
         optics=None,
         truth=None,
         pattern_taps=None,
+        poses=None,
         provenance=Provenance("hardware", "rig", "2025", ""),
     )
     write_capture(plain, tmp_path / "plain.h5")
     copy = read_capture(tmp_path / "plain.h5")
-    assert (
-        copy.spots is copy.optics is copy.truth is copy.pattern_taps is copy.provenance.seed is None
-    )
+    absent = (copy.spots, copy.optics, copy.truth, copy.pattern_taps, copy.poses)
+    assert absent == (None,) * 5
+    assert copy.provenance.seed is None
 
 
 NOT_NEEDED = (

@@ -20,7 +20,8 @@ from reconstruction import (
 from reconstruction.capture import READINGS, FrameTruth
 from reconstruction.capture.schema import stored_fields
 
-TRUTH = ("image", "image_error", "range_m", "depth_m", "reflectance", "spot_range_m")
+TRUTH = tuple(field.name for field in fields(FrameTruth))
+POSE = ("corridor_m", "position_m", "orientation")
 
 
 @pytest.fixture
@@ -57,6 +58,7 @@ def first_frame(capture):
         buckets=parts.buckets,
         spots=parts.spots,
         pattern_taps=parts.pattern_taps,
+        poses=parts.poses,
         truth=truth,
     )
 
@@ -67,8 +69,8 @@ def as_version_2(path):
         values = {name: file[f"truth/{name}"][0] for name in TRUTH}
     for name, value in values.items():
         change(path, f"truth/{name}", value)
-    change(path, "truth/frame", None)
-    change(path, "truth/still", None)
+    for name in ("frame", "still", *POSE):
+        change(path, f"truth/{name}", None)
     with changed(path) as file:
         file.attrs["version"] = "2.0"
 
@@ -124,6 +126,10 @@ def test_a_frame_reads_no_more_than_it_holds(path, monkeypatch):
         "/spots/saturated": 12,
         "/pattern_taps/taps": 120,
         "/pattern_taps/saturated": 120,
+        "/poses/time_s": 1,
+        "/poses/position_m": 3,
+        "/poses/orientation": 4,
+        "/poses/covariance": 36,
     }
     with open_capture(path) as file:
         assert {name: size for name, size in read if name in by_frame} == dict.fromkeys(by_frame, 0)

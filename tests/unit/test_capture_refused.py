@@ -76,11 +76,11 @@ def test_a_text_that_is_not_utf_8_is_damage(path):
         read_capture(path)
 
 
-@pytest.mark.parametrize("version", ["3.4", "4.0", "10.0"])
+@pytest.mark.parametrize("version", ["4.1", "5.0", "10.0"])
 def test_newer_versions_are_refused_naming_both(path, version):
     with changed(path) as file:
         file.attrs["version"] = version
-    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 3\.3"):
+    with pytest.raises(InputError, match=rf"newer format version {version}.*reads up to 4\.0"):
         read_capture(path)
 
 
@@ -88,7 +88,7 @@ def test_newer_versions_are_refused_naming_both(path, version):
 def test_older_versions_are_refused_naming_both(path, version):
     with changed(path) as file:
         file.attrs["version"] = version
-    with pytest.raises(InputError, match=rf"older format version {version}.*reads 2\.0 to 3\.3"):
+    with pytest.raises(InputError, match=rf"older format version {version}.*reads 2\.0 to 4\.0"):
         read_capture(path)
 
 
@@ -259,8 +259,36 @@ def test_parts_that_do_not_fit_are_refused_before_writing(capture):
         capture.buckets, counts=np.zeros((0, 20)), saturated=np.zeros((0, 20), dtype=bool)
     )
     with pytest.raises(InputError, match="holds no frame"):
-        replace(capture, buckets=empty, spots=None, pattern_taps=None)
+        replace(capture, poses=None, buckets=empty, spots=None, pattern_taps=None)
     with pytest.raises(InputError, match="source is 'rig'; allowed: simulation, hardware"):
         replace(capture, provenance=replace(capture.provenance, source="rig"))
     with pytest.raises(InputError, match="beyond 32 bits"):
         replace(capture, buckets=replace(capture.buckets, counts=np.full((2, 20), 2**40)))
+
+
+@pytest.mark.parametrize(
+    ("name", "index", "value", "message"),
+    [
+        ("time_s", 1, 0.005, r"poses/time_s of frame 1 is 0\.005, must be later .* before, 0\.005"),
+        ("time_s", 1, np.nan, "poses/time_s holds values that are not finite"),
+        ("position_m", (0, 2), np.nan, "poses/position_m holds values that are not finite"),
+        ("orientation", (1, 3), 2.0, r"poses/orientation of frame 1 has length 2\.00.*length 1"),
+        (
+            "covariance",
+            (0, 4, 4),
+            -1e-6,
+            r"poses/covariance has a variance of -1e-06; .* 0 or more",
+        ),
+    ],
+)
+def test_impossible_poses_are_named(path, name, index, value, message):
+    with changed(path) as file:
+        file[f"poses/{name}"][index] = value
+    with pytest.raises(InputError, match=message):
+        read_capture(path)
+
+
+def test_a_pose_is_needed_for_every_frame(capture, path):
+    replace_dataset(path, "poses/position_m", np.zeros((1, 3)))
+    with pytest.raises(InputError, match=r"poses/position_m has shape \(1, 3\), expected \(frames"):
+        read_capture(path)

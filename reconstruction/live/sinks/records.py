@@ -4,15 +4,11 @@ import datetime
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
 
 from ...base.errors import InputError, in_words
 from ...base.files import Output, is_marked, require_outputs
-from ...capture import Capture, write_capture
+from ...capture import Capture, Frames, write_capture
 from ...capture.file import KINDS
-from ...capture.schema import stored_fields
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival
@@ -22,8 +18,6 @@ from .sink import Sink
 FRAMES_OF_A_PART, BYTES_OF_A_PART = 4096, 2**26
 FRAMES_BETWEEN = 512
 """Frames after which the last part is written again: so many are lost in a crash."""
-
-Part = TypeVar("Part")
 
 
 class StreamRecord(Sink):
@@ -130,26 +124,15 @@ def _capture(arrivals: list[Arrival]) -> Capture:
     """Capture of frames of one setup."""
     first, stream = arrivals[0].frame, arrivals[0].stream
     plans = [stream.setup.plan_of(first.first + n) for n in range(len(stream.setup.plans))]
-    frames = [arrival.frame for arrival in arrivals]
+    frames = Frames.joined([arrival.frame for arrival in arrivals])
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds")
     return Capture(
         plan=plans[0],
         following_plans=tuple(plans[1 : len(frames)]),
-        buckets=_joined([frame.buckets for frame in frames]),
-        spots=None if first.spots is None else _joined([frame.spots for frame in frames]),
-        pattern_taps=None
-        if first.pattern_taps is None
-        else _joined([frame.pattern_taps for frame in frames]),
+        buckets=frames.buckets,
+        spots=frames.spots,
+        pattern_taps=frames.pattern_taps,
+        poses=frames.poses,
         optics=stream.setup.optics,
         provenance=replace(stream.provenance, created=now),
     )
-
-
-def _joined(parts: list[Part]) -> Part:
-    """A part with the readings of all parts."""
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, stored in stored_fields(type(parts[0]))
-        if stored.by_frame
-    }
-    return replace(parts[0], **joined)  # type: ignore[type-var]
