@@ -49,12 +49,12 @@ LARGE_OPERATIONS = 1000
 STAGES: dict[str, tuple[str, str]] = {
     "draw of the plan": ("spisim.dataset.planned", "PlannedSet.sample"),
     "scene and instrument": ("spisim.dataset.sample", "load"),
-    "truth": ("spisim.simulation", "ground_truth"),
+    "truth": ("spisim.simulation.chain", "ground_truth"),
     "media": ("spisim.simulation.light.solve", "build_world"),
     "steady light": ("spisim.simulation.light.solve", "steady_light"),
     "light of the image": ("spisim.simulation.light.solve", "transport_image"),
     "light of the spots": ("spisim.simulation.light.solve", "spot_histogram"),
-    "counts": ("spisim.simulation", "record"),
+    "counts": ("spisim.simulation.chain", "record"),
     "capture file": ("spisim.dataset.sample", "write_capture"),
 }
 

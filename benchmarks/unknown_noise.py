@@ -51,9 +51,9 @@ Estimate = dict[Group, list[list[float]]]
 
 def main() -> int:
     """Correlations by recordings, number of readings and noise."""
-    recordings = {"--recordings": "a folder of captures to try, too"}
+    recordings = {"nargs": "*", "default": [], "help": "folders of captures to try, too"}
     quick = "every fourth image, two numbers of readings"
-    options = benchmark_options(__doc__, quick, PAGE, repeatable=recordings)
+    options = benchmark_options(__doc__, quick, PAGE, others={"--recordings": recordings})
     result: Estimate = defaultdict(list)
     chosen = list(cases(map(Path, options.recordings)))
     for readings in READINGS[2:4] if options.quick else READINGS:
