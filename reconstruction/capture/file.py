@@ -1,8 +1,9 @@
 """Capture files (docs/reference/capture-format.md): written whole, read whole or frame by frame."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, fields, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -57,7 +58,9 @@ def write_capture(capture: Capture, path: str | Path) -> None:
     Raises OSError if the file cannot be written.
     """
     kind = KINDS[capture.provenance.source]
-    write_atomically(path, hdf5.content(lambda file: _write(file, capture), kind))
+    plans, provenance = capture.setup.plans, capture.provenance
+    write = partial(write_datasets, plans=plans, parts=capture, provenance=provenance)
+    write_atomically(path, hdf5.content(write, kind))
 
 
 def read_capture(path: str | Path) -> Capture:
@@ -197,13 +200,19 @@ def read_setup(file: hdf5.Tables) -> Setup:
     return setup
 
 
-def _write(file: h5py.File, capture: Capture) -> None:
-    provenance = capture.provenance
+def write_datasets(
+    file: h5py.File,
+    plans: Sequence[PatternPlan],
+    parts: Capture,
+    provenance: Provenance,
+    put: Callable[[h5py.File, str, Any, str], object] = hdf5.put,
+) -> None:
+    """Fill a file with ``put``, which gets name, value and unit of each dataset of the parts."""
     hdf5.put_format(file, FORMAT)
     for name in ("source", "software", "created"):
         hdf5.put_attribute(file, name, getattr(provenance, name))
-    for name, value, units in datasets(capture.setup.plans, capture):
-        hdf5.put(file, name, value, units)
+    for name, value, units in datasets(plans, parts):
+        put(file, name, value, units)
     for name in TEXTS:
         hdf5.put(file, f"provenance/{name}", getattr(provenance, name), "1")
     if provenance.seed is not None:

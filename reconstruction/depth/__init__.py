@@ -2,10 +2,18 @@
 
 from .method import MAX_RANGE_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
-from .obstacle import DISTANCES_M, MIN_FREE, Corridor, check_min_free, nearest_obstacle_m
+from .obstacle import (
+    CORRIDOR_M,
+    DISTANCES_M,
+    MIN_FREE,
+    Corridor,
+    check_min_free,
+    nearest_obstacle_m,
+)
 from .pixels import pixel_of, pixel_rays, point_cloud_ply, range_over_depth
 
 __all__ = [
+    "CORRIDOR_M",
     "DEPTH_METHODS",
     "DISTANCES_M",
     "MAX_RANGE_M",

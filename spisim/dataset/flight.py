@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction import Capture, InputError, read_capture
-from spisim.base.config import LightSource, load_yaml
+from spisim.base.config import load_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, at_drone_state
 
@@ -59,25 +59,26 @@ def instants(
 
 
 def existing_captures(
-    folder: Path, flight: list[Instant], instrument: Instrument, light: LightSource, spp: int
+    folder: Path, flight: list[Instant], instrument: Instrument, light: Mapping[str, Any]
 ) -> set[int]:
     """Return the numbers of captures of this very flight that a folder already holds.
 
-    Raises InputError for captures of another flight, scene, instrument, seed, source of light, or
-    number of paths if light is traced.
+    `light` are the arguments of `simulate`. Raises InputError for captures of another flight,
+    scene, instrument, seed, source of light, or budget if light is traced.
     """
     files = {folder / instant.file: instant for instant in flight}
     strangers = sorted(set(folder.glob("capture-*.h5")) - set(files))
     if strangers:
         raise InputError(f"{strangers[0]} is not of this flight; use another folder")
-    settings: dict[str, Any] = {"noise": True, "frames": 1}
-    if light == "traced":
-        settings["spp"] = spp
+    settings = {"noise": True, "frames": 1}
+    traced = light["light"] == "traced"
+    if traced:
+        settings |= {name: value for name, value in light.items() if name != "light"}
     existing = set()
     for file, instant in files.items():
         if not file.exists():
             continue
-        if different := _difference(read_capture(file), instant, instrument, settings):
+        if different := _difference(read_capture(file), instant, instrument, settings, traced):
             raise InputError(
                 f"{file} was made with another {different}; use another folder, or remove it"
             )
@@ -86,7 +87,11 @@ def existing_captures(
 
 
 def _difference(
-    capture: Capture, instant: Instant, instrument: Instrument, settings: Mapping[str, Any]
+    capture: Capture,
+    instant: Instant,
+    instrument: Instrument,
+    settings: Mapping[str, Any],
+    traced: bool,
 ) -> str | None:
     """Return what an existing capture was made with that this instant differs in, or None."""
     made = capture.provenance
@@ -96,7 +101,7 @@ def _difference(
         return "instrument"
     if made.seed != instant.seed:
         return "seed"
-    if made.is_surrogate == ("spp" in settings):
+    if made.is_surrogate == traced:
         return "light"
     stored = load_yaml(made.settings, "settings")
     stored = stored if isinstance(stored, dict) else {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -73,6 +74,13 @@ class Trajectory:
     def times_s(self) -> Floats:
         """Times (n,) of the given poses, from 0."""
         return np.asarray(self.positions_m.x)
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of times and poses."""
+        values = (self.times_s, self.positions_m(self.times_s))
+        turns = self.orientations(self.times_s).as_quat()
+        return hashlib.sha256(b"".join(each.tobytes() for each in (*values, turns))).hexdigest()
 
     def faster(self, factor: float) -> Trajectory:
         """The same path in 1 / `factor` of the time."""

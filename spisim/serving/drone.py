@@ -128,13 +128,7 @@ class Follower:
 
     def fly(self, commanded: Pose | None, time_s: float, duration_s: float) -> Motion | None:
         """See `Pilot`."""
-        stop_s = time_s + duration_s
-        if stop_s > self._path.duration_s * (1 + 1e-9):
-            return None
-        ends = [self._path.pose(min(each, self._path.duration_s)) for each in (time_s, stop_s)]
-        positions_m = (pose[:3, 3] for pose in ends)
-        turns = (Rotation.from_matrix(pose[:3, :3]) for pose in ends)
-        return Motion(time_s, duration_s, *positions_m, *turns)  # type: ignore[arg-type]
+        return Motion.along(self._path, time_s, duration_s)
 
 
 def _within(length: float, maximum: float) -> float:

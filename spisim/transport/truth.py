@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from reconstruction.depth import CORRIDOR_M
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -20,6 +21,8 @@ from spisim.transport.views import InstrumentView
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 #: Rays per side of a virtual pixel, from which its coverage is counted.
 SUBPIXELS = 4
+#: Distance between rays along the corridor.
+CORRIDOR_STEP_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +50,10 @@ class GroundTruth:
         Range (spots,) of the surface that each laser meets in clear air, m; nan for none.
     spot_object
         Name (spots,) of its object; None for none.
+    corridor_m
+        Distance along the optical axis to the first surface in the corridor ahead, m; nan for none.
+    pose
+        World-from-optical pose (4, 4).
     """
 
     range_m: NDArray[np.float32]
@@ -58,6 +65,8 @@ class GroundTruth:
     object_names: tuple[str, ...]
     spot_range_m: Floats
     spot_object: tuple[str | None, ...]
+    corridor_m: float
+    pose: Floats
 
 
 @with_backend
@@ -97,7 +106,13 @@ def ground_truth(
     }
     if not instrument.images:  # the only pixel is a placeholder
         pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
-    return GroundTruth(**pictures, object_names=names, **_spots(scene, meshes, placed, names))
+    return GroundTruth(
+        **pictures,
+        object_names=names,
+        **_spots(scene, meshes, placed, names),
+        corridor_m=_corridor_m(meshes, scene.drone_pose),
+        pose=scene.drone_pose,
+    )
 
 
 def _spots(
@@ -114,6 +129,16 @@ def _spots(
             names[number] if number >= 0 else None for number in meshes.object_ids(spots)
         ),
     }
+
+
+def _corridor_m(meshes: Meshes, pose: Floats) -> float:
+    """Distance to the first surface that rays along the corridor meet; nan for none."""
+    across = np.linspace(-CORRIDOR_M / 2, CORRIDOR_M / 2, round(CORRIDOR_M / CORRIDOR_STEP_M) + 1)
+    offsets = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
+    origins = pose[:3, 3] + offsets @ pose[:3, :2].T
+    met = meshes.scene.ray_intersect(rays_of(origins, np.broadcast_to(pose[:3, 2], origins.shape)))
+    distances = met.t.numpy()[met.is_valid().numpy()]
+    return float(distances.min()) if distances.size else np.nan
 
 
 def _band(

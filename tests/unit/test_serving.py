@@ -14,8 +14,7 @@ from reconstruction.live.senders import QUIET_S
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim.serving import Drone, Follower, Gust, Line, Server
-from spisim.serving.record import flown
-from spisim.simulation.flight import PathKeys, PoseKeys
+from spisim.simulation.flight import PathKeys, PoseKeys, flown
 from streams import Clock, film
 
 FRAME_S = 0.01

@@ -4,7 +4,7 @@ from .formats import Format
 from .opening import opened, surveyed
 from .reading import Contents, Dataset, Readable, Tables
 from .sizes import MAX_UNPACKED_BYTES, NUMBER_BYTES, check_sizes
-from .writing import content, put, put_attribute, put_format
+from .writing import content, create, put, put_attribute, put_format, write_in_place
 
 __all__ = [
     "MAX_UNPACKED_BYTES",
@@ -16,9 +16,11 @@ __all__ = [
     "Tables",
     "check_sizes",
     "content",
+    "create",
     "opened",
     "put",
     "put_attribute",
     "put_format",
     "surveyed",
+    "write_in_place",
 ]

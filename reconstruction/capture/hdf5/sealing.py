@@ -5,6 +5,7 @@ a line that names the maker of the file, and zeros.
 """
 
 import hashlib
+import mmap
 from pathlib import Path
 
 from ...base.errors import InputError
@@ -22,9 +23,10 @@ def head(kind: str) -> bytes:
     return f"{mark(kind)}\n".encode().ljust(HEAD_BYTES - _LINE_BYTES, b"\0")
 
 
-def seal(content: bytearray | memoryview) -> None:
+def seal(content: bytearray | memoryview | mmap.mmap) -> None:
     """Write the digest of all that follows into the first line of a file."""
-    digest = hashlib.sha256(content[_LINE_BYTES:])
+    with memoryview(content) as view:
+        digest = hashlib.sha256(view[_LINE_BYTES:])
     content[:_LINE_BYTES] = _line(digest.hexdigest())
 
 

@@ -13,11 +13,11 @@ import typer
 from reconstruction.base.errors import InputError
 
 from .. import options as opt
-from ..console import progress_bar, say, warn
+from ..console import progress_bar, say
 from ..inputs import instrument_with, scene_with
 from ..outputs import files_read
 from ..weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
-from .flights import AS_COMMANDED, FlightOptions, at_rest
+from .flights import AS_COMMANDED, FlightOptions
 from .line import SOCKET, LinkOptions
 from .telling import report, tell
 
@@ -96,8 +96,7 @@ def command(
     the messages.
     """
     from spisim.serving import FlightRecord, Server
-    from spisim.serving.record import MAX_FRAMES
-    from spisim.simulation.flight import Camera, provenance, solver
+    from spisim.simulation.flight import Camera, FlightRecorder, Motion, provenance, solver
 
     if run.json and link.to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")
@@ -114,13 +113,15 @@ def command(
         cached = max(CACHED, flight.ahead)
         camera = Camera(flight.scene, carried, flight.keys, solve, seed=seed, cached=cached)
         _solve_ahead(camera, flight.ahead, run.progress)
-        recording = None
-        if recorded.record is not None:
-            recording = FlightRecord(recorded.record, flight.scene, carried, recorded.truths)
         settings: dict[str, Any] = {"spp": light.spp} if light.light == "traced" else {}
         settings |= {"spacing_m": light.spacing, "lockstep": link.lockstep}
         source = partial(provenance, flight.scene, carried, light.light, seed=seed)
-        setup = camera.setup(at_rest(flight.scene, carried.frame_time_s))
+        setup = camera.setup(Motion.at_rest(flight.scene, carried.frame_time_s))
+        recording = None
+        if (path := recorded.record) is not None:
+            about = (flight.scene, carried, setup, source(settings=settings))
+            recorder = FlightRecorder(path, *about, truths=recorded.truths)
+            recording = FlightRecord(path, recorder)
         server = Server(
             camera,
             flight.pilot,
@@ -139,10 +140,7 @@ def command(
         finally:
             if recording is not None:
                 tally = {"tally": asdict(server.tally)}
-                written = recording.write(setup, source(settings=settings | tally))
-    if recording is not None and recording.full:
-        oddities.append(f"the record is full after the first {MAX_FRAMES} frames")
-        warn(oddities[-1:])
+                written = recording.write(source(settings=settings | tally))
     report(server, written, oddities, json=run.json)
 
 

@@ -15,7 +15,7 @@ from .. import options as opt
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
     from spisim.serving import Gust, Pilot
-    from spisim.simulation.flight import Keys, Motion
+    from spisim.simulation.flight import Keys
 
 #: Key poses of a path that is flown in real time, all of which are cached.
 MAX_AHEAD = 2000
@@ -94,16 +94,6 @@ class FlightOptions:
 
 
 AS_COMMANDED = FlightOptions()
-
-
-def at_rest(scene: Scene, duration_s: float) -> Motion:
-    """A drone at rest in the pose that the scene gives it."""
-    from scipy.spatial.transform import Rotation
-
-    from spisim.simulation.flight import Motion
-
-    position_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
-    return Motion(0.0, duration_s, position_m, position_m, turn, turn)
 
 
 def _checked(ahead: int) -> int:

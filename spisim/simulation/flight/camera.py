@@ -41,7 +41,8 @@ class Shot:
 class Camera:
     """Records frames of an instrument in a scene, one after the other.
 
-    The electronics carry charge over from the previous frame; the first frame follows itself.
+    The electronics carry charge over from the previous frame, as `memory` has it after that; the
+    first frame follows itself.
 
     Parameters
     ----------
@@ -74,11 +75,11 @@ class Camera:
         self._seed = seed
         times_s = instrument.exposure_times_s(1)[0]
         self._fractions = times_s / instrument.frame_time_s
-        self._memory: Memory | None = None
+        self.memory: Memory | None = None
 
     def shoot(self, motion: Motion, number: int) -> Shot:
         """Record the next frame, during a motion; equal numbers have equal noise."""
-        shot, self._memory = self._shoot(motion, number, self._memory)
+        shot, self.memory = self._shoot(motion, number, self.memory)
         return shot
 
     def _shoot(
@@ -115,7 +116,7 @@ class Camera:
 
 
 def solver(
-    instrument: Instrument, light: LightSource, *, spp: int, seed: int
+    instrument: Instrument, light: LightSource, *, seed: int, **budget: Any
 ) -> Callable[[Scene], Transport]:
     """Function that solves the light of a scene, with the same random numbers for each.
 
@@ -125,15 +126,15 @@ def solver(
         Emits and receives the light.
     light
         "traced", or "surrogate" for a fast approximation.
-    spp
-        Light paths per virtual pixel.
     seed
         Seed of the light paths.
+    **budget
+        `spp` or `transport_noise_share` of traced light, as of `solve`.
     """
     if light == "surrogate":
         return lambda scene: surrogate(scene, instrument, seed=seed)
     outputs = Outputs(orders=True, frequencies_hz=instrument.tap_frequencies_hz)
-    return lambda scene: solve(scene, instrument, spp=spp, seed=seed, outputs=outputs)
+    return lambda scene: solve(scene, instrument, seed=seed, outputs=outputs, **budget)
 
 
 def provenance(

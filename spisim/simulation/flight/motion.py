@@ -8,7 +8,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
-from spisim.scene import Scene
+from spisim.scene import Scene, Trajectory
 from spisim.scene.model import SceneObject, Volume
 from spisim.scene.pose import Vector3
 
@@ -33,6 +33,25 @@ class Motion:
     stop_m: Floats
     start: Rotation
     stop: Rotation
+
+    @classmethod
+    def along(cls, path: Trajectory, time_s: float, duration_s: float) -> Motion | None:
+        """Motion along a path from a time on; None if the path ends before it does."""
+        stop_s = time_s + duration_s
+        if stop_s > path.duration_s * (1 + 1e-9):
+            return None
+        poses = [path.pose(min(each, path.duration_s)) for each in (time_s, stop_s)]
+        (start_m, stop_m), (start, stop) = (
+            [pose[:3, 3] for pose in poses],
+            [Rotation.from_matrix(pose[:3, :3]) for pose in poses],
+        )
+        return cls(time_s, duration_s, start_m, stop_m, start, stop)
+
+    @classmethod
+    def at_rest(cls, scene: Scene, duration_s: float) -> Motion:
+        """No motion, in the pose that the scene gives the drone."""
+        position_m, turn = scene.drone_pose[:3, 3], Rotation.from_matrix(scene.drone_pose[:3, :3])
+        return cls(0.0, duration_s, position_m, position_m, turn, turn)
 
     def positions_m(self, fractions: Floats) -> Floats:
         """Positions (M, 3) after fractions (M,) of the motion."""

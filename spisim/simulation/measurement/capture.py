@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture, Frames, FrameTruth, Optics, Provenance, Truth
@@ -135,4 +136,7 @@ def frame_truth(image: Floats, image_error: Floats, truth: GroundTruth) -> Frame
         depth_m=truth.depth_m,
         reflectance=truth.reflectance,
         spot_range_m=truth.spot_range_m,
+        corridor_m=truth.corridor_m,
+        position_m=truth.pose[:3, 3],
+        orientation=Rotation.from_matrix(truth.pose[:3, :3]).as_quat(),
     )
