@@ -17,12 +17,12 @@ from spisim.transport.backend import activate  # before Mitsuba: it chooses LLVM
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from mitsuba_reference import MAX_DEPTH, Renderer
 
 from spisim.scene import Scene
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
 from spisim.transport.engine.walk import lanes_and_sampler
-from spisim.transport.reference import MAX_DEPTH, Renderer
 from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 #: Pixels across the table of the detector's angular response.

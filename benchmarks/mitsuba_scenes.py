@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from mitsuba_reference import Renderer
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 from scipy import stats
@@ -48,7 +49,6 @@ from spisim.transport import camera_view
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
-from spisim.transport.reference import Renderer
 from spisim.transport.views import InstrumentView
 
 activate()

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from mitsuba_reference import Renderer, pattern_emitter
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 
@@ -27,7 +28,6 @@ from spisim.transport import camera_view
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
-from spisim.transport.reference import Renderer, pattern_emitter
 from spisim.transport.views import InstrumentView
 
 activate()

@@ -20,6 +20,7 @@ import numpy as np
 from alternatives import DualVolpath, TransientSpots
 from efficiency import Method, Series, measure, ratio, z_score
 from error_coverage import HALF_ANGLE_RAD, stated_errors
+from mitsuba_reference import Renderer, bucket_powers, pattern_emitter
 from options import benchmark_options, finish
 from room import FOG_KIND, air, box_pose, room
 from scipy.constants import c
@@ -36,7 +37,6 @@ from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.reference import Renderer, bucket_powers, pattern_emitter
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from mitsuba_reference import MITSUBA_FROM_OPTICAL, pattern_emitter
 
 import worlds
 from spisim.transport.backend import CUDA_VARIANT, LLVM_VARIANT, activate, has_cuda, use_threads
@@ -14,7 +15,6 @@ from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.engine.walk import Walk
 from spisim.transport.engine.weights import alone
 from spisim.transport.meshes import shapes
-from spisim.transport.reference import MITSUBA_FROM_OPTICAL, pattern_emitter
 from spisim.transport.world import build_world
 
 # isort: split

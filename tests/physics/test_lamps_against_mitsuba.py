@@ -7,6 +7,7 @@ import mitsuba as mi
 import numpy as np
 import pytest
 import trimesh
+from mitsuba_reference import Renderer
 from scipy import stats
 
 import worlds
@@ -20,7 +21,6 @@ from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.sampling import PathBudget, repeat
 from spisim.transport.engine.tally import ImageTally, Tallies
 from spisim.transport.lamps import lamps_in_band
-from spisim.transport.reference import Renderer
 from spisim.transport.world import build_world
 
 VIEW = worlds.projector(40.0, (8, 8))

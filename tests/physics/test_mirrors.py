@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from mitsuba_reference import Renderer
 
 import worlds
 from spisim.scene import Material, SceneObject
@@ -15,7 +16,6 @@ from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.sampling import PathBudget, TransportWarning
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.mirrors import _Planes
-from spisim.transport.reference import Renderer
 from spisim.transport.world import build_world
 
 activate()

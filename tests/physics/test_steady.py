@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from mitsuba_reference import Renderer, pattern_emitter
 
 import spisim
 import worlds
 from spisim.scene import Ambient
 from spisim.transport.daylight import STEADY_ERROR, daylight_power, projector_power
 from spisim.transport.engine.ends import Projector
-from spisim.transport.reference import Renderer, pattern_emitter
 from spisim.transport.world import build_world
 
 # isort: split

@@ -85,7 +85,7 @@ def record_flight(
     camera = Camera(
         scene, instrument, PathKeys(scene, path, spacing_m), solve, seed=seed, cached=CACHED
     )
-    times_s = frame_s * (np.arange(frames) + 0.5)
+    times_s = frame_s * (np.arange(frames, dtype=np.float64) + 0.5)
     errors = np.random.SeedSequence(seed, spawn_key=(STREAM,))
     stated = StatedPoses.drawn(path, times_s, pose_error, errors)
     settings = {

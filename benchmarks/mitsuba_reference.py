@@ -12,6 +12,7 @@ from typing import Any
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from mitsuba_reference_scene import medium_dict, reference_scene
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
@@ -22,7 +23,6 @@ from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.jit import Float, Point, Sampler, Vector
-from spisim.transport.reference_scene import medium_dict, reference_scene
 from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
 
