@@ -1,12 +1,15 @@
 """The ground truth against trimesh's ray casting, which shares no code with ours."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
 from raycast import Comparison, compare
 
 import spisim
-from spisim.scene import list_scenes
+from spisim.scene import list_scenes, make_scene
+from spisim.transport import ground_truth
 from worlds import plane, scene, surface
 
 INSTRUMENT = spisim.load_instrument("paper")
@@ -33,3 +36,25 @@ def test_the_comparison_sees_a_shift() -> None:
     assert np.min(shifted.inside_m) > 1e-3
     assert 0 < result.edges.sum() < 0.2 * result.edges.size  # the rim of the ball, no more
     assert result.truth_m.min() == pytest.approx(ball.bounds[0, 2], abs=0.01)
+
+
+WALL = """
+  - {name: wall, shape: box, size_m: [1, 9, 9], translate_m: [5.5, 0, 1], material: concrete}"""
+POST = """
+  - {{name: post, shape: box, size_m: [0.2, 0.2, 3], translate_m: [3.1, {across_m}, 1],
+     material: concrete}}"""
+
+
+def corridor_m(objects: str, towards_x_m: float) -> float:
+    drone = f"{{position_m: [0, 0, 1], look_at_m: [{towards_x_m}, 0, 1]}}"
+    described = make_scene(f"name: hall\ndrone: {drone}\nobjects:{objects}\n", Path(), "test")
+    truth = ground_truth(described, INSTRUMENT, subpixels=1)
+    np.testing.assert_allclose(truth.pose, described.drone_pose)
+    return truth.corridor_m
+
+
+def test_the_corridor_ends_at_the_first_surface_within_it() -> None:
+    assert corridor_m(WALL + POST.format(across_m=0.35), 5) == pytest.approx(3.0, rel=1e-5)
+    # A post beside the corridor, 0.3 m from its axis: the wall is next.
+    assert corridor_m(WALL + POST.format(across_m=0.45), 5) == pytest.approx(5.0, rel=1e-5)
+    assert np.isnan(corridor_m(WALL, -5))
