@@ -30,14 +30,14 @@ from .model import (
     check_parts,
 )
 from .readings import READINGS
-from .schema import Stored, check_shape, stored_fields
+from .schema import Stored, check_shape, present_fields, stored_fields
 from .spots import Spots
 
 FORMAT = hdf5.Format(
     name="spisim-capture",
     kind="capture",
     oldest=(2, 0),
-    version=(3, 3),
+    version=(4, 0),
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
@@ -101,7 +101,7 @@ class CaptureFile:
         self._by_frame = {
             group: {
                 name: (stored, file.dataset(f"{group}/{name}", stored.units))
-                for name, stored in stored_fields(type(part))
+                for name, stored in present_fields(part)
                 if stored.by_frame
             }
             for group in READING_PARTS
@@ -220,7 +220,7 @@ def datasets(
     for group in PARTS:
         part = getattr(parts, group, None)
         if part is not None:
-            for name, stored in stored_fields(type(part)):
+            for name, stored in present_fields(part):
                 value = stored.converted(f"{group}/{name}", np.asarray(getattr(part, name)))
                 on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
                 yield f"{group}/{name}", on_disk, stored.units
@@ -309,14 +309,15 @@ def _read(file: hdf5.Tables, group: str, part: type[Part], rows: slice | None = 
 def _recorded_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
     """Fields of a part without those that are optional and missing from the file."""
     default = {
-        field.name
+        field.name: field.default
         for field in fields(part)
         if not (field.default is MISSING and field.default_factory is MISSING)
     }
     return [
         (name, stored)
         for name, stored in stored_fields(part)
-        if not (stored.nan and name in default) or f"{group}/{name}" in file
+        if not (name in default and (stored.nan or default[name] is None))
+        or f"{group}/{name}" in file
     ]
 
 

@@ -7,7 +7,7 @@ down, z forward, origin at its pinhole.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -20,7 +20,7 @@ from ..base.errors import InputError
 from ..operators import PatternPlan
 from .buckets import Buckets
 from .charge import PatternTaps
-from .schema import FRAMES, Stored, between, check_shape, stored_fields
+from .schema import FRAMES, Stored, between, check_shape, present_fields
 from .spots import SPOTS_AXIS, Spots
 
 Image = NDArray[np.float32]
@@ -219,11 +219,18 @@ class Frames:
         cut = (None if part is None else between(part, start, stop) for part in parts)
         return Frames(self.first + start, *cut)  # type: ignore[arg-type]
 
+    @property
+    def aimed(self) -> "Frames":
+        """A frame whose spots have its own directions; see `Spots.aimed`."""
+        return self if self.spots is None else replace(self, spots=self.spots.aimed)
+
     def digest(self, setup: Setup) -> str:
         """SHA-256 of patterns and readings, which identifies the frames of a result."""
         readings = [self.buckets.counts]
         if self.spots is not None:
             readings.append(self.spots.readings)
+            if self.spots.pointing is not None:
+                readings.append(self.spots.pointing)
         if self.pattern_taps is not None:
             readings.append(self.pattern_taps.taps)
         digest = _digest(*readings)
@@ -377,7 +384,7 @@ def check_plans(plans: Sequence[PatternPlan]) -> None:
 
 def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
     """Raise InputError unless shapes and values of a part follow its schema."""
-    for name, stored in stored_fields(type(part)):
+    for name, stored in present_fields(part):
         value = np.asarray(getattr(part, name))
         check_shape(f"{group}/{name}", value.shape, stored, sizes)
         stored.converted(f"{group}/{name}", value)

@@ -1,5 +1,6 @@
 """Data classes as a file's schema: type annotations say how fields are stored."""
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Literal, NamedTuple, TypeVar, get_args, get_type_hints
 
@@ -94,11 +95,29 @@ def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
     return _fields[part]
 
 
+def present_fields(part: object) -> tuple[tuple[str, "Stored"], ...]:
+    """The `stored_fields` of a part that it has: one that is None is not stored."""
+    return tuple(each for each in stored_fields(type(part)) if getattr(part, each[0]) is not None)
+
+
+def readings_of(part: object) -> tuple[str, ...]:
+    """Names of the fields of a part with a value per frame."""
+    return tuple(name for name, stored in present_fields(part) if stored.by_frame)
+
+
 def between(part: Part, start: int, stop: int) -> Part:
     """Restrict the readings of a part to frames ``start`` to ``stop``, exclusive."""
-    by_frame = [name for name, stored in stored_fields(type(part)) if stored.by_frame]
-    cut = {name: getattr(part, name)[start:stop] for name in by_frame}
+    cut = {name: getattr(part, name)[start:stop] for name in readings_of(part)}
     return replace(part, **cut)  # type: ignore[type-var]
+
+
+def joined(parts: Sequence[Part]) -> Part:
+    """A part with the readings of all parts, one after the other."""
+    whole = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in readings_of(parts[0])
+    }
+    return replace(parts[0], **whole)  # type: ignore[type-var]
 
 
 def check_shape(name: str, shape: tuple[int, ...], stored: Stored, sizes: dict[str, int]) -> None:

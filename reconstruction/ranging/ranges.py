@@ -1,6 +1,6 @@
 """Ranges as every ranging method gives them, and when a spot counts as detected."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -132,6 +132,29 @@ def range_from_path(
     with np.errstate(divide="ignore", invalid="ignore"):
         range_m = (path_m**2 - squared) / (2 * (path_m - along))
         return range_m, (path_m - range_m) / (path_m - along)
+
+
+def redirected(ranges: Ranges, home: Spots, spots: Spots) -> Ranges:
+    """Ranges along the directions of ``spots``, from those of equal paths along ``home``.
+
+    Detectors beside the projector's pinhole make the path depend on the direction, by b (d - d0);
+    sigmas, whose relative change is as small as that of the range, stay.
+    """
+
+    def moved(range_m: Floats, spot: int | slice) -> Floats:
+        ends = range_m[..., None] * home.directions[spot]
+        path_m = range_m + np.linalg.norm(ends - home.detector_positions_m[spot], axis=-1)
+        return range_from_path(path_m, spots.directions[spot], spots.detector_positions_m[spot])[0]
+
+    alternatives = tuple(
+        tuple(
+            each._replace(range_m=float(moved(np.array(each.range_m), spot))) for each in possible
+        )
+        for spot, possible in enumerate(ranges.alternatives)
+    )
+    return replace(
+        ranges, range_m=moved(ranges.range_m, slice(None)), alternatives=alternatives
+    )
 
 
 def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:

@@ -30,6 +30,7 @@ from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
+from spisim.instrument.steering import Doubt, Pointing
 from spisim.instrument.tofs import AnyTof
 from spisim.scene.layout import Needs
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
@@ -216,6 +217,26 @@ class Instrument(Section):
         self.ranging  # noqa: B018 - raises where there are no lasers
         fields["lasers"]["power_w"] = float(power_w)
         return parse_model(dump_yaml(fields), Instrument, f"instrument of {power_w:g} W")
+
+    def aimed(self, directions: Floats) -> Instrument:
+        """The same instrument with fixed spots along unit vectors (spots, 3).
+
+        Detectors of their own turn with their beams; a shared one does not.
+        """
+        x, y, z = directions.T
+        degrees = np.degrees([np.arctan2(x, z), np.arcsin(-y)]).T
+        lasers = self.ranging.lasers.model_copy(
+            update={"directions_deg": tuple(map(tuple, degrees.tolist())), "steering": None}
+        )
+        return self.model_copy(update={"lasers": lasers})
+
+    def pointing(self, frame: int, seed: int, doubt: Doubt | None = None) -> Pointing | None:
+        """Directions of the spots in a frame; see `Mirror.pointing`. None for fixed spots."""
+        steering = None if self.lasers is None else self.lasers.steering
+        if steering is None:
+            return None
+        home_deg = np.array(self.ranging.lasers.directions_deg)
+        return steering.pointing(home_deg, frame, seed, doubt)
 
     @property
     def pattern_plan(self) -> PatternPlan:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,8 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction import write_capture
 from reconstruction.base.files import Output, mark, write_atomically
-from reconstruction.capture import Capture, Frames, Provenance, Setup, Truth, stored_fields
+from reconstruction.capture import Capture, Frames, Provenance, Setup, Truth
+from reconstruction.capture.schema import joined
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.scene.trajectory import FRAMES, POSES
@@ -78,7 +79,9 @@ class FlightRecord:
         first = self._frames[0].first
         plans = [setup.plan_of(first + turn) for turn in range(len(setup.plans))]
         parts: dict[str, Any] = {
-            name: _joined([getattr(frame, name) for frame in self._frames])
+            name: None
+            if getattr(self._frames[0], name) is None
+            else joined([getattr(frame, name) for frame in self._frames])
             for name in ("buckets", "spots", "pattern_taps")
         }
         truths = []
@@ -117,17 +120,3 @@ def flown(motions: list[Motion]) -> str:
     lines = [f"# {mark(KIND)}", ",".join(POSES)]
     lines += [",".join(f"{value:.9g}" for value in row) for row in rows]
     return "\n".join(lines) + "\n"
-
-
-def _joined(parts: list[Any]) -> Any:
-    """One part with the readings of all frames, None if they have none."""
-    first = parts[0]
-    if first is None:
-        return None
-    by_frame = {name for name, stored in stored_fields(type(first)) if stored.by_frame}
-    joined = {
-        each.name: np.concatenate([getattr(part, each.name) for part in parts])
-        for each in fields(first)
-        if each.name in by_frame
-    }
-    return replace(first, **joined)

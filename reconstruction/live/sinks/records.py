@@ -4,15 +4,13 @@ import datetime
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
-
-import numpy as np
+from typing import Any
 
 from ...base.errors import InputError, in_words
 from ...base.files import Output, is_marked, require_outputs
 from ...capture import Capture, write_capture
 from ...capture.file import KINDS
-from ...capture.schema import stored_fields
+from ...capture.schema import joined
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival
@@ -22,8 +20,6 @@ from .sink import Sink
 FRAMES_OF_A_PART, BYTES_OF_A_PART = 4096, 2**26
 FRAMES_BETWEEN = 512
 """Frames after which the last part is written again: so many are lost in a crash."""
-
-Part = TypeVar("Part")
 
 
 class StreamRecord(Sink):
@@ -135,21 +131,11 @@ def _capture(arrivals: list[Arrival]) -> Capture:
     return Capture(
         plan=plans[0],
         following_plans=tuple(plans[1 : len(frames)]),
-        buckets=_joined([frame.buckets for frame in frames]),
-        spots=None if first.spots is None else _joined([frame.spots for frame in frames]),
+        buckets=joined([frame.buckets for frame in frames]),
+        spots=None if first.spots is None else joined([frame.spots for frame in frames]),
         pattern_taps=None
         if first.pattern_taps is None
-        else _joined([frame.pattern_taps for frame in frames]),
+        else joined([frame.pattern_taps for frame in frames]),
         optics=stream.setup.optics,
         provenance=replace(stream.provenance, created=now),
     )
-
-
-def _joined(parts: list[Part]) -> Part:
-    """A part with the readings of all parts."""
-    joined: dict[str, Any] = {
-        name: np.concatenate([getattr(part, name) for part in parts])
-        for name, stored in stored_fields(type(parts[0]))
-        if stored.by_frame
-    }
-    return replace(parts[0], **joined)  # type: ignore[type-var]

@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -135,7 +135,7 @@ def solve(
     if outputs.frequencies_hz or outputs.bins is not None:
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
-    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+    streams = _streams(seed)
     world = build_world(scene)
     if instrument.ranges:
         warn_of_glints(world, placed.beams, placed.tof)
@@ -175,17 +175,76 @@ def solve(
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
-        spot_histogram=spots.mean["histogram"],
-        spot_histogram_error=spot_error(spots),
-        path_length_m=lengths_m,
+        **_spot_fields(spots, lengths_m),
         **steady,
         noise_share=image.size,
-        spot_noise_share=spots.size,
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
         extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
     )
+
+
+@with_backend
+def solve_spots(
+    scene: Scene,
+    instrument: Instrument,
+    directions: Floats,
+    light: Transport,
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+) -> Transport:
+    """`light` of a scene with its spots along other directions, whose light alone is traced.
+
+    Daylight and the projector's light on their detectors are taken from `light`: they hardly decide
+    about the noise of ranges, which is that of echo and electronics.
+
+    Parameters
+    ----------
+    scene, instrument, spp, transport_noise_share, seed
+        As of `solve`.
+    directions
+        Unit vectors (spots, 3) in the optical frame.
+    light
+        Light of the same scene, with any directions.
+
+    Raises
+    ------
+    InputError
+        As `solve`, and for an instrument without lasers.
+    """
+    began = time.perf_counter()
+    aimed = instrument.aimed(directions)
+    aimed.ranging.tof.check_bins(BIN_WIDTH_M)
+    placed, world = InstrumentView.placed(scene, aimed), build_world(scene)
+    warn_of_glints(world, placed.beams, placed.tof)
+    budget = (spp, transport_noise_share)
+    spots, lengths_m = _spots(aimed, world, placed, vars(light), budget, _streams(seed)[1], None)
+    return replace(
+        light,
+        **_spot_fields(spots, lengths_m),
+        dropped=spots.dropped,
+        paths=spots.paths,
+        seconds=time.perf_counter() - began,
+        extra={**light.extra, "spot_orders": spots.mean["histogram_orders"]},
+    )
+
+
+def _streams(seed: int) -> list[np.random.SeedSequence]:
+    """Random streams of image, spots, and three kinds of steady light."""
+    return np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+
+
+def _spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
+    """Fields of `Transport` of the light of the lasers."""
+    return {
+        "spot_histogram": spots.mean["histogram"],
+        "spot_histogram_error": spot_error(spots),
+        "path_length_m": lengths_m,
+        "spot_noise_share": spots.size,
+    }
 
 
 def _image(
