@@ -168,6 +168,7 @@ class Setup:
         return {
             **(patterns if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
+            **({"spots": "steered"} if self.spots and self.spots.pointing is not None else {}),
         }
 
     @property

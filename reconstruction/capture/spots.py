@@ -100,8 +100,7 @@ class Spots(SpotOptics):
     @property
     def summary(self) -> str:
         """Description of the measurement in a few words."""
-        steered = "" if self.pointing is None else ", steered"
-        return f"{self.method}, {self.readings.shape[-1]} readings of each spot{steered}"
+        return f"{self.method}, {self.readings.shape[-1]} readings of each spot"
 
     @property
     def aimed(self) -> Self:

@@ -100,9 +100,7 @@ class Observer:
 def _anchors(ranges: Ranges, directions: Floats) -> Anchors:
     range_m, sigma_m = ranges.likeliest
     with np.errstate(divide="ignore", invalid="ignore"):
-        return Anchors(
-            np.log(range_m * directions[:, 2]), np.minimum(sigma_m / range_m, MAX_SIGMA)
-        )
+        return Anchors(np.log(range_m * directions[:, 2]), np.minimum(sigma_m / range_m, MAX_SIGMA))
 
 
 def _fog_solver(spots: Spots) -> RangingSolver | None:

@@ -141,19 +141,20 @@ def redirected(ranges: Ranges, home: Spots, spots: Spots) -> Ranges:
     sigmas, whose relative change is as small as that of the range, stay.
     """
 
-    def moved(range_m: Floats, spot: int | slice) -> Floats:
-        ends = range_m[..., None] * home.directions[spot]
-        path_m = range_m + np.linalg.norm(ends - home.detector_positions_m[spot], axis=-1)
-        return range_from_path(path_m, spots.directions[spot], spots.detector_positions_m[spot])[0]
-
-    alternatives = tuple(
-        tuple(
-            each._replace(range_m=float(moved(np.array(each.range_m), spot))) for each in possible
-        )
-        for spot, possible in enumerate(ranges.alternatives)
-    )
+    possible = [(spot, each) for spot, some in enumerate(ranges.alternatives) for each in some]
+    spot = np.array([*range(len(ranges.status)), *(spot for spot, _ in possible)])
+    range_m = np.array([*ranges.range_m, *(each.range_m for _, each in possible)])
+    detectors = home.detector_positions_m[spot]
+    ends = range_m[:, None] * home.directions[spot]
+    path_m = range_m + np.linalg.norm(ends - detectors, axis=-1)
+    moved = iter(range_from_path(path_m, spots.directions[spot], detectors)[0].tolist())
     return replace(
-        ranges, range_m=moved(ranges.range_m, slice(None)), alternatives=alternatives
+        ranges,
+        range_m=np.array([next(moved) for _ in ranges.status]),
+        alternatives=tuple(
+            tuple(each._replace(range_m=next(moved)) for each in some)
+            for some in ranges.alternatives
+        ),
     )
 
 

@@ -118,7 +118,10 @@ def misfits(
             lambda: _check_modulation(imaging),
         ]
     if ranging is not None:
-        checks += [lambda: _check_spots(ranging), lambda: _check_steering(ranging, imaging, make_plans)]
+        checks += [
+            lambda: _check_spots(ranging),
+            lambda: _check_steering(ranging, imaging, make_plans),
+        ]
     errors = []
     for check in checks:
         try:

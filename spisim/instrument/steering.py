@@ -142,11 +142,20 @@ class Mirror(Section):
                 f"spots get up to {off_axis:.4g}° off the axis of the shared detector, whose "
                 f"tof.detector.field_of_view_deg {2 * half_field_deg:g} holds {half_field_deg:g}°"
             )
-        if self.mirrors == "each" and len(home_deg) > 1:
-            self._check_apart(home_deg, 0.0 if shared else 2 * half_field_deg)
+        closest = self.closest_deg(home_deg)
+        for one, other in combinations(range(len(home_deg)), 2):
+            if closest[one, other] <= (0.0 if shared else 2 * half_field_deg):
+                raise InputError(
+                    f"spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
+                    f"each other, and tof.detector.field_of_view_deg is {2 * half_field_deg:g}; "
+                    f"more than that is needed between their ranges"
+                )
 
-    def _check_apart(self, home_deg: Floats, apart_deg: float) -> None:
-        """Raise InputError if spots with mirrors of their own may meet; by default none can."""
+    def closest_deg(self, home_deg: Floats) -> Floats:
+        """Minimum angles (spots, spots) between any two spots."""
+        both = 2 * np.array(self.half_range_deg) * (self.mirrors == "each")
+        away = np.maximum(np.abs(home_deg[:, None] - home_deg) - both, 0)
+        return np.asarray(np.linalg.norm(away, axis=-1))
 
 
 class Fixed(Mirror):
@@ -157,6 +166,12 @@ class Fixed(Mirror):
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         return np.zeros((mirrors, 2))
+
+    def extremes(self, mirrors: int) -> Floats:
+        return np.zeros((1, mirrors, 2))
+
+    def closest_deg(self, home_deg: Floats) -> Floats:
+        return np.asarray(np.linalg.norm(home_deg[:, None] - home_deg, axis=-1))
 
 
 class Listed(Mirror):
@@ -190,15 +205,9 @@ class Listed(Mirror):
                 )
         super().check(home_deg, half_field_deg, shared=shared)
 
-    def _check_apart(self, home_deg: Floats, apart_deg: float) -> None:
-        for frame, given in enumerate(directions(home_deg + self.extremes(0))):
-            for one, other in combinations(range(len(given)), 2):
-                angle = np.degrees(2 * np.arcsin(np.linalg.norm(given[one] - given[other]) / 2))
-                if angle <= apart_deg:
-                    raise InputError(
-                        f"offsets_deg: in frame {frame} spots {one} and {other} are {angle:.3g}° "
-                        f"apart; more than {apart_deg:g}°, the detectors' field, is needed"
-                    )
+    def closest_deg(self, home_deg: Floats) -> Floats:
+        every = home_deg + self.extremes(0)
+        return np.asarray(np.linalg.norm(every[:, :, None] - every[:, None], axis=-1).min(axis=0))
 
 
 class Scan(Mirror):
@@ -251,17 +260,6 @@ class Random(Scan):
         unit = (start + frame * PLASTIC ** -np.arange(1.0, 3.0)) % 1
         return np.asarray((2 * unit - 1) * self.half_range_deg)
 
-    def _check_apart(self, home_deg: Floats, apart_deg: float) -> None:
-        gap = np.array(self.half_range_deg) * 2 + apart_deg
-        for one, other in combinations(range(len(home_deg)), 2):
-            away = np.abs(home_deg[one] - home_deg[other])
-            if not (away >= gap).any():
-                raise InputError(
-                    f"half_range_deg {list(self.half_range_deg)} lets spots {one} and {other} "
-                    f"meet, which are {away.tolist()}° apart; {gap.tolist()}° in one of the two, "
-                    "twice the range and the detectors' field, are needed"
-                )
-
 
 class Adaptive(Fixed):
     """Where the last depth map is least sure; without one, at rest."""
@@ -271,11 +269,18 @@ class Adaptive(Fixed):
     method: str = "least-sure"
     """Name of the method that chooses the directions."""
     apart_deg: Positive = 1.5
-    """Minimum angle between spots with mirrors of their own."""
+    """Minimum angle between spots with mirrors of their own; above the detectors' field."""
 
     @property
     def follows(self) -> bool:
         return True
+
+    def extremes(self, mirrors: int) -> Floats:
+        return Mirror.extremes(self, mirrors)
+
+    def closest_deg(self, home_deg: Floats) -> Floats:
+        closest = Mirror.closest_deg(self, home_deg)
+        return closest if self.mirrors == "common" else np.maximum(closest, self.apart_deg)
 
     def aimed(self, frame: int, home_deg: Floats, doubt: Doubt | None) -> Floats:
         groups = self.groups(home_deg)

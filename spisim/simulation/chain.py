@@ -13,7 +13,6 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.doubt import MapDoubt
 from spisim.simulation.light import (
-    LightSequence,
     Steered,
     Transport,
     solve_spots,
@@ -135,7 +134,8 @@ def simulate(
             doubt=MapDoubt(scene, instrument, result, seed) if steering.follows else None,
         )
     truths = _truths(scene, instrument, frames, steered)
-    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(result, steered)}}
+    keys = result.transports + (() if steered is None else steered.light.transports)
+    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(keys)}}
     capture = record(
         scene,
         instrument,
@@ -170,13 +170,12 @@ def _truths(
     )
 
 
-def _accuracy(light: LightSequence, steered: Steered | None) -> dict[str, Any]:
+def _accuracy(keys: tuple[Transport, ...]) -> dict[str, Any]:
     """Accuracy of the light at the worst key time."""
 
     def worst(values: Iterable[float]) -> float:
         return float(f"{max(values):.3g}")
 
-    keys = light.transports + (() if steered is None else steered.light.transports)
     accuracy: dict[str, Any] = {
         name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
     }

@@ -4,7 +4,6 @@ import datetime
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from ...base.errors import InputError, in_words
 from ...base.files import Output, is_marked, require_outputs
