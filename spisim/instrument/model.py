@@ -30,7 +30,6 @@ from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
-from spisim.instrument.steering import Doubt, Pointing
 from spisim.instrument.tofs import AnyTof
 from spisim.scene.layout import Needs
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
@@ -229,14 +228,6 @@ class Instrument(Section):
             update={"directions_deg": tuple(map(tuple, degrees.tolist())), "steering": None}
         )
         return self.model_copy(update={"lasers": lasers})
-
-    def pointing(self, frame: int, seed: int, doubt: Doubt | None = None) -> Pointing | None:
-        """Directions of the spots in a frame; see `Mirror.pointing`. None for fixed spots."""
-        steering = None if self.lasers is None else self.lasers.steering
-        if steering is None:
-            return None
-        home_deg = np.array(self.ranging.lasers.directions_deg)
-        return steering.pointing(home_deg, frame, seed, doubt)
 
     @property
     def pattern_plan(self) -> PatternPlan:

@@ -1,8 +1,8 @@
 """Light of a recording, traced as far as the detectors' noise asks, or a surrogate of it."""
 
 from spisim.simulation.light.sequence import Light, LightSequence, trace
-from spisim.simulation.light.solve import Transport, solve, solve_spots
-from spisim.simulation.light.steered import Steered, steered_light
+from spisim.simulation.light.solve import Transport, solve
+from spisim.simulation.light.steered import Steered, solve_spots, steered_light
 from spisim.simulation.light.surrogate import surrogate, surrogate_light, surrogate_spots
 
 __all__ = [

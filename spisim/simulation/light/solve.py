@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -135,7 +135,7 @@ def solve(
     if outputs.frequencies_hz or outputs.bins is not None:
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
-    streams = _streams(seed)
+    streams = streams_of(seed)
     world = build_world(scene)
     if instrument.ranges:
         warn_of_glints(world, placed.beams, placed.tof)
@@ -154,7 +154,7 @@ def solve(
             _part(progress, 0.1, 0.8),
         )
     if instrument.ranges:
-        spots, lengths_m = _spots(
+        spots, lengths_m = trace_spots(
             instrument,
             world,
             placed,
@@ -175,7 +175,7 @@ def solve(
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
-        **_spot_fields(spots, lengths_m),
+        **spot_fields(spots, lengths_m),
         **steady,
         noise_share=image.size,
         dropped=image.dropped + spots.dropped + dropped,
@@ -185,59 +185,12 @@ def solve(
     )
 
 
-@with_backend
-def solve_spots(
-    scene: Scene,
-    instrument: Instrument,
-    directions: Floats,
-    light: Transport,
-    *,
-    spp: int = 256,
-    transport_noise_share: float | None = None,
-    seed: int = 0,
-) -> Transport:
-    """`light` of a scene with its spots along other directions, whose light alone is traced.
-
-    Daylight and the projector's light on their detectors are taken from `light`: they hardly decide
-    about the noise of ranges, which is that of echo and electronics.
-
-    Parameters
-    ----------
-    scene, instrument, spp, transport_noise_share, seed
-        As of `solve`.
-    directions
-        Unit vectors (spots, 3) in the optical frame.
-    light
-        Light of the same scene, with any directions.
-
-    Raises
-    ------
-    InputError
-        As `solve`, and for an instrument without lasers.
-    """
-    began = time.perf_counter()
-    aimed = instrument.aimed(directions)
-    aimed.ranging.tof.check_bins(BIN_WIDTH_M)
-    placed, world = InstrumentView.placed(scene, aimed), build_world(scene)
-    warn_of_glints(world, placed.beams, placed.tof)
-    budget = (spp, transport_noise_share)
-    spots, lengths_m = _spots(aimed, world, placed, vars(light), budget, _streams(seed)[1], None)
-    return replace(
-        light,
-        **_spot_fields(spots, lengths_m),
-        dropped=spots.dropped,
-        paths=spots.paths,
-        seconds=time.perf_counter() - began,
-        extra={**light.extra, "spot_orders": spots.mean["histogram_orders"]},
-    )
-
-
-def _streams(seed: int) -> list[np.random.SeedSequence]:
+def streams_of(seed: int) -> list[np.random.SeedSequence]:
     """Random streams of image, spots, and three kinds of steady light."""
     return np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
 
 
-def _spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
+def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
     """Fields of `Transport` of the light of the lasers."""
     return {
         "spot_histogram": spots.mean["histogram"],
@@ -280,7 +233,7 @@ def _image(
     )
 
 
-def _spots(
+def trace_spots(
     instrument: Instrument,
     world: World,
     placed: InstrumentView,

@@ -1,7 +1,8 @@
 """Light of steered spots: solved for every frame's directions, while the image's is solved once."""
 
+import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,8 +12,13 @@ from spisim.instrument.steering import Doubt, Pointing
 from spisim.scene import Scene
 from spisim.simulation.light.lattice import LatticeLight
 from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
-from spisim.simulation.light.solve import Transport
+from spisim.simulation.light.solve import Transport, spot_fields, streams_of, trace_spots
+from spisim.transport.backend import with_backend
 from spisim.transport.drops import Interpolation
+from spisim.transport.glints import warn_of_glints
+from spisim.transport.path_bins import BIN_WIDTH_M
+from spisim.transport.views import InstrumentView
+from spisim.transport.world import build_world
 
 SpotSolver = Callable[[Scene, Floats, Transport], Transport]
 """From a scene, directions (spots, 3) and its other light to `Transport`, as `solve_spots`."""
@@ -24,6 +30,55 @@ class Steered:
 
     light: Light
     pointing: Pointing
+
+
+@with_backend
+def solve_spots(
+    scene: Scene,
+    instrument: Instrument,
+    directions: Floats,
+    light: Transport,
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+) -> Transport:
+    """`light` of a scene with its spots along other directions, whose light alone is traced.
+
+    Daylight and the projector's light on their detectors are taken from `light`: they hardly decide
+    about the noise of ranges, which is that of echo and electronics.
+
+    Parameters
+    ----------
+    scene, instrument, spp, transport_noise_share, seed
+        As of `solve`.
+    directions
+        Unit vectors (spots, 3) in the optical frame.
+    light
+        Light of the same scene, with any directions.
+
+    Raises
+    ------
+    InputError
+        As `solve`, and for an instrument without lasers.
+    """
+    began = time.perf_counter()
+    aimed = instrument.aimed(directions)
+    aimed.ranging.tof.check_bins(BIN_WIDTH_M)
+    placed, world = InstrumentView.placed(scene, aimed), build_world(scene)
+    warn_of_glints(world, placed.beams, placed.tof)
+    budget = (spp, transport_noise_share)
+    spots, lengths_m = trace_spots(
+        aimed, world, placed, vars(light), budget, streams_of(seed)[1], None
+    )
+    return replace(
+        light,
+        **spot_fields(spots, lengths_m),
+        dropped=spots.dropped,
+        paths=spots.paths,
+        seconds=time.perf_counter() - began,
+        extra={**light.extra, "spot_orders": spots.mean["histogram_orders"]},
+    )
 
 
 def steered_light(
@@ -42,13 +97,15 @@ def steered_light(
     makes the mean of anything that changes linearly. Falling drops are those of beams at rest.
     `doubt` makes that of the next frame from the light of a frame and its number.
     """
+    lasers = instrument.ranging.lasers
+    assert lasers.steering is not None
+    home_deg, steering = np.array(lasers.directions_deg), lasers.steering
     per_frame = KEYS_PER_FRAME if scene.moves else 1
     every: list[Transport] = []
     pointings: list[Pointing] = []
     known: Doubt | None = None
     for frame in range(frames):
-        pointing = instrument.pointing(frame, seed, known)
-        assert pointing is not None
+        pointing = steering.pointing(home_deg, frame, seed, known)
         keys = [
             spots(
                 scene.at((frame + (part + 0.5) / per_frame) * instrument.frame_time_s),
