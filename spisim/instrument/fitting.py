@@ -9,6 +9,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from reconstruction.operators import PatternPlan
 from spisim.instrument.detector import BucketDetector
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector
 from spisim.instrument.sensor import quantum_efficiency
@@ -55,8 +56,12 @@ class Ranging(NamedTuple):
 
     @property
     def frame_time_s(self) -> float:
-        """Time of the ranges of a frame; with a shared photodiode the lasers fire in turn."""
-        return self.tof.frame_time_s * (self.spots if self.shared else 1)
+        """Time of the ranges of a frame, once its mirrors have settled; with a shared photodiode
+        the lasers fire in turn.
+        """
+        steering = self.lasers.steering
+        settling_s = 0.0 if steering is None else steering.settling_time_s
+        return settling_s + self.tof.frame_time_s * (self.spots if self.shared else 1)
 
     @property
     def detector_positions_m(self) -> Floats:
@@ -98,7 +103,7 @@ def misfits(
     wavelength_nm: float,
     imaging: Imaging | None,
     ranging: Ranging | None,
-    make_plans: Callable[[], object],
+    make_plans: Callable[[], tuple[PatternPlan, ...]],
 ) -> list[InputError]:
     """Errors of parts that do not fit together, with fields, values and what is allowed."""
     checks: list[Callable[[], None]] = [
@@ -113,7 +118,10 @@ def misfits(
             lambda: _check_modulation(imaging),
         ]
     if ranging is not None:
-        checks.append(lambda: _check_spots(ranging))
+        checks += [
+            lambda: _check_spots(ranging),
+            lambda: _check_steering(ranging, imaging, make_plans),
+        ]
     errors = []
     for check in checks:
         try:
@@ -127,7 +135,7 @@ def _listed(names: tuple[str, ...]) -> str:
     return f"{', '.join(names[:-1])} and {names[-1]}"
 
 
-def _check_plan(make_plans: Callable[[], object]) -> None:
+def _check_plan(make_plans: Callable[[], tuple[PatternPlan, ...]]) -> None:
     try:
         make_plans()
     except InputError as error:
@@ -192,6 +200,33 @@ def _check_spots(ranging: Ranging) -> None:
         raise InputError(
             f"tof.detector.positions_m has {positions} positions, lasers.directions_deg {spots} "
             f"spots; one photodiode for all, or {spots}, are possible"
+        )
+
+
+def _check_steering(
+    ranging: Ranging, imaging: Imaging | None, make_plans: Callable[[], tuple[PatternPlan, ...]]
+) -> None:
+    """The mirrors' directions are possible, and they settle within a frame."""
+    steering = ranging.lasers.steering
+    if steering is None:
+        return
+    home_deg = np.array(ranging.lasers.directions_deg)
+    half_field_deg = ranging.tof.detector.field_of_view_deg / 2
+    try:
+        steering.check(home_deg, half_field_deg, shared=ranging.shared)
+    except InputError as error:
+        raise InputError(f"lasers.steering.{error}") from None
+    if imaging is None:
+        return
+    try:
+        frame_s = make_plans()[0].exposures * imaging.pattern_period_s
+    except InputError:  # reported as that of the plan
+        return
+    if ranging.frame_time_s > frame_s * (1 + 1e-9):
+        raise InputError(
+            f"lasers.steering.settling_time_s {steering.settling_time_s:.4g} and the time of "
+            f"flight of {ranging.frame_time_s - steering.settling_time_s:.6g} s after it are "
+            f"longer than a frame of {frame_s:.6g} s"
         )
 
 

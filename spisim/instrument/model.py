@@ -217,6 +217,18 @@ class Instrument(Section):
         fields["lasers"]["power_w"] = float(power_w)
         return parse_model(dump_yaml(fields), Instrument, f"instrument of {power_w:g} W")
 
+    def aimed(self, directions: Floats) -> Instrument:
+        """The same instrument with fixed spots along unit vectors (spots, 3).
+
+        Detectors of their own turn with their beams; a shared one does not.
+        """
+        x, y, z = directions.T
+        degrees = np.degrees([np.arctan2(x, z), np.arcsin(-y)]).T
+        lasers = self.ranging.lasers.model_copy(
+            update={"directions_deg": tuple(map(tuple, degrees.tolist())), "steering": None}
+        )
+        return self.model_copy(update={"lasers": lasers})
+
     @property
     def pattern_plan(self) -> PatternPlan:
         """The patterns of the first frame."""

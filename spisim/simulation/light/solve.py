@@ -135,7 +135,7 @@ def solve(
     if outputs.frequencies_hz or outputs.bins is not None:
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
-    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+    streams = streams_of(seed)
     world = build_world(scene)
     if instrument.ranges:
         warn_of_glints(world, placed.beams, placed.tof)
@@ -154,7 +154,7 @@ def solve(
             _part(progress, 0.1, 0.8),
         )
     if instrument.ranges:
-        spots, lengths_m = _spots(
+        spots, lengths_m = trace_spots(
             instrument,
             world,
             placed,
@@ -175,17 +175,29 @@ def solve(
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
-        spot_histogram=spots.mean["histogram"],
-        spot_histogram_error=spot_error(spots),
-        path_length_m=lengths_m,
+        **spot_fields(spots, lengths_m),
         **steady,
         noise_share=image.size,
-        spot_noise_share=spots.size,
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
         extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
     )
+
+
+def streams_of(seed: int) -> list[np.random.SeedSequence]:
+    """Random streams of image, spots, and three kinds of steady light."""
+    return np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+
+
+def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
+    """Fields of `Transport` of the light of the lasers."""
+    return {
+        "spot_histogram": spots.mean["histogram"],
+        "spot_histogram_error": spot_error(spots),
+        "path_length_m": lengths_m,
+        "spot_noise_share": spots.size,
+    }
 
 
 def _image(
@@ -221,7 +233,7 @@ def _image(
     )
 
 
-def _spots(
+def trace_spots(
     instrument: Instrument,
     world: World,
     placed: InstrumentView,

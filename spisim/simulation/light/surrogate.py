@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -104,6 +105,20 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
         seconds=time.perf_counter() - began,
         extra=extra,
     )
+
+
+@with_backend
+def surrogate_spots(
+    scene: Scene, instrument: Instrument, directions: Floats, light: Transport, *, seed: int = 0
+) -> Transport:
+    """Approximate result of `solve_spots`."""
+    began = time.perf_counter()
+    aimed = instrument.aimed(directions)
+    placed, extinction = InstrumentView.placed(scene, aimed), scene.atmosphere.extinction_per_m
+    stream = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)[1]
+    spots = _spots(aimed, build_world(scene), placed, extinction, stream)
+    extra = {**light.extra, **spots.pop("extra")}
+    return replace(light, **spots, seconds=time.perf_counter() - began, extra=extra)
 
 
 def _image(
