@@ -80,15 +80,16 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
     """Class of the lasers, from single pulses, their train, and 100 s of exposure.
 
     Beams add up if, 10 cm from their exit, their axes are closer than the limiting aperture plus
-    their own width.
+    their own width. Of a flood only what enters the aperture counts, where it is brightest; as a
+    point source, which overstates the hazard of a wide one.
 
     Raises
     ------
     InputError
         For a wavelength outside 700 to 1800 nm.
     """
-    one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
-    beams = _beams_together(instrument)
+    beams, fraction = _entering(instrument)
+    one = instrument.ranging.tof.emission(fraction * instrument.ranging.lasers.power_w)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
     mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm)
     return LaserSafety(
@@ -102,7 +103,7 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
 
 def class_1_power_w(instrument: Instrument) -> float:
-    """Maximum `lasers.power_w` for class 1."""
+    """Maximum power of each laser, or of the flood, for class 1."""
     safety = laser_safety(instrument)
     return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
@@ -200,15 +201,18 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
     return "3B" if within_3b and one.mean_w <= POWER_3B_W else "4"
 
 
-def _beams_together(instrument: Instrument) -> int:
-    """Maximum number of beams within one limiting aperture."""
+def _entering(instrument: Instrument) -> tuple[int, float]:
+    """Maximum number of beams within one limiting aperture, and the fraction of each there."""
     lasers = instrument.ranging.lasers
+    aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
+    if instrument.ranging.zones is not None:
+        pupil_sr = math.pi * (aperture_m / 2 / MEASURED_AT_M) ** 2
+        return 1, min(1.0, instrument.ranging.zones.peak_intensity * pupil_sr)
     directions = lasers.directions
     positions: Floats = MEASURED_AT_M * directions / directions[:, 2:]
     apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
-    aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
-    return int(np.max(np.sum(apart < aperture_m + width, axis=1)))
+    return int(np.max(np.sum(apart < aperture_m + width, axis=1))), 1.0
 
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:

@@ -7,6 +7,7 @@ pinhole. Angles named `fov` or `field_of_view` are full angles.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import combinations
 from pathlib import Path
@@ -288,6 +289,19 @@ class Filter(Section):
     """Transmittance within the band; 0 outside."""
 
 
+def unit_vectors(directions_deg: Sequence[tuple[float, float]]) -> Floats:
+    """Unit vectors (n, 3) in the optical frame of azimuths to the right and elevations up."""
+    azimuth, elevation = np.radians(directions_deg).T
+    return np.stack(
+        [
+            np.cos(elevation) * np.sin(azimuth),
+            -np.sin(elevation),
+            np.cos(elevation) * np.cos(azimuth),
+        ],
+        axis=-1,
+    )
+
+
 class Lasers(Section):
     """Beams from the projector's pinhole, Gaussian in angle and position."""
 
@@ -305,15 +319,7 @@ class Lasers(Section):
     @property
     def directions(self) -> Floats:
         """Unit vectors (spots, 3) in the optical frame."""
-        azimuth, elevation = np.radians(self.directions_deg).T
-        return np.stack(
-            [
-                np.cos(elevation) * np.sin(azimuth),
-                -np.sin(elevation),
-                np.cos(elevation) * np.cos(azimuth),
-            ],
-            axis=-1,
-        )
+        return unit_vectors(self.directions_deg)
 
     @model_validator(mode="after")
     def _different_directions(self) -> Lasers:

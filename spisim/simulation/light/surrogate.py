@@ -29,9 +29,9 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light.sequence import LightSequence, at_key_times
-from spisim.simulation.light.solve import Transport, steady_light
+from spisim.simulation.light.solve import Transport, ranging_histogram, steady_light
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -150,8 +150,8 @@ def _spots(
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
-    result = spot_histogram(
-        world, placed.beams, placed.tof, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
+    result = ranging_histogram(
+        world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )
     surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
