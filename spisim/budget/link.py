@@ -138,16 +138,17 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
     echo = lasers.power_w * reflectance * fraction * np.exp(-extinction * path)
     field = np.full(len(directions), _solid_angle(detector))
     half_angle, vignetting = np.radians(detector.field_of_view_deg) / 2, detector.vignetting
+    relative: float | Floats = 1.0
     if (zones := ranging.zones) is not None:  # for the patterns, cones of the same étendue
         field = zones.solid_angle * zones.responses(vignetting)
         half_angle, vignetting = np.arcsin(np.sqrt(field.mean() / np.pi)), 0.0
+        relative = field / field.mean()
     radiance = np.asarray(_daylight_radiance(instrument, target))[..., None]
     daylight = radiance * detector.aperture_area_m2 * field
     patterns = np.zeros(np.shape(echo))
     if instrument.images:
-        patterns = reflectance * _pattern_light_w(
-            instrument, half_angle, vignetting, distance, extinction
-        )
+        seen = _pattern_light_w(instrument, half_angle, vignetting, distance, extinction)
+        patterns = reflectance * seen * relative
     echo, daylight, patterns = np.broadcast_arrays(echo, daylight, patterns)
     return SpotLink(
         path_m=path,

@@ -43,7 +43,7 @@ from spisim.transport.world import World, build_world
 PATHS, SPOT_PATHS = 8, 1024
 #: Fractions of singly scattered light that are added to it; see above.
 BOUNCED, FORWARD, AGAIN_M = 0.033, 0.64, 1.24
-#: The same for the spots, whose detectors see little but the beam.
+#: The same for the spots, whose detectors see little but the beam; zones see what bounces, too.
 SPOT_FORWARD_M, SPOT_AGAIN_M = 0.33, 0.9
 #: Standard deviations of the smoothing, over the longer side of the image: of light from all
 #: around, of light that fog scatters forward, and of the fog's own echo.
@@ -155,6 +155,8 @@ def _spots(
     )
     surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    if placed.zones is not None:
+        guessed += BOUNCED * surfaces
     return {
         "spot_histogram": surfaces + echo + guessed,
         "spot_histogram_error": np.hypot(spot_error(result), guessed),
