@@ -102,7 +102,7 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     per_white_w = np.zeros(np.broadcast_shapes(way_out.shape[:-1], extinction.shape[:-1]))
     half_field, area = np.radians(detector.field_of_view_deg) / 2, detector.aperture_area_m2
     for position in np.asarray(detector.positions_m):
-        one = Receivers(position, axis, half_field, detector.vignetting, area)
+        one = Receivers(position, axis, half_field, detector.vignetting, np.array(area))
         fraction, way_back = _seen(one, points)
         per_white_w = per_white_w + (fraction * np.exp(-extinction * (way_out + way_back))) @ powers
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * distance[..., 0] ** 2

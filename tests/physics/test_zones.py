@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import spots_zones
 import yaml
 
-import spots_zones
 import worlds
 from instruments import changed
 from reconstruction import reconstruct
@@ -51,8 +51,7 @@ def beside_a_projector() -> Instrument:
 def test_bins_hold_the_direct_integral(
     instrument: Instrument, scene: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(spots_zones, "PATHS", 2**12)
-    monkeypatch.setattr(spots_zones, "ACROSS", 1024)
+    monkeypatch.setattr(spots_zones, "DOWN", 128)
     z, total = spots_zones.against_integral(instrument, spots_zones.SCENES[scene], 3)
     assert z < 4
     assert abs(total) < 5e-4

@@ -75,9 +75,7 @@ def test_impossible_zones_are_refused(match: str, zones: dict[str, Any]) -> None
 
 
 def test_lasers_or_zones_and_not_both_or_neither() -> None:
-    refused(
-        "lasers and zones are two ways", lasers={"power_w": 1e-3, "directions_deg": [[0, 0]]}
-    )
+    refused("lasers and zones are two ways", lasers={"power_w": 1e-3, "directions_deg": [[0, 0]]})
     fields = yaml.safe_load(PRESET.text)
     for missing, match in (
         ("zones", "lasers is missing: lasers and tof make ranges together"),

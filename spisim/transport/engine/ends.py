@@ -63,9 +63,10 @@ class Projector:
     """Lens whose virtual pixels emit unit power each, uniform over their image-plane area.
 
     W(ω) = cosᵏθ / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance and
-    the falloff k, 0 by default; launches leave out cosᵏθ. The lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
-    disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
-    one path per `group` of neighbours, from one of them at random.
+    the falloff k, 0 by default; launches leave out cosᵏθ. The lens is a point, or a disc focused at
+    a distance: a pixel's light then leaves from all over the disc towards the pixel's point in the
+    focal plane. A launch has `samples` paths per pixel, or one path per `group` of neighbours, from
+    one of them at random.
     """
 
     to_world: Matrix
@@ -223,7 +224,7 @@ class Projector:
         return value * dr.power(dr.maximum(cosine, 1e-6), self.falloff)
 
     def importance_of(self, direction: Vector) -> Float:
-        """W / cosᵏθ of a drawn ray, which counts as in the field even if rounding puts it on the edge."""
+        """W / cosᵏθ of a drawn ray, in the field even if rounding puts it on the edge."""
         return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
     def importance_towards(self, direction: Vector, lens: Point) -> Float:
