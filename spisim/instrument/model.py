@@ -166,15 +166,12 @@ class Instrument(Section):
             }
         facts["frame"] = f"{1e3 * self.frame_time_s:.4g} ms"
         if self.ranges:
-            lasers, tof = self.ranging
-            facts |= {
-                "lasers": f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW",
-                "ranging": tof.method,
-            }
-            if (zones := self.ranging.zones) is not None:
-                shape = f"{zones.shape[0]} × {zones.shape[1]}"
-                facts["zones"] = f"{shape}, flood of {1e3 * zones.power_w:g} mW"
+            (lasers, tof), zones = self.ranging, self.ranging.zones
+            facts["lasers"] = f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW"
+            if zones is not None:
+                facts["zones"] = "{} × {} under {:g} W".format(*zones.shape, zones.power_w)
                 del facts["lasers"]
+            facts["ranging"] = tof.method
         return facts
 
     @property
