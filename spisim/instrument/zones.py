@@ -18,7 +18,7 @@ FullAngle = Annotated[Number, Field(gt=0, le=150)]
 Leak = Annotated[Number, Field(ge=0, le=0.5)]
 #: Points per side of a zone over which its response is averaged.
 POINTS = 16
-#: Exponent of the light on a bare aperture's image plane: E = π L sin² of a cone times cos⁴.
+#: Exponent of the cosine by which a bare aperture's image darkens off its axis.
 BARE_LENS = 4
 
 
