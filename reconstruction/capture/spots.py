@@ -40,11 +40,13 @@ class SpotOptics:
     """Lasers and their detectors: unit vectors from the pinhole to the spots, and the detectors.
 
     Each detector is a round aperture that sees a cone of half angle ``half_fields_rad`` about its
-    axis (a unit vector), with a response of cos^``falloffs`` of the angle. Beams are Gaussian in
-    angle and position, with standard deviations per axis. ``clear_probability`` (1 is clear air, 0
-    is fog) and the ``visibility_m`` of that fog are the stated weather. ``electrons_per_joule`` are
-    primary electrons per joule of laser light on an aperture. Unknown values are nan; only ranging
-    in fog needs them.
+    axis (a unit vector), with a response of cos^``falloffs`` of the angle. A zone is stored the
+    other way round, as light is the same both ways: its axis is a beam from the receiver, and the
+    flood of light is its detector, with an aperture that makes the light equal. Beams are Gaussian
+    in angle and position, with standard deviations per axis. ``clear_probability`` (1 is clear air,
+    0 is fog) and the ``visibility_m`` of that fog are the stated weather. ``electrons_per_joule``
+    are primary electrons per joule of laser light on an aperture. Unknown values are nan; only
+    ranging in fog needs them.
     """
 
     directions: Annotated[Floats, Stored("1", (SPOTS_AXIS, 3))]
@@ -53,7 +55,7 @@ class SpotOptics:
     half_fields_rad: Annotated[Floats, Stored("rad", (SPOTS_AXIS,), sign="positive", nan=True)] = (
         UNKNOWN
     )
-    falloffs: Annotated[Floats, Stored("1", (SPOTS_AXIS,), sign="not negative", nan=True)] = UNKNOWN
+    falloffs: Annotated[Floats, Stored("1", (SPOTS_AXIS,), nan=True)] = UNKNOWN
     aperture_radii_m: Annotated[
         Floats, Stored("m", (SPOTS_AXIS,), sign="not negative", nan=True)
     ] = UNKNOWN

@@ -85,16 +85,24 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
     a failure of the mirrors (IEC 60825-1:2014, 5.1: reasonably foreseeable faults). If they scan
     and `scan_safeguard` states that light stops with the scan, the aperture sees pulses (4.3 f): a
     frame with a beam in it is one, and the mean is that over all frames.
+    Of a flood only what enters the aperture counts, where it is brightest; as a point source, which
+    overstates the hazard of a wide one.
 
     Raises
     ------
     InputError
         For a wavelength outside 700 to 1800 nm.
     """
-    one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
-    steering = instrument.ranging.lasers.steering
-    scans = steering is not None and steering.scans and steering.scan_safeguard
-    beams, fraction, dwell_s = _passes(instrument) if scans else (_beams_together(instrument), 1, 0)
+    lasers, zones = instrument.ranging.lasers, instrument.ranging.zones
+    power_w, beams, fraction, dwell_s = lasers.power_w, 1, 1.0, 0.0
+    if zones is not None:
+        pupil_sr = math.pi * (_limiting_m(instrument) / 2 / MEASURED_AT_M) ** 2
+        power_w *= min(1.0, zones.peak_intensity * pupil_sr)
+    elif lasers.steering is not None and lasers.steering.is_safeguarded:
+        beams, fraction, dwell_s = _passes(instrument)
+    else:
+        beams = _beams_together(instrument)
+    one = instrument.ranging.tof.emission(power_w)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
     mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm, fraction, dwell_s)
     return LaserSafety(
@@ -108,7 +116,7 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
 
 def class_1_power_w(instrument: Instrument) -> float:
-    """Maximum `lasers.power_w` for class 1."""
+    """Maximum power of each laser, or of the flood, for class 1."""
     safety = laser_safety(instrument)
     return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
@@ -235,7 +243,12 @@ def _aperture_m(instrument: Instrument) -> float:
     """Diameter of the limiting aperture, and of the beam around its axis."""
     lasers = instrument.ranging.lasers
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
-    return width + (PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M)
+    return width + _limiting_m(instrument)
+
+
+def _limiting_m(instrument: Instrument) -> float:
+    """Diameter of the limiting aperture."""
+    return PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
 
 
 def _passes(instrument: Instrument) -> tuple[int, float, float]:

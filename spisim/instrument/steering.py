@@ -78,6 +78,11 @@ class Mirror(Section):
         return False
 
     @property
+    def is_safeguarded(self) -> bool:
+        """Whether no beam stands still: it scans, and light stops with the scan."""
+        return self.scans and self.scan_safeguard
+
+    @property
     def follows(self) -> bool:
         """Whether the beams follow the last depth map."""
         return False

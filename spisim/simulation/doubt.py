@@ -1,8 +1,10 @@
 """What the last depth map leaves open, for mirrors that follow it."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
@@ -54,7 +56,7 @@ class MapDoubt:
         return next((_by_direction(each, capture.optics) for each in sigmas.values()), None)
 
 
-def _by_direction(sigma: Floats, optics: Optics) -> Doubt:
+def _by_direction(sigma: NDArray[Any], optics: Optics) -> Doubt:
     """Sigma (H, W) at azimuths and elevations; the largest where it is unknown, 0 outside."""
     known = np.nan_to_num(sigma, nan=float(np.nanmax(sigma, initial=0.0)))
 

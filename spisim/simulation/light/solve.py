@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, pr
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -55,7 +56,8 @@ class Transport:
 
     image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
     image_error: Floats
-    spot_histogram: Floats  # (spots, bins): fraction of a laser's power on its detector's aperture
+    #: (spots, bins): fraction of a laser's, or the flood's, power on its detector's aperture.
+    spot_histogram: Floats
     spot_histogram_error: Floats
     #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
     path_length_m: Floats
@@ -137,7 +139,7 @@ def solve(
     placed = InstrumentView.placed(scene, instrument)
     streams = streams_of(seed)
     world = build_world(scene)
-    if instrument.ranges:
+    if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
     steady = steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
@@ -257,10 +259,30 @@ def trace_spots(
     budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
-    result = spot_histogram(
-        world, placed.beams, placed.tof, bins, budget, seed=seed, progress=progress
-    )
+    result = ranging_histogram(world, placed, bins, budget, seed=seed, progress=progress)
     return result, bins.centres_m
+
+
+def ranging_histogram(
+    world: World,
+    placed: InstrumentView,
+    bins: PathLengthBins,
+    budget: SamplingBudget,
+    *,
+    seed: np.random.SeedSequence,
+    max_vertices: int = MAX_VERTICES,
+    progress: Callable[[float], None] | None = None,
+) -> Estimate:
+    """Light of spots or zones by path length; see `spot_histogram`.
+
+    Light is the same both ways: zones are traced as pixels whose light the flood collects.
+    """
+    options: Any = {"seed": seed, "max_vertices": max_vertices, "progress": progress}
+    if placed.zones is None:
+        return spot_histogram(world, placed.beams, placed.tof, bins, budget, **options)
+    flood = replace(placed.tof, positions_m=placed.tof.positions_m[:1], axes=placed.tof.axes[:1])
+    outputs = Outputs(orders=True, bins=bins)
+    return transport_image(world, placed.zones, flood, budget, outputs=outputs, **options)
 
 
 def steady_light(
@@ -293,7 +315,7 @@ def steady_light(
         )
         for name, view, stream in (
             ("detector", placed.bucket, streams[0]),
-            ("tof.detector", placed.tof, streams[1]),
+            ("tof.detector", placed.zones or placed.tof, streams[1]),
         )
     )
     crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
@@ -302,7 +324,7 @@ def steady_light(
             world,
             placed.projector,
             instrument.mean_powers_w,
-            placed.tof,
+            placed.zones or placed.tof,
             floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
             target=target,
             seed=streams[2],

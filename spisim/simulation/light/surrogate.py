@@ -30,9 +30,9 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light.sequence import LightSequence, at_key_times
-from spisim.simulation.light.solve import Transport, steady_light
+from spisim.simulation.light.solve import Transport, ranging_histogram, steady_light
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -44,7 +44,7 @@ from spisim.transport.world import World, build_world
 PATHS, SPOT_PATHS = 8, 1024
 #: Fractions of singly scattered light that are added to it; see above.
 BOUNCED, FORWARD, AGAIN_M = 0.033, 0.64, 1.24
-#: The same for the spots, whose detectors see little but the beam.
+#: The same for the spots, whose detectors see little but the beam; zones see what bounces, too.
 SPOT_FORWARD_M, SPOT_AGAIN_M = 0.33, 0.9
 #: Standard deviations of the smoothing, over the longer side of the image: of light from all
 #: around, of light that fog scatters forward, and of the fog's own echo.
@@ -165,11 +165,13 @@ def _spots(
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
-    result = spot_histogram(
-        world, placed.beams, placed.tof, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
+    result = ranging_histogram(
+        world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )
     surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    if placed.zones is not None:
+        guessed += BOUNCED * surfaces
     return {
         "spot_histogram": surfaces + echo + guessed,
         "spot_histogram_error": np.hypot(spot_error(result), guessed),
