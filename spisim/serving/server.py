@@ -180,7 +180,7 @@ class Server:
             self.tally.stops += 1
             self._say(f"{self.time_s:.2f} s: {trouble}")
         self._trouble = trouble
-        shot = self.camera.shoot(motion, self._sender.number)
+        (shot,) = self.camera.shoot([motion], self._sender.number)
         self._record(shot)
         message = self._sender.frame(shot.frame, self._stamp)
         self.tally.frames += 1

@@ -160,13 +160,12 @@ def _truths(
     """Truth at the middle of each frame; one for all if nothing moves."""
     different = frames if scene.moves or steered is not None else 1
     middles_s = (np.arange(different) + 0.5) * instrument.frame_time_s
+    aimed = [instrument] * different
+    if steered is not None and steered.pointing is not None:
+        aimed = [instrument.aimed(each) for each in steered.pointing.true]
     return tuple(
-        ground_truth(
-            scene.at(time_s),
-            instrument if steered is None else instrument.aimed(steered.pointing.true[frame]),
-            subpixels=1,
-        )
-        for frame, time_s in enumerate(middles_s.tolist())
+        ground_truth(scene.at(time_s), own, subpixels=1)
+        for time_s, own in zip(middles_s.tolist(), aimed, strict=True)
     )
 
 

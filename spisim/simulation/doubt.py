@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from reconstruction.capture import Optics
+from reconstruction.capture import Frames, Optics
 from reconstruction.depth import pixel_of
 from reconstruction.reconstructor import Reconstructor
 from spisim.instrument import Instrument
@@ -48,12 +48,17 @@ class MapDoubt:
         )  # fmt: skip
         if self._reconstruct is None:
             self._reconstruct = Reconstructor(capture.setup)
-        try:
-            sigmas = self._reconstruct(capture.frame(0)).log_depth_sigmas
-        except InputError:  # no usable reading
-            return None
         assert capture.optics is not None
-        return next((_by_direction(each, capture.optics) for each in sigmas.values()), None)
+        return map_doubt(self._reconstruct, capture.frame(0), capture.optics)
+
+
+def map_doubt(reconstruct: Reconstructor, frame: Frames, optics: Optics) -> Doubt | None:
+    """Sigma of a frame's ln depth by direction; None if no depth method states one."""
+    try:
+        sigmas = reconstruct(frame).log_depth_sigmas
+    except InputError:  # no usable reading
+        return None
+    return next((_by_direction(each, optics) for each in sigmas.values()), None)
 
 
 def _by_direction(sigma: NDArray[Any], optics: Optics) -> Doubt:

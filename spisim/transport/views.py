@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -156,6 +157,21 @@ class InstrumentView:
                 ranging.lasers.waist_mm * 1e-3,
             )
         return cls(projector, bucket, beams, tof, zones)
+
+
+def together(views: Sequence[InstrumentView]) -> InstrumentView:
+    """Beams and ranging detectors of several views of one instrument with lasers, in their order.
+
+    Projector and bucket are those of the first.
+    """
+
+    def joined(name: str) -> dict[str, Floats]:
+        parts = [getattr(view, name) for view in views]
+        arrays = [each.name for each in fields(parts[0]) if np.ndim(getattr(parts[0], each.name))]
+        return {each: np.concatenate([getattr(part, each) for part in parts]) for each in arrays}
+
+    beams, tof = (replace(getattr(views[0], name), **joined(name)) for name in ("beams", "tof"))
+    return replace(views[0], beams=beams, tof=tof)
 
 
 def _placed(detector: Detector, positions_m: Floats, axes: Floats, pose: Floats) -> DetectorView:

@@ -102,10 +102,10 @@ def test_a_flight_goes_on_where_it_was_stopped(
 ) -> None:
     output, shoot = tmp_path / "flight.h5", Camera.shoot
 
-    def stopped(camera: Camera, motion: Any, number: int) -> Any:
-        if number == SEGMENT + 3:
+    def stopped(camera: Camera, motions: Any, first: int) -> Any:
+        if first == SEGMENT:
             raise KeyboardInterrupt
-        return shoot(camera, motion, number)
+        return shoot(camera, motions, first)
 
     with monkeypatch.context() as patched:
         patched.setattr(Camera, "shoot", stopped)

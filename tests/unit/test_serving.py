@@ -202,9 +202,9 @@ def serve(capture, wire, clock=None, costs_s=(), **options):
     taken, costs = film(capture, 8), iter(costs_s)
     instrument = SimpleNamespace(frame_time_s=FRAME_S)
 
-    def shoot(motion, number):
+    def shoot(motions, number):
         clock.wait(next(costs, 0.0))
-        return SimpleNamespace(frame=taken.frame(number % 8), motion=motion, number=number)
+        return [SimpleNamespace(frame=taken.frame(number % 8), motion=motion, number=number)]
 
     said = []
     line = Line(wire, wire, lasting=True, say=said.append, wait=clock.wait, clock=clock)

@@ -119,7 +119,7 @@ def command(
         setup = camera.setup(Motion.at_rest(flight.scene, carried.frame_time_s))
         recording = None
         if (path := recorded.record) is not None:
-            about = (flight.scene, carried, setup, source(settings=settings))
+            about = (flight.scene, setup, source(settings=settings))
             recorder = FlightRecorder(path, *about, truths=recorded.truths)
             recording = FlightRecord(path, recorder)
         server = Server(

@@ -2,47 +2,73 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import SURROGATE, Frames, Provenance, Setup
+from reconstruction.reconstructor import Reconstructor
 from spisim.base.config import LightSource, dump_yaml
 from spisim.instrument import Instrument
+from spisim.instrument.steering import Pointing
 from spisim.scene import Scene
+from spisim.simulation.doubt import map_doubt
 from spisim.simulation.flight.keys import Keys
-from spisim.simulation.flight.motion import Motion
-from spisim.simulation.light import Transport, solve, surrogate
+from spisim.simulation.flight.motion import Motion, things_move
+from spisim.simulation.light import Steered, Transport, solve, surrogate
 from spisim.simulation.light.lattice import Lattice
+from spisim.simulation.light.steered import of_frames, solve_spots_of
+from spisim.simulation.light.surrogate import surrogate_spots_of
 from spisim.simulation.measurement import Memory, record_frames, recorded_optics
 from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate
+from spisim.transport.views import InstrumentView
 from spisim.version import __version__
 
 #: Random stream of the frames of a seed; other streams trace the light.
 STREAM = 3
 
 
+class LightSolver(NamedTuple):
+    """Solves the light of a scene, with the same random numbers for each.
+
+    `whole` is all light of a scene at a key pose; `spots` the light of the spots in several views
+    of a scene, added to other light of each.
+    """
+
+    whole: Callable[[Scene], Transport]
+    spots: Callable[[Scene, Sequence[InstrumentView], Sequence[Transport]], list[Transport]]
+
+
 @dataclass(frozen=True, eq=False)
 class Shot:
-    """A frame, and its true image (H, W) with standard error, in electrons per exposure."""
+    """A frame, and its true image (H, W) with standard error, in electrons per exposure.
+
+    `instrument` has the spots where they truly pointed, `after` is the electronics' last state.
+    """
 
     number: int
     motion: Motion
     frame: Frames
     image: Floats
     image_error: Floats
+    instrument: Instrument
+    after: Memory | None
 
 
 class Camera:
     """Records frames of an instrument in a scene, one after the other.
 
+    The image's light is interpolated between key poses. That of the spots is solved for the middle
+    of every frame: a spot that crosses an edge meets another surface at once.
+
     The electronics carry charge over from the previous frame, as `memory` has it after that; the
-    first frame follows itself.
+    first frame follows itself. Mirrors that follow the depth map have that of `last`, the previous
+    frame.
 
     Parameters
     ----------
@@ -51,9 +77,9 @@ class Camera:
     keys
         Key poses, between which light is interpolated.
     light
-        Solves the light of a scene at a key pose, as `solver` does.
+        Solves the light, as `solver` does.
     seed
-        Seed of the readings' noise.
+        Seed of the readings' noise and of the mirrors' errors.
     cached
         Number of key poses whose light is cached.
     """
@@ -63,47 +89,105 @@ class Camera:
         scene: Scene,
         instrument: Instrument,
         keys: Keys,
-        light: Callable[[Scene], Transport],
+        light: LightSolver,
         *,
         seed: int,
         cached: int,
     ) -> None:
         self.instrument = instrument
         self.scene = scene
-        self.lattice = Lattice(lambda node: light(keys.scene(node)), cached)
+        self.lattice = Lattice(lambda node: light.whole(keys.scene(node)), cached)
+        self.memory: Memory | None = None
+        self.last: Frames | None = None
         self._keys = keys
+        self._light = light
         self._seed = seed
         times_s = instrument.exposure_times_s(1)[0]
         self._fractions = times_s / instrument.frame_time_s
-        self.memory: Memory | None = None
+        lasers = instrument.lasers
+        self._steering = None if lasers is None else lasers.steering
+        self._reconstruct: Reconstructor | None = None
 
-    def shoot(self, motion: Motion, number: int) -> Shot:
-        """Record the next frame, during a motion; equal numbers have equal noise."""
-        shot, self.memory = self._shoot(motion, number, self.memory)
-        return shot
+    def shoot(self, motions: Sequence[Motion], first: int) -> list[Shot]:
+        """Record the next frames, during motions; equal numbers have equal noise.
 
-    def _shoot(
-        self, motion: Motion, number: int, before: Memory | None
-    ) -> tuple[Shot, Memory | None]:
-        light = self.lattice.light(self._keys.positions(motion, self._fractions))
-        middle = motion.scene(self.scene, 0.5)
-        # Drops are visible only in front of the nearest surface.
-        truths = [ground_truth(middle, self.instrument, subpixels=1)] if _has_drops(middle) else []
-        streams = np.random.SeedSequence(self._seed, spawn_key=(STREAM, number))
-        frame, mean = record_frames(
-            motion.scene(self.scene),
-            self.instrument,
-            light,
-            truths,
-            streams,
-            first=number,
-            before=before,
-        )
-        return Shot(number, motion, frame, mean.image[0], mean.image_error[0]), mean.after
+        The light of their spots is solved together where nothing but the drone moves.
+        """
+        alone = things_move(self.scene) or self._follows or self.instrument.zones is not None
+        step = 1 if alone else len(motions)
+        shots = []
+        for start in range(0, len(motions), step):
+            shots += self._shoot(motions[start : start + step], first + start)
+        return shots
+
+    def _shoot(self, motions: Sequence[Motion], first: int) -> list[Shot]:
+        lights = [
+            self.lattice.light(self._keys.positions(motion, self._fractions)) for motion in motions
+        ]
+        numbers = range(first, first + len(motions))
+        pointings = [self._pointing(number) for number in numbers]
+        aimed = [
+            self.instrument if each is None else self.instrument.aimed(each.true[0])
+            for each in pointings
+        ]
+        middles = [motion.scene(self.scene, 0.5) for motion in motions]
+        spots: Sequence[Steered | None] = [None] * len(motions)
+        if self.instrument.ranges:
+            views = [InstrumentView.placed(*each) for each in zip(middles, aimed, strict=True)]
+            others = [light.transports[0] for light in lights]
+            solved = self._light.spots(middles[0], views, others)
+            spots = [
+                of_frames(self.instrument, [each], pointing, 1)
+                for each, pointing in zip(solved, pointings, strict=True)
+            ]
+        shots = []
+        for number, motion, light, own, middle, steered in zip(
+            numbers, motions, lights, aimed, middles, spots, strict=True
+        ):
+            # Drops are visible only in front of the nearest surface.
+            truths = [ground_truth(middle, own, subpixels=1)] if middle.precipitation else []
+            streams = np.random.SeedSequence(self._seed, spawn_key=(STREAM, number))
+            self.last, mean = record_frames(
+                motion.scene(self.scene),
+                self.instrument,
+                light,
+                truths,
+                streams,
+                first=number,
+                before=self.memory,
+                steered=steered,
+            )
+            self.memory = mean.after
+            image, error = mean.image[0], mean.image_error[0]
+            shots.append(Shot(number, motion, self.last, image, error, own, mean.after))
+        return shots
+
+    @property
+    def _follows(self) -> bool:
+        return self._steering is not None and self._steering.follows
+
+    def _pointing(self, number: int) -> Pointing | None:
+        """Directions of a frame; None without mirrors."""
+        if self._steering is None:
+            return None
+        home_deg = np.array(self.instrument.ranging.lasers.directions_deg)
+        doubt = None
+        if self._follows and self.last is not None:
+            if self._reconstruct is None:
+                self._reconstruct = Reconstructor(self._setup(self.last))
+            optics = recorded_optics(self.instrument)
+            assert optics is not None
+            doubt = map_doubt(self._reconstruct, self.last, optics)
+        return self._steering.pointing(home_deg, number, self._seed, doubt)
 
     def setup(self, motion: Motion) -> Setup:
         """Setup of the frames, which is the same for every motion."""
-        none = self._shoot(motion, 0, None)[0].frame.between(0, 0)
+        (shot,) = self.shoot([motion], 0)
+        self.memory = self.last = None
+        return self._setup(shot.frame)
+
+    def _setup(self, frame: Frames) -> Setup:
+        none = frame.between(0, 0)
         plan, *following_plans = self.instrument.pattern_plans
         return Setup(
             plan=plan,
@@ -115,10 +199,8 @@ class Camera:
         )
 
 
-def solver(
-    instrument: Instrument, light: LightSource, *, seed: int, **budget: Any
-) -> Callable[[Scene], Transport]:
-    """Function that solves the light of a scene, with the same random numbers for each.
+def solver(instrument: Instrument, light: LightSource, *, seed: int, **budget: Any) -> LightSolver:
+    """Functions that solve the light of a scene.
 
     Parameters
     ----------
@@ -132,9 +214,19 @@ def solver(
         `spp` or `transport_noise_share` of traced light, as of `solve`.
     """
     if light == "surrogate":
-        return lambda scene: surrogate(scene, instrument, seed=seed)
+        return LightSolver(
+            lambda scene: surrogate(scene, instrument, seed=seed),
+            lambda scene, views, others: surrogate_spots_of(
+                scene, instrument, views, others, seed=seed
+            ),
+        )
     outputs = Outputs(orders=True, frequencies_hz=instrument.tap_frequencies_hz)
-    return lambda scene: solve(scene, instrument, seed=seed, outputs=outputs, **budget)
+    return LightSolver(
+        lambda scene: solve(scene, instrument, seed=seed, outputs=outputs, **budget),
+        lambda scene, views, others: solve_spots_of(
+            scene, instrument, views, others, seed=seed, **budget
+        ),
+    )
 
 
 def provenance(
@@ -152,7 +244,3 @@ def provenance(
         seed=seed,
         settings=dump_yaml({"light": {"source": light}} | common | settings),
     )
-
-
-def _has_drops(scene: Scene) -> bool:
-    return bool(scene.precipitation)

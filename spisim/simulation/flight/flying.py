@@ -16,7 +16,7 @@ from spisim.simulation.flight.camera import Camera, provenance, solver
 from spisim.simulation.flight.keys import SPACING_M, PathKeys
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.flight.pose_error import EXACT, PoseError, StatedPoses
-from spisim.simulation.flight.recording import FlightRecorder
+from spisim.simulation.flight.recording import SEGMENT, FlightRecorder
 
 MAX_FRAMES = 1_000_000
 #: Solved key poses that are cached; a frame needs a few neighbours.
@@ -99,18 +99,18 @@ def record_flight(
     recorder = FlightRecorder(
         file,
         scene,
-        instrument,
         camera.setup(Motion.at_rest(scene, frame_s)),
         provenance(scene, instrument, light, seed=seed, settings=settings),
         truths=truths,
         stated=lambda motions, first: stated.rows(first, first + len(motions)),
     )
-    camera.memory = recorder.resume()
+    recorder.resume(camera)
     kept = recorder.frames
-    for number in range(kept, frames):
-        progress(number / frames)
-        motion = Motion.along(path, number * frame_s, frame_s)
-        assert motion is not None
-        recorder.add(camera.shoot(motion, number), camera.memory)
+    for start in range(kept, frames, SEGMENT):
+        progress(start / frames)
+        numbers = range(start, min(start + SEGMENT, frames))
+        motions = [Motion.along(path, number * frame_s, frame_s) for number in numbers]
+        for shot in camera.shoot([each for each in motions if each is not None], start):
+            recorder.add(shot)
     recorder.finish()
     return frames, kept

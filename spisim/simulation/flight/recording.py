@@ -24,10 +24,9 @@ from reconstruction.capture import (
     read_capture,
     write_capture,
 )
-from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.scene.trajectory import FRAMES, POSES
-from spisim.simulation.flight.camera import Shot
+from spisim.simulation.flight.camera import Camera, Shot
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.measurement import Memory, frame_truth
 from spisim.transport import ground_truth
@@ -46,8 +45,8 @@ class FlightRecorder:
     ----------
     path
         Capture file to become.
-    scene, instrument
-        What is recorded, and by what.
+    scene
+        What is recorded.
     setup, provenance
         Of all frames. The provenance tells this flight's segments from those of another.
     truths
@@ -61,7 +60,6 @@ class FlightRecorder:
         self,
         path: Path,
         scene: Scene,
-        instrument: Instrument,
         setup: Setup,
         provenance: Provenance,
         *,
@@ -72,7 +70,6 @@ class FlightRecorder:
         self._path = path
         self._folder = path.with_name(f".{path.name}.parts")
         self._scene = scene
-        self._instrument = instrument
         self._setup = setup
         self._provenance = replace(provenance, created="")
         self._every = truths
@@ -80,16 +77,15 @@ class FlightRecorder:
         self._shots: list[Shot] = []
         self._truths: list[tuple[int, FrameTruth]] = []
 
-    def resume(self) -> Memory | None:
-        """Keep the whole segments of an earlier run, and return the electronics' last state.
+    def resume(self, camera: Camera) -> None:
+        """Keep the whole segments of an earlier run; the camera goes on after their last frame.
 
         `frames` is then their number. Raises InputError for segments of another flight.
         """
         remove_unfinished(self._segment(SEGMENT * n) for n in range(len(self._segments) + 1))
-        memory = None
         for number, part in enumerate(self._segments):
             with np.load(self._memory(part)) as stored:
-                memory = Memory(float(stored["level"]), stored["light"])
+                camera.memory = Memory(float(stored["level"]), stored["light"])
             capture = read_capture(part)
             if part != self._segment(SEGMENT * number) or capture.provenance != self._provenance:
                 raise InputError(
@@ -97,28 +93,28 @@ class FlightRecorder:
                     "choose another output"
                 )
             self.frames += capture.frames
-        return memory
+            camera.last = replace(capture.frame(capture.frames - 1), first=self.frames - 1)
 
     def discard(self) -> None:
         """Remove the segments."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def add(self, shot: Shot, after: Memory | None) -> None:
-        """Record a frame, and the state of the electronics after it."""
+    def add(self, shot: Shot) -> None:
+        """Record a frame."""
         if self.frames % self._every == 0:
-            truth = ground_truth(shot.motion.scene(self._scene, 0.5), self._instrument, subpixels=1)
+            truth = ground_truth(shot.motion.scene(self._scene, 0.5), shot.instrument, subpixels=1)
             self._truths.append(
                 (len(self._shots), frame_truth(shot.image, shot.image_error, truth))
             )
         self._shots.append(shot)
         self.frames += 1
         if len(self._shots) == SEGMENT:
-            self._write_segment(after)
+            self._write_segment()
 
     def finish(self, provenance: Provenance | None = None) -> None:
         """Join all segments to the file; a provenance replaces that of the segments."""
         if self._shots:
-            self._write_segment(None)
+            self._write_segment()
         joined = self._folder / "joined.tmp"
         join_captures(self._segments, joined, self._setup, provenance or self._provenance)
         joined.replace(self._path)
@@ -136,12 +132,12 @@ class FlightRecorder:
     def _memory(segment: Path) -> Path:
         return segment.with_suffix(".npz")
 
-    def _write_segment(self, after: Memory | None) -> None:
+    def _write_segment(self) -> None:
         """Write the frames since the last segment; the capture comes last and makes it whole."""
         first = self.frames - len(self._shots)
         path = self._segment(first)
         self._folder.mkdir(parents=True, exist_ok=True)
-        state = after or Memory(0.0, np.zeros(0))
+        state = self._shots[-1].after or Memory(0.0, np.zeros(0))
         np.savez(self._memory(path), level=state.level, light=state.light)
         frames = Frames.joined([shot.frame for shot in self._shots])
         plans = [self._setup.plan_of(first + turn) for turn in range(len(self._setup.plans))]

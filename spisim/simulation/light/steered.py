@@ -1,8 +1,9 @@
 """Light of steered spots: solved for every frame's directions, while the image's is solved once."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -17,9 +18,11 @@ from spisim.transport.backend import with_backend
 from spisim.transport.drops import Interpolation
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M
-from spisim.transport.views import InstrumentView
+from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import build_world
 
+#: Fields of `Transport` with a row per spot that the lasers' light decides.
+HISTOGRAMS = ("spot_histogram", "spot_histogram_error")
 SpotSolver = Callable[[Scene, Floats, Transport], Transport]
 """From a scene, directions (spots, 3) and its other light to `Transport`, as `solve_spots`."""
 
@@ -29,7 +32,7 @@ class Steered:
     """Light of the spots in every frame, and where they point."""
 
     light: Light
-    pointing: Pointing
+    pointing: Pointing | None  # None where mirrors rest or there are none
 
 
 @with_backend
@@ -81,6 +84,48 @@ def solve_spots(
     )
 
 
+@with_backend
+def solve_spots_of(
+    scene: Scene,
+    instrument: Instrument,
+    views: Sequence[InstrumentView],
+    light: Sequence[Transport],
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+) -> list[Transport]:
+    """`light` of each of several views of a scene with that of its spots, all traced at once.
+
+    Each view may have another pose and other directions. See `solve_spots`.
+    """
+    steady = {
+        name: np.concatenate([getattr(each, name) for each in light])
+        for name in ("spot_daylight_w", "spot_crosstalk_w")
+    }
+    budget = (spp, transport_noise_share)
+    spots, lengths_m = trace_spots(
+        instrument, build_world(scene), together(views), steady, budget, streams_of(seed)[1], None
+    )
+    return by_view(spot_fields(spots, lengths_m), spots.mean["histogram_orders"], light)
+
+
+def by_view(
+    solved: Mapping[str, Any], orders: Floats, light: Sequence[Transport]
+) -> list[Transport]:
+    """`light` of each view with its part of the `solved` fields of the spots of all."""
+    count = len(orders[0]) // len(light)
+    parts = [slice(count * number, count * (number + 1)) for number in range(len(light))]
+    return [
+        replace(
+            each,
+            **{**solved, **{name: solved[name][part] for name in HISTOGRAMS}},
+            extra={**each.extra, "spot_orders": orders[:, part]},
+        )
+        for part, each in zip(parts, light, strict=True)
+    ]
+
+
 def steered_light(
     scene: Scene,
     instrument: Instrument,
@@ -115,15 +160,17 @@ def steered_light(
             for part in range(per_frame)
         ]
         if doubt is not None:
-            known = doubt(frame, _together(instrument, keys, pointing))
+            known = doubt(frame, of_frames(instrument, keys, pointing, 1))
         every += keys
         pointings.append(pointing)
-    return _together(instrument, every, Pointing.joined(pointings))
+    return of_frames(instrument, every, Pointing.joined(pointings), frames)
 
 
-def _together(instrument: Instrument, solved: list[Transport], pointing: Pointing) -> Steered:
+def of_frames(
+    instrument: Instrument, solved: Sequence[Transport], pointing: Pointing | None, frames: int
+) -> Steered:
     """Light whose keys are equally many for each frame, and count equally."""
-    shape = (len(pointing.true), 1, len(solved) // len(pointing.true))
+    shape = (frames, 1, len(solved) // frames)
     exposures = instrument.exposure_times_s(1).shape[1]
     keys = np.arange(len(solved)).reshape(shape).repeat(exposures, axis=1)
     between = Interpolation(keys, np.full(keys.shape, 1 / shape[-1]))

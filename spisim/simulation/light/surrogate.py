@@ -18,7 +18,7 @@ as in `engine.direct`.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -30,14 +30,20 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light.sequence import LightSequence, at_key_times
-from spisim.simulation.light.solve import Transport, ranging_histogram, steady_light
+from spisim.simulation.light.solve import (
+    Transport,
+    ranging_histogram,
+    steady_light,
+    streams_of,
+)
+from spisim.simulation.light.steered import by_view
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.transport.stated_error import image_error, spot_error
-from spisim.transport.views import InstrumentView
+from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import World, build_world
 
 #: Paths of each virtual pixel, and of each laser.
@@ -119,6 +125,22 @@ def surrogate_spots(
     spots = _spots(aimed, build_world(scene), placed, extinction, stream)
     extra = {**light.extra, **spots.pop("extra")}
     return replace(light, **spots, seconds=time.perf_counter() - began, extra=extra)
+
+
+@with_backend
+def surrogate_spots_of(
+    scene: Scene,
+    instrument: Instrument,
+    views: Sequence[InstrumentView],
+    light: Sequence[Transport],
+    *,
+    seed: int = 0,
+) -> list[Transport]:
+    """Approximate result of `solve_spots_of`."""
+    extinction, stream = scene.atmosphere.extinction_per_m, streams_of(seed)[1]
+    spots = _spots(instrument, build_world(scene), together(views), extinction, stream)
+    orders = spots.pop("extra")["spot_orders"]
+    return by_view(spots, orders, light)
 
 
 def _image(

@@ -113,7 +113,7 @@ def record_frames(
             instrument.spot_optics,
             for_spots if noise else None,
         )
-        if steered is not None:
+        if steered is not None and steered.pointing is not None:
             spots = replace(spots, pointing=steered.pointing.read)
     if instrument.images:
         mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
