@@ -14,7 +14,7 @@ from reconstruction.capture.spots import MAX_SPOTS
 from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.steering import directions
 
-FullAngle = Annotated[Number, Field(gt=0, le=150)]
+FullAngle = Annotated[Number, Field(ge=0.1, le=150)]
 Leak = Annotated[Number, Field(ge=0, le=0.5)]
 #: Points per side of a zone over which its response is averaged.
 POINTS = 16

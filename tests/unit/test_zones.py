@@ -63,6 +63,7 @@ def test_all_zones_together_have_the_etendue_of_the_field() -> None:
         (r"zones\.shape", {"shape": [0, 8]}),
         (r"zones\.fov_deg\[0\].*151", {"fov_deg": [151, 45]}),
         (r"flood_deg 40 leaves zones dark, whose middles lie up to 27\.\d+°", {"flood_deg": 40}),
+        (r"zones\.flood_deg.*0\.05", {"shape": [1, 1], "flood_deg": 0.05}),
         (r"zones\.crosstalk", {"crosstalk": 0.6}),
         (r"zones\.cover_glass", {"cover_glass": -1e-9}),
         (r"zones\.power_w", {"power_w": 0}),
