@@ -204,7 +204,7 @@ def serve(capture, wire, clock=None, costs_s=(), **options):
 
     def shoot(motions, number):
         clock.wait(next(costs, 0.0))
-        return [SimpleNamespace(frame=taken.frame(number % 8), motion=motion, number=number)]
+        return [SimpleNamespace(frame=taken.frame(number % 8), motion=motions[0], number=number)]
 
     said = []
     line = Line(wire, wire, lasting=True, say=said.append, wait=clock.wait, clock=clock)
