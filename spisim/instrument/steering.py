@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Discriminator, Field, model_validator
@@ -57,6 +57,10 @@ class Pointing(NamedTuple):
 class Mirror(Section):
     """What all modes share: the mirrors and their errors."""
 
+    #: Whether beams move from frame to frame by themselves, and whether they follow the last map.
+    scans: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
+
     mirrors: Literal["common", "each"] = "common"
     """One mirror for all spots, whose pattern moves as a whole, or one for each."""
     half_range_deg: tuple[HalfAngle, HalfAngle]
@@ -71,16 +75,6 @@ class Mirror(Section):
     """[across, up] constant error of the recorded angles."""
     scan_safeguard: bool = False
     """Whether light stops when the scan fails; without, beams are assessed as standing."""
-
-    @property
-    def scans(self) -> bool:
-        """Whether the beams move from frame to frame by themselves."""
-        return False
-
-    @property
-    def follows(self) -> bool:
-        """Whether the beams follow the last depth map."""
-        return False
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         """Commanded angles (mirrors, 2) of a frame in degrees: to the right, up."""
@@ -210,16 +204,10 @@ class Listed(Mirror):
         return np.asarray(np.linalg.norm(every[:, :, None] - every[:, None], axis=-1).min(axis=0))
 
 
-class Scan(Mirror):
-    """Modes that go over the whole range of the mirrors, whatever they meet."""
-
-    @property
-    def scans(self) -> bool:
-        return True
-
-
-class Raster(Scan):
+class Raster(Mirror):
     """Row by row over the range, to and fro."""
+
+    scans = True
 
     mode: Literal["raster"]
     """Mode discriminator."""
@@ -234,8 +222,10 @@ class Raster(Scan):
         return np.tile(unit * self.half_range_deg, (mirrors, 1))
 
 
-class Lissajous(Scan):
+class Lissajous(Mirror):
     """A sine across and one upwards, sampled once a frame."""
+
+    scans = True
 
     mode: Literal["lissajous"]
     """Mode discriminator."""
@@ -247,8 +237,10 @@ class Lissajous(Scan):
         return np.tile(unit * self.half_range_deg, (mirrors, 1))
 
 
-class Random(Scan):
+class Random(Mirror):
     """Evenly over the range in any order: a low-discrepancy sequence from a random start."""
+
+    scans = True
 
     mode: Literal["random"]
     """Mode discriminator."""
@@ -261,25 +253,23 @@ class Random(Scan):
         return np.asarray((2 * unit - 1) * self.half_range_deg)
 
 
-class Adaptive(Fixed):
+class Adaptive(Mirror):
     """Where the last depth map is least sure; without one, at rest."""
 
-    mode: Literal["adaptive"]  # type: ignore[assignment]
+    follows = True
+
+    mode: Literal["adaptive"]
     """Mode discriminator."""
     method: str = "least-sure"
     """Name of the method that chooses the directions."""
     apart_deg: Positive = 1.5
     """Minimum angle between spots with mirrors of their own; above the detectors' field."""
 
-    @property
-    def follows(self) -> bool:
-        return True
-
-    def extremes(self, mirrors: int) -> Floats:
-        return Mirror.extremes(self, mirrors)
+    def offsets(self, frame: int, mirrors: int) -> Floats:
+        return np.zeros((mirrors, 2))
 
     def closest_deg(self, home_deg: Floats) -> Floats:
-        closest = Mirror.closest_deg(self, home_deg)
+        closest = super().closest_deg(home_deg)
         return closest if self.mirrors == "common" else np.maximum(closest, self.apart_deg)
 
     def aimed(self, frame: int, home_deg: Floats, doubt: Doubt | None) -> Floats:

@@ -51,7 +51,8 @@ class MapDoubt:
         except InputError:  # no usable reading
             return None
         assert capture.optics is not None
-        return next((_by_direction(each, capture.optics) for each in sigmas.values()), None)
+        sigma = next(iter(sigmas.values()), None)
+        return None if sigma is None else _by_direction(sigma.astype(np.float64), capture.optics)
 
 
 def _by_direction(sigma: Floats, optics: Optics) -> Doubt:

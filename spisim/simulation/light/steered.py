@@ -20,8 +20,8 @@ from spisim.transport.path_bins import BIN_WIDTH_M
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
-SpotSolver = Callable[[Scene, Floats, Transport], Transport]
-"""From a scene, directions (spots, 3) and its other light to `Transport`, as `solve_spots`."""
+SpotSolver = Callable[..., Transport]
+"""`solve_spots`, or what takes its place; called without the effort."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,8 +109,10 @@ def steered_light(
         keys = [
             spots(
                 scene.at((frame + (part + 0.5) / per_frame) * instrument.frame_time_s),
+                instrument,
                 pointing.true[0],
                 light.transports[frame * per_frame + part if scene.moves else 0],
+                seed=seed,
             )
             for part in range(per_frame)
         ]
