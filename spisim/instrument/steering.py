@@ -15,7 +15,6 @@ mirror, or through one as large as their lens); one that is shared stares.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
@@ -120,8 +119,8 @@ class Mirror(Section):
     def check(self, home_deg: Floats, half_field_deg: float, *, shared: bool) -> None:
         """Raise InputError if beams cannot get there, leave a shared field, or meet.
 
-        `half_field_deg` is half the field of a photodiode; with one for each, spots that are nearer
-        than a field see each other's light.
+        `half_field_deg` is half the field of a photodiode; with one for each, spots that come
+        nearer than a field, and than at rest, see each other's light.
         """
         extremes = self.extremes(len(self.groups(home_deg)))
         reached = home_deg + extremes
@@ -133,17 +132,18 @@ class Mirror(Section):
         off_axis = np.degrees(np.arccos(directions(reached)[..., 2])).max()
         if shared and off_axis > half_field_deg:
             raise InputError(
-                f"spots get up to {off_axis:.4g}° off the axis of the shared detector, whose "
+                f"mirrors turn spots up to {off_axis:.4g}° off the axis of the shared detector, whose "
                 f"tof.detector.field_of_view_deg {2 * half_field_deg:g} holds {half_field_deg:g}°"
             )
+        at_rest = np.linalg.norm(home_deg[:, None] - home_deg, axis=-1)
+        apart = np.minimum(0.0 if shared else 2 * half_field_deg, at_rest)
         closest = self.closest_deg(home_deg)
-        for one, other in combinations(range(len(home_deg)), 2):
-            if closest[one, other] <= (0.0 if shared else 2 * half_field_deg):
-                raise InputError(
-                    f"spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
-                    f"each other, and tof.detector.field_of_view_deg is {2 * half_field_deg:g}; "
-                    f"more than that is needed between their ranges"
-                )
+        for one, other in np.argwhere(np.triu((closest < apart) | (closest == 0), 1)):
+            raise InputError(
+                f"mirrors let spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
+                f"each other; at least {apart[one, other]:.3g}°, tof.detector.field_of_view_deg or "
+                "their distance at rest, is needed"
+            )
 
     def closest_deg(self, home_deg: Floats) -> Floats:
         """Minimum angles (spots, spots) between any two spots."""

@@ -174,6 +174,20 @@ def test_steering_that_cannot_be_is_refused_by_name(steering, said):
         steered(**steering)
 
 
+def test_spots_that_do_not_come_nearer_may_see_each_other_as_they_do_at_rest():
+    wide = {"tof__detector__field_of_view_deg": 16.0}  # neighbours are 10° apart
+    for steering in (
+        {"mode": "random"}, {"mode": "fixed", "mirrors": "each"},
+        {"mode": "list", "mirrors": "each", "offsets_deg": [[[-1, 1], [1, 1], [-1, -1], [1, -1]]]},
+    ):  # fmt: skip
+        changed("paper-steered", lasers__steering=FREE | steering, **wide)
+    nearer = {"mode": "list", "mirrors": "each", "offsets_deg": [[[1, 0]] * 3 + [[0.5, 0]]]}
+    with pytest.raises(
+        ValidationError, match=r"steering\.mirrors let spots 0 and 3 meet: .* 13\.8°"
+    ):
+        changed("paper-steered", lasers__steering=FREE | nearer, **wide)
+
+
 def test_beams_stay_in_front_and_in_a_shared_field():
     shared = {
         "tof__detector__positions_m": [[0.01, 0, 0]], "tof__detector__field_of_view_deg": 20.0,
