@@ -7,6 +7,7 @@ drawn repeatedly. Mirrors read their angles with errors, as the preset states.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from time import thread_time
 
 import numpy as np
@@ -87,9 +88,7 @@ def captured(instrument: Instrument, draws: int, spp: int) -> tuple[list[Capture
         panels,
         instrument,
         base,
-        lambda instant, directions, light: solve_spots(
-            instant, instrument, directions, light, spp=spp, seed=SEED
-        ),
+        partial(solve_spots, spp=spp),
         frames=FRAMES,
         seed=SEED,
     )

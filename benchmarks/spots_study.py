@@ -68,8 +68,9 @@ def views(weather: str, seeds: int) -> Iterator[View]:
             continue
         depth_m = np.asarray(result.depths["learned"], np.float64)
         filled = np.where(np.isfinite(depth_m), depth_m, np.nanmedian(depth_m))
-        yield View(f"{family} {seed}", instrument, scene, path, np.log(filled),
-                   np.nan_to_num(sigma, nan=1.0), capture.truth.depth_m[0].astype(np.float64))  # fmt: skip
+        true_m = capture.truth.depth_m[0].astype(np.float64)
+        sigma = np.nan_to_num(sigma, nan=1.0)
+        yield View(f"{family} {seed}", instrument, scene, path, np.log(filled), sigma, true_m)
 
 
 def _path(scene: Scene, motion: str) -> Trajectory:
@@ -227,8 +228,8 @@ def tables(errors: Errors, names: list[str]) -> list[Table]:
                     cells.append(f"{values.mean():.3f} ({low:.2f}–{high:.2f})")
                 rows.append((f"{spots}", mode, *cells))
         title = (
-            f"AbsRel in {weather} of {len(single)} flights of {len(set(names))} drawn worlds, and its "
-            f"ratio to that of the single frame ({single.mean():.3f}), 95 % over flights."
+            f"AbsRel in {weather} of {len(single)} flights of {len(set(names))} drawn worlds, and "
+            f"its ratio to that of the single frame ({single.mean():.3f}), 95 % over flights."
         )
         made.append(Table(title, ("spots", "steering", *(f"{each:g} s" for each in times)), rows))
     return made

@@ -15,8 +15,7 @@ mirror, or through one as large as their lens); one that is shared stares.
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import combinations
-from typing import Annotated, Any, Literal, NamedTuple, TypeAlias
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
 import numpy as np
 from pydantic import Discriminator, Field, model_validator
@@ -57,6 +56,10 @@ class Pointing(NamedTuple):
 class Mirror(Section):
     """What all modes share: the mirrors and their errors."""
 
+    #: Whether beams move from frame to frame by themselves, and whether they follow the last map.
+    scans: ClassVar[bool] = False
+    follows: ClassVar[bool] = False
+
     mirrors: Literal["common", "each"] = "common"
     """One mirror for all spots, whose pattern moves as a whole, or one for each."""
     half_range_deg: tuple[HalfAngle, HalfAngle]
@@ -73,19 +76,9 @@ class Mirror(Section):
     """Whether light stops when the scan fails; without, beams are assessed as standing."""
 
     @property
-    def scans(self) -> bool:
-        """Whether the beams move from frame to frame by themselves."""
-        return False
-
-    @property
     def is_safeguarded(self) -> bool:
         """Whether no beam stands still: it scans, and light stops with the scan."""
         return self.scans and self.scan_safeguard
-
-    @property
-    def follows(self) -> bool:
-        """Whether the beams follow the last depth map."""
-        return False
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         """Commanded angles (mirrors, 2) of a frame in degrees: to the right, up."""
@@ -131,8 +124,8 @@ class Mirror(Section):
     def check(self, home_deg: Floats, half_field_deg: float, *, shared: bool) -> None:
         """Raise InputError if beams cannot get there, leave a shared field, or meet.
 
-        `half_field_deg` is half the field of a photodiode; with one for each, spots that are nearer
-        than a field see each other's light.
+        `half_field_deg` is half the field of a photodiode; with one for each, spots that come
+        nearer than a field, and than at rest, see each other's light.
         """
         extremes = self.extremes(len(self.groups(home_deg)))
         reached = home_deg + extremes
@@ -144,17 +137,18 @@ class Mirror(Section):
         off_axis = np.degrees(np.arccos(directions(reached)[..., 2])).max()
         if shared and off_axis > half_field_deg:
             raise InputError(
-                f"spots get up to {off_axis:.4g}° off the axis of the shared detector, whose "
+                f"mirrors turn spots up to {off_axis:.4g}° off the axis of the shared detector, whose "
                 f"tof.detector.field_of_view_deg {2 * half_field_deg:g} holds {half_field_deg:g}°"
             )
+        at_rest = np.linalg.norm(home_deg[:, None] - home_deg, axis=-1)
+        apart = np.minimum(0.0 if shared else 2 * half_field_deg, at_rest)
         closest = self.closest_deg(home_deg)
-        for one, other in combinations(range(len(home_deg)), 2):
-            if closest[one, other] <= (0.0 if shared else 2 * half_field_deg):
-                raise InputError(
-                    f"spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
-                    f"each other, and tof.detector.field_of_view_deg is {2 * half_field_deg:g}; "
-                    f"more than that is needed between their ranges"
-                )
+        for one, other in np.argwhere(np.triu((closest < apart) | (closest == 0), 1)):
+            raise InputError(
+                f"mirrors let spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
+                f"each other; at least {apart[one, other]:.3g}°, tof.detector.field_of_view_deg or "
+                "their distance at rest, is needed"
+            )
 
     def closest_deg(self, home_deg: Floats) -> Floats:
         """Minimum angles (spots, spots) between any two spots."""
@@ -215,16 +209,10 @@ class Listed(Mirror):
         return np.asarray(np.linalg.norm(every[:, :, None] - every[:, None], axis=-1).min(axis=0))
 
 
-class Scan(Mirror):
-    """Modes that go over the whole range of the mirrors, whatever they meet."""
-
-    @property
-    def scans(self) -> bool:
-        return True
-
-
-class Raster(Scan):
+class Raster(Mirror):
     """Row by row over the range, to and fro."""
+
+    scans = True
 
     mode: Literal["raster"]
     """Mode discriminator."""
@@ -239,8 +227,10 @@ class Raster(Scan):
         return np.tile(unit * self.half_range_deg, (mirrors, 1))
 
 
-class Lissajous(Scan):
+class Lissajous(Mirror):
     """A sine across and one upwards, sampled once a frame."""
+
+    scans = True
 
     mode: Literal["lissajous"]
     """Mode discriminator."""
@@ -252,8 +242,10 @@ class Lissajous(Scan):
         return np.tile(unit * self.half_range_deg, (mirrors, 1))
 
 
-class Random(Scan):
+class Random(Mirror):
     """Evenly over the range in any order: a low-discrepancy sequence from a random start."""
+
+    scans = True
 
     mode: Literal["random"]
     """Mode discriminator."""
@@ -266,25 +258,23 @@ class Random(Scan):
         return np.asarray((2 * unit - 1) * self.half_range_deg)
 
 
-class Adaptive(Fixed):
+class Adaptive(Mirror):
     """Where the last depth map is least sure; without one, at rest."""
 
-    mode: Literal["adaptive"]  # type: ignore[assignment]
+    follows = True
+
+    mode: Literal["adaptive"]
     """Mode discriminator."""
     method: str = "least-sure"
     """Name of the method that chooses the directions."""
     apart_deg: Positive = 1.5
     """Minimum angle between spots with mirrors of their own; above the detectors' field."""
 
-    @property
-    def follows(self) -> bool:
-        return True
-
-    def extremes(self, mirrors: int) -> Floats:
-        return Mirror.extremes(self, mirrors)
+    def offsets(self, frame: int, mirrors: int) -> Floats:
+        return np.zeros((mirrors, 2))
 
     def closest_deg(self, home_deg: Floats) -> Floats:
-        closest = Mirror.closest_deg(self, home_deg)
+        closest = super().closest_deg(home_deg)
         return closest if self.mirrors == "common" else np.maximum(closest, self.apart_deg)
 
     def aimed(self, frame: int, home_deg: Floats, doubt: Doubt | None) -> Floats:

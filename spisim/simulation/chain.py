@@ -2,11 +2,11 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
-from reconstruction.base.arrays import Floats
 from reconstruction.capture import SURROGATE, Capture
 from spisim.base.config import LightSource
 from spisim.instrument import Instrument
@@ -108,19 +108,6 @@ def simulate(
             progress=progress,
         )
 
-    def spots(instant: Scene, directions: Floats, other: Transport) -> Transport:
-        if light == "surrogate":
-            return surrogate_spots(instant, instrument, directions, other, seed=seed)
-        return solve_spots(
-            instant,
-            instrument,
-            directions,
-            other,
-            spp=spp,
-            transport_noise_share=fraction,
-            seed=seed,
-        )
-
     steering = None if instrument.lasers is None else instrument.lasers.steering
     steered = None
     if steering is not None:
@@ -128,7 +115,9 @@ def simulate(
             scene,
             instrument,
             result,
-            spots,
+            surrogate_spots
+            if light == "surrogate"
+            else partial(solve_spots, spp=spp, transport_noise_share=fraction),
             frames=frames,
             seed=seed,
             doubt=MapDoubt(scene, instrument, result, seed) if steering.follows else None,

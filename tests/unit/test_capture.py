@@ -130,7 +130,9 @@ def test_every_dataset_is_documented_with_its_units(capture, path):
     stored = {}
     dense = replace(capture.plan, patterns=Dense(np.ones((32, 4, 8))))
     for method in READINGS:
-        write_capture(replace(capture, plan=dense, spots=make_spots(method)), path)
+        spots = make_spots(method)
+        spots = replace(spots, pointing=np.tile(spots.directions, (capture.frames, 1, 1)))
+        write_capture(replace(capture, plan=dense, spots=spots), path)
         with h5py.File(path) as file:
             file.visititems(
                 lambda name, item: (

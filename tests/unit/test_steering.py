@@ -25,6 +25,8 @@ from spisim.budget.eye_safety import laser_safety
 from spisim.instrument import load_instrument
 from spisim.instrument.aims.least_sure import least_sure
 from spisim.instrument.steering import directions
+from spisim.report.pictures import spot_marks
+from spisim.report.space import Space
 from spisim.scene import Ambient, Scene
 from spisim.simulation.light import LightSequence, solve, solve_spots, steered_light
 from worlds import ORIGIN, plane
@@ -164,12 +166,26 @@ def test_jitter_and_reading_errors_scatter_as_stated():
          "0 and 1 meet"),
         ({"mode": "adaptive", "method": "most-sure"}, "most-sure"),
         ({"mode": "fixed", "jitter_mrad": -1}, "jitter_mrad"),
-        ({"mode": "fixed", "settling_time_s": 2e-3}, "settling_time_s 0.002 .* longer than a frame"),
+        ({"mode": "fixed", "settling_time_s": 2e-3}, "0.002 .* longer than a frame"),
     ],
 )  # fmt: skip
 def test_steering_that_cannot_be_is_refused_by_name(steering, said):
     with pytest.raises((ValidationError, InputError), match=f"(?s){said}"):
         steered(**steering)
+
+
+def test_spots_that_do_not_come_nearer_may_see_each_other_as_they_do_at_rest():
+    wide = {"tof__detector__field_of_view_deg": 16.0}  # neighbours are 10° apart
+    for steering in (
+        {"mode": "random"}, {"mode": "fixed", "mirrors": "each"},
+        {"mode": "list", "mirrors": "each", "offsets_deg": [[[-1, 1], [1, 1], [-1, -1], [1, -1]]]},
+    ):  # fmt: skip
+        changed("paper-steered", lasers__steering=FREE | steering, **wide)
+    nearer = {"mode": "list", "mirrors": "each", "offsets_deg": [[[1, 0]] * 3 + [[0.5, 0]]]}
+    with pytest.raises(
+        ValidationError, match=r"steering\.mirrors let spots 0 and 3 meet: .* 13\.8°"
+    ):
+        changed("paper-steered", lasers__steering=FREE | nearer, **wide)
 
 
 def test_beams_stay_in_front_and_in_a_shared_field():
@@ -184,8 +200,8 @@ def test_beams_stay_in_front_and_in_a_shared_field():
     assert np.array_equal(aimed.ranging.detector_axes, np.tile([0.0, 0, 1], (4, 1)))
     with pytest.raises(ValidationError, match="off the axis of the shared detector"):
         changed("paper-steered", lasers__steering=scan | {"half_range_deg": [3, 3]}, **shared)
-    sideways = HOME_DEG + [80, 0]
-    with pytest.raises(ValidationError, match="half_range_deg .* turns a spot by 90"):
+    sideways = HOME_DEG + np.array([80.0, 0.0])
+    with pytest.raises(ValidationError, match=r"half_range_deg .* turns a spot by 90"):
         changed("paper-steered", lasers__directions_deg=sideways.tolist(), lasers__steering=scan
                 | {"half_range_deg": [5, 5]})  # fmt: skip
 
@@ -249,7 +265,7 @@ def test_a_moving_scene_is_solved_at_a_quarter_before_and_after_the_middle():
     base = LightSequence(np.linspace(0, 2, 5) * instrument.frame_time_s, (light,) * 5)
     times, seen = [], []
 
-    def spots(instant, at, other):
+    def spots(instant, instrument, at, other, *, seed):
         times.append(instant / instrument.frame_time_s)
         seen.append(at)
         return replace(other, spot_histogram=np.full((4, 1), float(len(times))),
@@ -327,8 +343,13 @@ def test_ranges_and_maps_follow_the_directions_of_the_frame():
         nearest = result.depths["nearest"][rows, columns]
         stretch = result.range_over_depth[rows, columns]
         np.testing.assert_allclose(nearest * stretch, result.ranges.range_m, rtol=1e-6)
-        aimed = result.aimed(capture.setup).spots
-        assert np.array_equal(aimed.directions, at)
+        aimed = result.aimed(capture.setup)
+        assert np.array_equal(aimed.spots.directions, at)
+        marks = np.array(spot_marks(aimed))[:, [2, 1]]  # in per cent from the top, and the left
+        middle = 100 * (pixel_of(at, capture.optics, (1, 1)) + 0.5)
+        np.testing.assert_allclose(marks, middle)
+        shown = np.array([spot["at"] for spot in Space.of(capture, result).spots])
+        np.testing.assert_allclose(shown, at * result.ranges.range_m[:, None], atol=1e-4)
     elsewhere = reconstruct(replace(capture, spots=rotated).frame(0))
     assert not np.array_equal(elsewhere.depths["nearest"], reconstruct(capture.frame(0)).depths[
         "nearest"])  # fmt: skip
@@ -355,7 +376,7 @@ def test_results_hold_the_directions_of_their_ranges(tmp_path):
 def test_frames_of_fixed_spots_are_another_recording():
     capture = recorded().capture
     fixed = replace(capture, spots=replace(capture.spots, pointing=None))
-    with pytest.raises(InputError, match="4 spots.*compiled for .* 4 steered spots"):
+    with pytest.raises(InputError, match=r"4 spots.*compiled for .* 4 steered spots"):
         Reconstructor(capture.setup, depth=())(fixed.frame(0))
     with pytest.raises(InputError, match="fixed spots"):
         path_check(capture.setup.spots)
@@ -440,7 +461,7 @@ def test_a_safeguarded_raster_is_in_the_pupil_for_its_cells_within():
     )
     safety, standing = laser_safety(instrument), laser_safety(load_instrument("paper"))
     frames, period = 1024, 81
-    full, rest = divmod(frames, period)
+    full = frames // period
     assert safety.beams == 1
     fraction = safety.mean_margin / standing.mean_margin
     assert 5 * full / frames <= fraction <= 5 * (full + 1) / frames

@@ -23,8 +23,8 @@ from spisim.transport.world import build_world
 
 #: Fields of `Transport` with a row per spot that the lasers' light decides.
 HISTOGRAMS = ("spot_histogram", "spot_histogram_error")
-SpotSolver = Callable[[Scene, Floats, Transport], Transport]
-"""From a scene, directions (spots, 3) and its other light to `Transport`, as `solve_spots`."""
+SpotSolver = Callable[..., Transport]
+"""`solve_spots`, or what takes its place; called without the effort."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,8 +154,10 @@ def steered_light(
         keys = [
             spots(
                 scene.at((frame + (part + 0.5) / per_frame) * instrument.frame_time_s),
+                instrument,
                 pointing.true[0],
                 light.transports[frame * per_frame + part if scene.moves else 0],
+                seed=seed,
             )
             for part in range(per_frame)
         ]
