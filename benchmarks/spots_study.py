@@ -246,7 +246,7 @@ def _ratio(values: Floats, single: Floats) -> tuple[float, float]:
 
 
 def promises(errors: Errors) -> list[Check]:
-    """Four steered spots against the prototype's figures, after the time that is nearest to .4 s."""
+    """Four steered spots in a third of a second."""
     limits = {"clear": 0.7, "fog 70 m": 0.7}
     return [
         Check(
