@@ -44,27 +44,26 @@ class Message(NamedTuple):
 
 
 def static_messages(shot: Shot) -> Iterator[Message]:
-    """Poses of camera and spots on the drone, constant within a recording."""
+    """Poses of camera and fixed spots on the drone, constant within a recording."""
     frames = [
         _transform(shot.stamp_ns, BASE, CAMERA, np.eye(4)),
         _transform(shot.stamp_ns, CAMERA, OPTICAL, OPTICAL_IN_BODY),
     ]
-    if shot.spots is not None:
-        frames += [
-            _transform(shot.stamp_ns, OPTICAL, f"spot_{k}", along(direction))
-            for k, direction in enumerate(shot.spots.directions)
-        ]
+    if not shot.steered:
+        frames += _spot_frames(shot)
     yield Message("/tf_static", "tf2_msgs/msg/TFMessage", {"transforms": frames}, latched=True)
 
 
 def frame_messages(shot: Shot) -> Iterator[Message]:
-    """Numbers of a frame: pose, ranges, diagnostics."""
+    """Numbers of a frame: pose, directions of steered spots, ranges, diagnostics."""
+    frames = _spot_frames(shot) if shot.steered else []
     if shot.pose is not None:
         body = shot.pose @ OPTICAL_IN_BODY.T
-        frames = [
+        frames += [
             _transform(shot.stamp_ns, "map", "odom", np.eye(4)),
             _transform(shot.stamp_ns, "odom", BASE, body),
         ]
+    if frames:
         yield Message("/tf", "tf2_msgs/msg/TFMessage", {"transforms": frames})
     if shot.ranges is not None:
         for k in range(len(shot.ranges.status)):
@@ -99,6 +98,13 @@ def state_message(
         level, text = STALE, numbers["trouble"] or "no frame yet"
     values = {name: f"{value}" for name, value in numbers.items() if name != "trouble"}
     return _diagnostics(stamp_ns, _status("spisim: stream", level, text, values))
+
+
+def _spot_frames(shot: Shot) -> list[dict[str, Any]]:
+    return [
+        _transform(shot.stamp_ns, OPTICAL, f"spot_{k}", along(direction))
+        for k, direction in enumerate(() if shot.spots is None else shot.spots.directions)
+    ]
 
 
 def along(direction: Floats) -> Floats:

@@ -79,6 +79,11 @@ class Shot:
         return height, width
 
     @property
+    def steered(self) -> bool:
+        """Whether the spots point elsewhere in every frame."""
+        return self.spots is not None and self.spots.pointing is not None
+
+    @property
     def stamp_s(self) -> float:
         """Time stamp in seconds."""
         return self.stamp_ns / 1e9

@@ -137,17 +137,17 @@ class Mirror(Section):
         off_axis = np.degrees(np.arccos(directions(reached)[..., 2])).max()
         if shared and off_axis > half_field_deg:
             raise InputError(
-                f"mirrors turn spots up to {off_axis:.4g}° off the axis of the shared detector, whose "
-                f"tof.detector.field_of_view_deg {2 * half_field_deg:g} holds {half_field_deg:g}°"
+                f"mirrors turn spots up to {off_axis:.4g}° off the axis of the shared detector; "
+                f"half of tof.detector.field_of_view_deg is {half_field_deg:g}"
             )
         at_rest = np.linalg.norm(home_deg[:, None] - home_deg, axis=-1)
         apart = np.minimum(0.0 if shared else 2 * half_field_deg, at_rest)
         closest = self.closest_deg(home_deg)
         for one, other in np.argwhere(np.triu((closest < apart) | (closest == 0), 1)):
             raise InputError(
-                f"mirrors let spots {one} and {other} meet: they come within {closest[one, other]:.3g}° of "
-                f"each other; at least {apart[one, other]:.3g}°, tof.detector.field_of_view_deg or "
-                "their distance at rest, is needed"
+                f"mirrors let spots {one} and {other} meet: they come within "
+                f"{closest[one, other]:.3g}° of each other; at least {apart[one, other]:.3g}° is "
+                "needed, tof.detector.field_of_view_deg or their distance at rest"
             )
 
     def closest_deg(self, home_deg: Floats) -> Floats:

@@ -14,6 +14,8 @@ from reconstruction import Reconstructor, read_capture, read_result, write_captu
 from reconstruction.base.errors import InputError
 from reconstruction.capture.schema import between, joined
 from reconstruction.depth import pixel_of
+from reconstruction.exports.ros import frame_messages, static_messages
+from reconstruction.exports.shot import Shot
 from reconstruction.live.setups import StreamSetup, frame_payload, setup_payload
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges, measure_ranges
@@ -182,9 +184,7 @@ def test_spots_that_do_not_come_nearer_may_see_each_other_as_they_do_at_rest():
     ):  # fmt: skip
         changed("paper-steered", lasers__steering=FREE | steering, **wide)
     nearer = {"mode": "list", "mirrors": "each", "offsets_deg": [[[1, 0]] * 3 + [[0.5, 0]]]}
-    with pytest.raises(
-        ValidationError, match=r"steering\.mirrors let spots 0 and 3 meet: .* 13\.8°"
-    ):
+    with pytest.raises(ValidationError, match=r"mirrors let spots 0 and 3 meet: .* 13\.8°"):
         changed("paper-steered", lasers__steering=FREE | nearer, **wide)
 
 
@@ -353,6 +353,24 @@ def test_ranges_and_maps_follow_the_directions_of_the_frame():
     elsewhere = reconstruct(replace(capture, spots=rotated).frame(0))
     assert not np.array_equal(elsewhere.depths["nearest"], reconstruct(capture.frame(0)).depths[
         "nearest"])  # fmt: skip
+
+
+def test_frames_of_steered_spots_move_in_recordings_of_robots():
+    capture = recorded().capture
+    result = Reconstructor(capture.setup, depth=())(capture.frame(1))
+    shot = Shot.of(result, capture.setup, 0)
+    fixed = replace(capture.setup, spots=replace(capture.setup.spots, pointing=None))
+
+    def children(messages, topic):
+        tf = [each for each in messages if each.topic == topic]
+        return {each["child_frame_id"]: each for one in tf for each in one.fields["transforms"]}
+
+    moving = children(frame_messages(shot), "/tf")
+    assert set(moving) == {f"spot_{k}" for k in range(4)}
+    assert not moving.keys() & children(static_messages(shot), "/tf_static").keys()
+    still = children(static_messages(Shot.of(result, fixed, 0)), "/tf_static")
+    assert moving.keys() <= still.keys()
+    assert moving["spot_0"]["transform"] != still["spot_0"]["transform"]
 
 
 def test_detectors_of_their_own_follow_and_shared_ones_stay():

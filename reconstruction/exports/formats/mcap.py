@@ -16,11 +16,11 @@ def write_mcap(shots: Iterable[Shot], path: Path) -> None:
     """Write a file; raises InputError if there is no shot or a library is missing."""
     file = McapFile(path)
     try:
-        spots, begun = None, False
+        rig, begun = None, False
         for shot in shots:
-            begins = not begun or shot.spots is not spots
-            file.write_frame(shot, shot.stamp_ns, begins=begins)
-            spots, begun = shot.spots, True
+            given = None if shot.spots is None else shot.spots.detector_positions_m
+            file.write_frame(shot, shot.stamp_ns, begins=not begun or given is not rig)
+            rig, begun = given, True
         if not begun:
             raise InputError("there is nothing to export")
     finally:
