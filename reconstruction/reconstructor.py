@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from .base.arrays import Floats
 from .base.errors import InputError
 from .base.timing import timed
-from .capture import Frames, Recording, Setup
+from .capture import Frames, Recording, Setup, Spots
 from .checks import checked, checked_depths, checked_ranges
 from .chosen_methods import (
     Methods,
@@ -102,8 +102,6 @@ class Reconstructor:
         if setup.optics is not None:
             rays = pixel_rays(setup.optics, setup.plan.shape)
             self._corridor = Corridor(rays)
-            if setup.spots is not None:
-                self._spots = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
             self._range_over_depth = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
             "image methods: %s; ranging methods: %s; depth methods: %s",
@@ -134,7 +132,7 @@ class Reconstructor:
         buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
         decoded = [
-            self._decoded(frames.between(number, number + 1), *each)
+            self._decoded(frames.between(number, number + 1).aimed, *each)
             for number, each in enumerate(readings)
         ]
         if len(decoded) > 1:
@@ -173,7 +171,8 @@ class Reconstructor:
         expected, given = (
             (
                 f"{exposures} exposures, {type(part.spots).__name__} "
-                f"of {0 if part.spots is None else len(part.spots.directions)} spots, "
+                f"of {0 if part.spots is None else len(part.spots.directions)} "
+                f"{'' if part.spots is None or part.spots.pointing is None else 'steered '}spots, "
                 f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
             )
             for part, exposures in (
@@ -191,7 +190,7 @@ class Reconstructor:
         varying = readings.decoder.operator.varying & readings.measured
         notes = _note_of_readings(frame.first, outliers, varying, coefficients)
         images, sigmas = self._images_of(decoded, notes)
-        brightness = self._brightness(images, sigmas, readings)
+        brightness = self._brightness(images, sigmas, readings, frame.spots)
         rangings: dict[str, Ranges] = {}
         for name, solve in self._rangings.items():
             assert frame.spots is not None
@@ -225,6 +224,7 @@ class Reconstructor:
             free_probabilities=self._free(maps.items()),
             min_free=self._min_free,
             range_over_depth=self._range_over_depth,
+            spot_directions=None if frame.spots is None else frame.spots.directions,
             timings_s=timings,
             unit=frame.buckets.unit,
             recording=frame.digest(self.setup),
@@ -304,7 +304,11 @@ class Reconstructor:
         return {name: each for name, each in free.items() if each is not None}
 
     def _brightness(
-        self, images: Mapping[str, Floats], sigmas: Mapping[str, Floats], readings: UsableReadings
+        self,
+        images: Mapping[str, Floats],
+        sigmas: Mapping[str, Floats],
+        readings: UsableReadings,
+        spots: Spots | None,
     ) -> Brightness | None:
         """The first image that has a sigma, at the spots; None without one or its DC coefficient.
 
@@ -314,14 +318,15 @@ class Reconstructor:
         setup = self.setup
         if (
             setup.optics is None
-            or setup.spots is None
+            or spots is None
             or name is None
             or setup.buckets.baseline_electrons > 0
             or setup.buckets.unit != "electron"
             or not readings.has_dc
         ):
             return None
-        return brightness_at(self._spots, images[name], sigmas[name])
+        pixels = pixel_of(spots.directions, setup.optics, self._shape)
+        return brightness_at(pixels, images[name], sigmas[name])
 
     @property
     def _shape(self) -> tuple[int, int]:

@@ -1,7 +1,7 @@
 """The result of one frame."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from .base.arrays import Floats
 from .base.display import draw_map, html_summary, panels, picture, text_summary
-from .capture import Unit
+from .capture import Setup, Unit
 from .depth import MIN_FREE, nearest_obstacle_m
 from .ranging import RANGED, Ranges
 
@@ -41,6 +41,8 @@ class Result:
         ``min_free``.
     range_over_depth
         Length of each pixel's ray per unit of depth (H, W), None if the optics are unknown.
+    spot_directions
+        Unit vectors (spots, 3) of the ranges in this frame; None without time of flight.
     unit
         Unit of the images; counts if their scale is unknown.
     timings_s, notes
@@ -65,12 +67,19 @@ class Result:
     free_probabilities: Mapping[str, Floats] = field(default_factory=dict)
     min_free: float = MIN_FREE
     notes: Mapping[str, str] = field(default_factory=dict)
+    spot_directions: Floats | None = None
 
     @property
     def warnings(self) -> list[str]:
         """The notes as sentences."""
         stages = ((*stage.partition(" "), note) for stage, note in self.notes.items())
         return [f"{station} {name!r} is {note}" for station, _, name, note in stages]
+
+    def aimed(self, setup: Setup) -> Setup:
+        """The setup of the recording, with the spots' directions of this frame."""
+        if setup.spots is None or setup.spots.pointing is None or self.spot_directions is None:
+            return setup
+        return replace(setup, spots=replace(setup.spots, directions=self.spot_directions))
 
     def _repr_html_(self) -> str:
         pictures = [picture(self.image, f"image, {next(iter(self.images))}", f"{self.unit}s")]

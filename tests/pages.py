@@ -145,7 +145,8 @@ def check_yaml(block: Block) -> None:
     elif fields.keys() & {"samples", "scenes", "vary"}:
         check_fields({**_A_PLAN, **fields}, Plan, source)
     elif fields.keys() & Instrument.model_fields.keys():
-        usual = load_yaml(load_instrument("paper").text, "paper")
+        preset = "vl53l5cx" if "zones" in fields else "paper"
+        usual = load_yaml(load_instrument(preset).text, preset)
         check_fields({**usual, **fields}, Instrument, source)
     elif "family" in fields or not {"drone", "objects"} <= fields.keys():
         check_fields({"family": "targets", **fields}, DrawnDescription, source)

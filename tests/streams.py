@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from reconstruction.capture.schema import stored_fields
+from reconstruction.capture.schema import present_fields
 from reconstruction.live import Sender
 from reconstruction.live.links import Ended, Source
 
@@ -17,7 +17,7 @@ def film(capture, frames):
         if part is None:
             return None
         reported = {}
-        for name, stored in stored_fields(type(part)):
+        for name, stored in present_fields(part):
             if stored.by_frame:
                 values = np.repeat(getattr(part, name)[:1], frames, axis=0)
                 if values.dtype.kind != "b":

@@ -33,7 +33,7 @@ from .model import (
 )
 from .poses import Poses
 from .readings import READINGS
-from .schema import Stored, check_shape, stored_fields
+from .schema import Stored, check_shape, present_fields, stored_fields
 from .spots import Spots
 
 FORMAT = hdf5.Format(
@@ -104,7 +104,7 @@ class CaptureFile:
         self._by_frame = {
             group: {
                 name: (stored, file.dataset(f"{group}/{name}", stored.units))
-                for name, stored in stored_fields(type(part))
+                for name, stored in present_fields(part)
                 if stored.by_frame
             }
             for group in READING_PARTS
@@ -227,7 +227,7 @@ def datasets(
     for group in PARTS:
         part = getattr(parts, group, None)
         if part is not None:
-            for name, stored in stored_fields(type(part)):
+            for name, stored in present_fields(part):
                 value = stored.converted(f"{group}/{name}", np.asarray(getattr(part, name)))
                 on_disk = value.astype(np.uint8) if value.dtype.kind == "b" else value
                 yield f"{group}/{name}", on_disk, stored.units
@@ -316,14 +316,15 @@ def _read(file: hdf5.Tables, group: str, part: type[Part], rows: slice | None = 
 def _recorded_fields(file: hdf5.Tables, group: str, part: type) -> list[tuple[str, Stored]]:
     """Fields of a part without those that are optional and missing from the file."""
     default = {
-        field.name
+        field.name: field.default
         for field in fields(part)
         if not (field.default is MISSING and field.default_factory is MISSING)
     }
     return [
         (name, stored)
         for name, stored in stored_fields(part)
-        if not (stored.nan and name in default) or f"{group}/{name}" in file
+        if not (name in default and (stored.nan or default[name] is None))
+        or f"{group}/{name}" in file
     ]
 
 

@@ -9,7 +9,7 @@ import h5py
 from . import hdf5
 from .file import KINDS, datasets, read_capture, write_datasets
 from .model import PARTS, Provenance, Setup
-from .schema import FRAMES, TRUTHS, stored_fields
+from .schema import FRAMES, TRUTHS, present_fields
 
 
 def join_captures(
@@ -56,7 +56,7 @@ def join_captures(
         f"{group}/{name}": str(stored.axes[0])
         for group in PARTS
         if (part := getattr(first, group)) is not None
-        for name, stored in stored_fields(type(part))
+        for name, stored in present_fields(part)
         if stored.by_frame
     }
 

@@ -7,7 +7,7 @@ down, z forward, origin at its pinhole.
 
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import Annotated, Any, Literal, Protocol, Self
 
@@ -21,7 +21,7 @@ from ..operators import PatternPlan
 from .buckets import Buckets
 from .charge import PatternTaps
 from .poses import Poses
-from .schema import FRAMES, TRUTHS, Stored, between, check_shape, joined, stored_fields
+from .schema import FRAMES, TRUTHS, Stored, between, check_shape, joined, present_fields
 from .spots import SPOTS_AXIS, UNKNOWN, Spots
 
 Image = NDArray[np.float32]
@@ -183,6 +183,7 @@ class Setup:
         return {
             **(patterns if plan.shows_image else {"patterns": "none"}),
             "ranging": "none" if self.spots is None else self.spots.summary,
+            **({"spots": "steered"} if self.spots and self.spots.pointing is not None else {}),
         }
 
     @property
@@ -241,11 +242,18 @@ class Frames:
         parts = [(group, [getattr(each, group) for each in frames]) for group in READING_PARTS]
         return cls(frames[0].first, **{group: each[0] and joined(each) for group, each in parts})
 
+    @property
+    def aimed(self) -> "Frames":
+        """A frame whose spots have its own directions; see `Spots.aimed`."""
+        return self if self.spots is None else replace(self, spots=self.spots.aimed)
+
     def digest(self, setup: Setup) -> str:
         """SHA-256 of patterns and readings, which identifies the frames of a result."""
         readings = [self.buckets.counts]
         if self.spots is not None:
             readings.append(self.spots.readings)
+            if self.spots.pointing is not None:
+                readings.append(self.spots.pointing)
         if self.pattern_taps is not None:
             readings.append(self.pattern_taps.taps)
         digest = _digest(*readings)
@@ -396,7 +404,7 @@ def check_plans(plans: Sequence[PatternPlan]) -> None:
 
 def check_part(group: str, part: object, sizes: dict[str, int]) -> None:
     """Raise InputError unless shapes and values of a part follow its schema."""
-    for name, stored in stored_fields(type(part)):
+    for name, stored in present_fields(part):
         value = np.asarray(getattr(part, name))
         check_shape(f"{group}/{name}", value.shape, stored, sizes)
         stored.converted(f"{group}/{name}", value)

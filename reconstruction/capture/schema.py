@@ -95,17 +95,28 @@ def stored_fields(part: type) -> tuple[tuple[str, Stored], ...]:
     return _fields[part]
 
 
+def present_fields(part: object) -> tuple[tuple[str, "Stored"], ...]:
+    """The `stored_fields` of a part that it has: one that is None is not stored."""
+    return tuple(each for each in stored_fields(type(part)) if getattr(part, each[0]) is not None)
+
+
+def readings_of(part: object) -> tuple[str, ...]:
+    """Names of the fields of a part with a value per frame."""
+    return tuple(name for name, stored in present_fields(part) if stored.by_frame)
+
+
 def between(part: Part, start: int, stop: int) -> Part:
     """Restrict the readings of a part to frames ``start`` to ``stop``, exclusive."""
-    by_frame = [name for name, stored in stored_fields(type(part)) if stored.by_frame]
-    cut = {name: getattr(part, name)[start:stop] for name in by_frame}
+    cut = {name: getattr(part, name)[start:stop] for name in readings_of(part)}
     return replace(part, **cut)  # type: ignore[type-var]
 
 
 def joined(parts: Sequence[Part]) -> Part:
     """Join the rows of parts that follow one another."""
-    by_frame = [name for name, stored in stored_fields(type(parts[0])) if stored.by_frame]
-    rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in by_frame}
+    rows = {
+        name: np.concatenate([getattr(part, name) for part in parts])
+        for name in readings_of(parts[0])
+    }
     return replace(parts[0], **rows)  # type: ignore[type-var]
 
 

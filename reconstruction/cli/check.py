@@ -2,7 +2,6 @@
 
 import argparse
 from collections.abc import Iterator, Sequence
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from ..base.errors import InputError, naming
 from ..base.text import json_line, printable
 from ..capture import Spots, open_capture
+from ..capture.schema import present_fields
 from ..ranging.fog.offsets import (
     OffsetEvidence,
     PathOffsets,
@@ -65,9 +65,10 @@ def _evidence(captures: Sequence[Path]) -> tuple[list[OffsetEvidence | None], in
 
 def _alike(one: Spots, other: Spots) -> bool:
     """Whether optics and measurement agree, readings apart."""
-    return type(one) is type(other) and all(
-        np.array_equal(getattr(one, each.name), getattr(other, each.name), equal_nan=True)
-        for each in fields(one)
+    names = present_fields(one)
+    return names == present_fields(other) and all(
+        np.array_equal(getattr(one, name), getattr(other, name), equal_nan=True)
+        for name, _ in names
     )
 
 

@@ -21,14 +21,13 @@ class BetweenSpots:
     def compile(self, context: Context) -> DepthSolver:
         setup = context.setup
         assert setup.optics is not None
-        assert setup.spots is not None
-        shape = setup.plan.shape
-        anchors = pixel_of(setup.spots.directions, setup.optics, shape)
-        stretch = range_over_depth(setup.optics, shape)
+        optics, shape = setup.optics, setup.plan.shape
+        stretch = range_over_depth(optics, shape)
 
         def solve(view: View) -> DepthEstimate | None:
             if view.ranges is None:
                 return None
+            anchors = pixel_of(view.directions, optics, shape)
             range_m = self.ranges(shape, anchors, view.ranges.range_m)
             return None if range_m is None else DepthEstimate(range_m / stretch)
 

@@ -31,6 +31,12 @@ class View:
     ranges: Ranges | None
     frame: Frames
 
+    @property
+    def directions(self) -> Floats:
+        """Unit vectors (spots, 3) of the ranges."""
+        assert self.frame.spots is not None
+        return self.frame.spots.directions
+
 
 MAX_RANGE_M = 40.0
 """Maximum range: anything farther counts as no return."""

@@ -221,13 +221,16 @@ def spot_geometry(frame: NetworkInput) -> SpotGeometry:
     return _spot_geometry(frame.optics, frame.image.shape, tuple(frame.directions.flat))
 
 
-@lru_cache(maxsize=4)  # the same for all frames of a recording
+_rays = lru_cache(maxsize=4)(pixel_rays)
+
+
+@lru_cache(maxsize=4)  # the same for all frames of a recording with fixed spots
 def _spot_geometry(
     optics: Optics, shape: tuple[int, int], directions: tuple[float, ...]
 ) -> SpotGeometry:
     anchors = pixel_of(np.reshape(directions, (-1, 3)), optics, shape)
     squared = np.moveaxis(squared_distances(shape, anchors), -1, 0) / max(shape) ** 2
-    rays = pixel_rays(optics, shape)
+    rays = _rays(optics, shape)
     return SpotGeometry(
         anchors,
         np.exp(-squared / (2 * NARROW**2)),

@@ -69,13 +69,14 @@ class Observer:
         fog = None if fitted is None else fitted.fog
         if fog is None or fog.log_sigma >= MAX_FOG_SIGMA:
             fog = FogOptics(np.nan, np.nan, np.nan)
-        unknown = np.full(len(self.spots.directions), np.nan)
+        directions = view.directions
+        unknown = np.full(len(directions), np.nan)
         frame = NetworkInput(
             image=view.image,
             optics=self.optics,
-            directions=self.spots.directions,
-            plain=self._anchors(plain),
-            fitted=Anchors(unknown, unknown) if fitted is None else self._anchors(fitted),
+            directions=directions,
+            plain=_anchors(plain, directions),
+            fitted=Anchors(unknown, unknown) if fitted is None else _anchors(fitted, directions),
             lost=np.isin(plain.status, LOST),
             log_reflectance=unknown,
             noise=_noise(view),
@@ -86,22 +87,20 @@ class Observer:
         )
         return replace(frame, log_reflectance=self._log_reflectance(frame, own.signal_electrons))
 
-    def _anchors(self, ranges: Ranges) -> Anchors:
-        range_m, sigma_m = ranges.likeliest
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return Anchors(
-                np.log(range_m * self.spots.directions[:, 2]),
-                np.minimum(sigma_m / range_m, MAX_SIGMA),
-            )
-
     def _log_reflectance(self, frame: NetworkInput, amplitudes: Floats) -> Floats:
         """Log reflectance of Lambertian surfaces facing the instrument, corrected for known fog."""
-        range_m = np.exp(frame.best.log_depth) / self.spots.directions[:, 2]
+        range_m = np.exp(frame.best.log_depth) / frame.directions[:, 2]
         collected = self.spots.aperture_radii_m**2 / range_m**2
         with np.errstate(divide="ignore", invalid="ignore"):
             result = np.log(amplitudes / (self.gain * collected))
         lost = 2 * np.nan_to_num(frame.extinction_per_m) * range_m
         return np.where(np.isfinite(result), np.clip(result + lost, *LOG_REFLECTANCE), np.nan)
+
+
+def _anchors(ranges: Ranges, directions: Floats) -> Anchors:
+    range_m, sigma_m = ranges.likeliest
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return Anchors(np.log(range_m * directions[:, 2]), np.minimum(sigma_m / range_m, MAX_SIGMA))
 
 
 def _fog_solver(spots: Spots) -> RangingSolver | None:

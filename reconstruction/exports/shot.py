@@ -68,7 +68,7 @@ class Shot:
             optics=setup.optics,
             pose=pose,
             ranges=result.ranges,
-            spots=setup.spots,
+            spots=result.aimed(setup).spots,
             warnings=result.warnings,
         )
 

@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError
-from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup, stored_fields
+from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup
 from ..capture.model import READING_PARTS
+from ..capture.schema import present_fields
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 
@@ -120,7 +121,7 @@ def frame_payload(frame: Frames) -> bytes:
     return b"".join(
         _bytes(stored.converted(name, getattr(part, name)))
         for part in parts
-        for name, stored in stored_fields(type(part))
+        for name, stored in present_fields(part)
         if stored.by_frame
     )
 
@@ -168,7 +169,7 @@ def _frame_bytes(empty: Value) -> int:
 def _filled(part: Part, group: str, values: Mapping[str, Value]) -> Part:
     """Fill a part with the readings of a frame; missing flags mean not saturated."""
     filled: dict[str, Any] = {}
-    for name, stored in stored_fields(type(part)):
+    for name, stored in present_fields(part):
         if stored.by_frame:
             where = f"{group}/{name}"
             empty = getattr(part, name)

@@ -97,7 +97,7 @@ def _pictures(result: Result, setup: Setup) -> dict[str, bytes]:
         title = f"Depth ({method_title('depths', name)})"
         no_return, sigma = result.no_returns.get(name), result.log_depth_sigmas.get(name)
         pictures[_file("depth", name, number)] = depth_picture(
-            depth_m, title, setup, result.ranges, no_return
+            depth_m, title, result.aimed(setup), result.ranges, no_return
         )
         if sigma is not None:
             title = f"Deviation ({method_title('depths', name)})"

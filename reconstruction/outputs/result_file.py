@@ -19,7 +19,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 6),
+    version=(3, 7),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -65,6 +65,7 @@ def read_result(path: str | Path) -> Result:
             log_depth_sigmas=_maps(file, "depth_deviations", names["depths"], "1", shape),
             no_returns=_maps(file, "nothings", names["depths"], "1", shape),
             **_corridor(file, names["depths"]),
+            spot_directions=_directions(file),
             notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
 
@@ -134,6 +135,18 @@ def _ranges(file: hdf5.Contents, group: str) -> Ranges:
     return Ranges(**values, status=status, alternatives=alternatives)  # type: ignore[arg-type]
 
 
+def _directions(file: hdf5.Contents) -> NDArray[Any] | None:
+    """Directions of the ranges; files up to version 3.6 have none."""
+    if "spot_directions" not in file:
+        return None
+    shape = file.shape("spot_directions", "1")
+    if len(shape) != 2 or shape[1] != 3 or not 1 <= shape[0] <= MAX_SPOTS:
+        raise InputError(
+            f"dataset spot_directions has shape {shape}, expected (spots, 3), 1 to {MAX_SPOTS}"
+        )
+    return file.numbers("spot_directions", "1")
+
+
 def _alternatives(
     file: hdf5.Contents, group: str, spots: int
 ) -> tuple[tuple[Alternative, ...], ...]:
@@ -170,6 +183,8 @@ def _write(file: h5py.File, result: Result) -> None:
         _write_ranges(file, f"rangings/{name}", ranges)
     if result.range_over_depth is not None:
         hdf5.put(file, "range_over_depth", result.range_over_depth, "1")
+    if result.spot_directions is not None:
+        hdf5.put(file, "spot_directions", result.spot_directions, "1")
     _write_corridor(file, result)
     for stage, seconds in result.timings_s.items():
         hdf5.put(file, f"timings_s/{stage}", seconds, "s")

@@ -1,6 +1,6 @@
 """Ranges as every ranging method gives them, and when a spot counts as detected."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -132,6 +132,30 @@ def range_from_path(
     with np.errstate(divide="ignore", invalid="ignore"):
         range_m = (path_m**2 - squared) / (2 * (path_m - along))
         return range_m, (path_m - range_m) / (path_m - along)
+
+
+def redirected(ranges: Ranges, home: Spots, spots: Spots) -> Ranges:
+    """Ranges along the directions of ``spots``, from those of equal paths along ``home``.
+
+    Detectors beside the projector's pinhole make the path depend on the direction, by b (d - d0);
+    sigmas, whose relative change is as small as that of the range, stay.
+    """
+
+    possible = [(spot, each) for spot, some in enumerate(ranges.alternatives) for each in some]
+    spot = np.array([*range(len(ranges.status)), *(spot for spot, _ in possible)])
+    range_m = np.array([*ranges.range_m, *(each.range_m for _, each in possible)])
+    detectors = home.detector_positions_m[spot]
+    ends = range_m[:, None] * home.directions[spot]
+    path_m = range_m + np.linalg.norm(ends - detectors, axis=-1)
+    moved = iter(range_from_path(path_m, spots.directions[spot], detectors)[0].tolist())
+    return replace(
+        ranges,
+        range_m=np.array([next(moved) for _ in ranges.status]),
+        alternatives=tuple(
+            tuple(each._replace(range_m=next(moved)) for each in some)
+            for some in ranges.alternatives
+        ),
+    )
 
 
 def ranges_from_paths(paths: Paths, spots: Spots) -> Ranges:

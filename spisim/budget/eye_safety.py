@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 
-from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.instrument import Emission, Instrument
 
@@ -36,6 +35,8 @@ RISK_GROUPS: tuple[RiskGroupName, ...] = ("exempt", "1", "2", "3")
 #: Measuring distance of lasers for the naked eye, and apertures: a pupil of 7 mm up to 1400 nm, 3.5
 #: mm for long exposures of the cornea.
 MEASURED_AT_M, PUPIL_M, APERTURE_M = 0.1, 7e-3, 3.5e-3
+#: Frames of a scan that are looked at.
+SCANNED = 1024
 #: Class 3R is five times class 1.
 TIMES_3R = 5.0
 #: Rounding tolerance of a power at its limit.
@@ -80,17 +81,30 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
     """Class of the lasers, from single pulses, their train, and 100 s of exposure.
 
     Beams add up if, 10 cm from their exit, their axes are closer than the limiting aperture plus
-    their own width.
+    their own width. Steered beams are assessed as standing wherever they may come closest, as after
+    a failure of the mirrors (IEC 60825-1:2014, 5.1: reasonably foreseeable faults). If they scan
+    and `scan_safeguard` states that light stops with the scan, the aperture sees pulses (4.3 f): a
+    frame with a beam in it is one, and the mean is that over all frames.
+    Of a flood only what enters the aperture counts, where it is brightest; as a point source, which
+    overstates the hazard of a wide one.
 
     Raises
     ------
     InputError
         For a wavelength outside 700 to 1800 nm.
     """
-    one = instrument.ranging.tof.emission(instrument.ranging.lasers.power_w)
-    beams = _beams_together(instrument)
+    lasers, zones = instrument.ranging.lasers, instrument.ranging.zones
+    power_w, beams, fraction, dwell_s = lasers.power_w, 1, 1.0, 0.0
+    if zones is not None:
+        pupil_sr = math.pi * (_limiting_m(instrument) / 2 / MEASURED_AT_M) ** 2
+        power_w *= min(1.0, zones.peak_intensity * pupil_sr)
+    elif lasers.steering is not None and lasers.steering.is_safeguarded:
+        beams, fraction, dwell_s = _passes(instrument)
+    else:
+        beams = _beams_together(instrument)
+    one = instrument.ranging.tof.emission(power_w)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
-    mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm)
+    mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm, fraction, dwell_s)
     return LaserSafety(
         laser_class=_class(together, max(mean_margin, pulse_margin), instrument.wavelength_nm),
         beams=beams,
@@ -102,7 +116,7 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
 
 
 def class_1_power_w(instrument: Instrument) -> float:
-    """Maximum `lasers.power_w` for class 1."""
+    """Maximum power of each laser, or of the flood, for class 1."""
     safety = laser_safety(instrument)
     return instrument.ranging.lasers.power_w / max(safety.mean_margin, safety.pulse_margin)
 
@@ -177,16 +191,29 @@ def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> b
     return declared is not None and classes.index(computed) > classes.index(declared)
 
 
-def _margins(one: Emission, wavelength_nm: float) -> tuple[float, float]:
-    """Mean power, and merged and repeated pulses, over their limits of class 1."""
-    mean = one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
+def _margins(
+    one: Emission, wavelength_nm: float, fraction: float, dwell_s: float
+) -> tuple[float, float]:
+    """Mean power, and merged and repeated pulses, over their limits of class 1.
+
+    The beams hit the aperture for a `fraction` of the time, at most `dwell_s` on end, which counts
+    as a pulse, too (C5 is 1 for such long ones of a point source); 1 and 0 for standing beams.
+    """
+    mean = fraction * one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
+    pulse = _pulse_margin(one, wavelength_nm, fraction)
+    if dwell_s == 0:
+        return mean, pulse
+    return mean, max(pulse, one.mean_w * dwell_s / accessible_energy_j(dwell_s, wavelength_nm))
+
+
+def _pulse_margin(one: Emission, wavelength_nm: float, fraction: float) -> float:
     merging_s = merging_time_s(wavelength_nm)
     limit_j = accessible_energy_j(one.pulse_s, wavelength_nm)
     if one.pulse_s > merging_s:
-        return mean, one.pulse_j / limit_j
+        return one.pulse_j / limit_j
     merged_j = max(one.pulse_j, one.mean_w * merging_s)
-    factor = repeated_pulse_factor(one.mean_w / one.pulse_j, wavelength_nm)
-    return mean, merged_j / (factor * limit_j)
+    factor = repeated_pulse_factor(fraction * one.mean_w / one.pulse_j, wavelength_nm)
+    return merged_j / (factor * limit_j)
 
 
 def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
@@ -201,14 +228,51 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
 
 
 def _beams_together(instrument: Instrument) -> int:
-    """Maximum number of beams within one limiting aperture."""
+    """Maximum number of beams within one limiting aperture, wherever their mirrors may stand."""
     lasers = instrument.ranging.lasers
-    directions = lasers.directions
-    positions: Floats = MEASURED_AT_M * directions / directions[:, 2:]
-    apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
+    if lasers.steering is None:
+        positions = MEASURED_AT_M * lasers.directions / lasers.directions[:, 2:]
+        apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
+    else:
+        closest_deg = lasers.steering.closest_deg(np.array(lasers.directions_deg))
+        apart = MEASURED_AT_M * np.radians(closest_deg)
+    return int(np.max(np.sum(apart < _aperture_m(instrument), axis=1)))
+
+
+def _aperture_m(instrument: Instrument) -> float:
+    """Diameter of the limiting aperture, and of the beam around its axis."""
+    lasers = instrument.ranging.lasers
     width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
-    aperture_m = PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
-    return int(np.max(np.sum(apart < aperture_m + width, axis=1)))
+    return width + _limiting_m(instrument)
+
+
+def _limiting_m(instrument: Instrument) -> float:
+    """Diameter of the limiting aperture."""
+    return PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
+
+
+def _passes(instrument: Instrument) -> tuple[int, float, float]:
+    """Beams at once in the aperture that gets most, the fraction of the time, and longest dwell, s.
+
+    The aperture is centred on any of the directions of the first frames. A beam whose axis lies
+    within half an aperture and its own width counts as a whole, for the whole frame.
+    """
+    lasers, radius_m = instrument.ranging.lasers, _aperture_m(instrument) / 2
+    assert lasers.steering is not None
+    home_deg = np.array(lasers.directions_deg)
+    reached = [home_deg + lasers.steering.aimed(frame, home_deg, None) for frame in range(SCANNED)]
+    at_m = MEASURED_AT_M * np.tan(np.radians(reached))  # (frames, spots, 2)
+    centres = at_m.reshape(-1, 2)[:SCANNED]
+    inside = np.zeros((SCANNED, SCANNED), np.intp)  # beams, by frame and centre
+    for beam in at_m.swapaxes(0, 1):
+        inside += np.linalg.norm(beam[:, None] - centres, axis=-1) < radius_m
+    run, longest = np.zeros((2, SCANNED), np.intp)
+    for beams in inside:
+        run = np.where(beams > 0, run + 1, 0)
+        longest = np.maximum(longest, run)
+    most = int(inside.max())
+    dwell_s = int(longest.max()) * instrument.frame_time_s
+    return most, float(inside.mean(axis=0).max()) / most, dwell_s
 
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:

@@ -24,6 +24,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Optics
 from reconstruction.depth import pixel_rays
 from spisim.instrument import Detector, Instrument
+from spisim.instrument.fitting import Receivers
 
 #: Directions that probe the field of a ranging detector for the projector's light. With sharp pixel
 #: edges and a lens as a point, this many find it to 0.2 %.
@@ -99,12 +100,15 @@ def bucket_link(instrument: Instrument, target: Target) -> BucketLink:
     way_out = np.linalg.norm(points, axis=-1)
     axis = np.array([0.0, 0.0, 1.0])
     per_white_w = np.zeros(np.broadcast_shapes(way_out.shape[:-1], extinction.shape[:-1]))
+    half_field, area = np.radians(detector.field_of_view_deg) / 2, detector.aperture_area_m2
     for position in np.asarray(detector.positions_m):
-        fraction, way_back = _seen(detector, position, axis, points)
+        one = Receivers(position, axis, half_field, detector.vignetting, np.array(area))
+        fraction, way_back = _seen(one, points)
         per_white_w = per_white_w + (fraction * np.exp(-extinction * (way_out + way_back))) @ powers
     lit_m2 = 4 * projector.tan_half_width * projector.tan_half_height * distance[..., 0] ** 2
     signal = target.reflectance * per_white_w
-    daylight = len(detector.positions_m) * _daylight_w(instrument, detector, target)
+    daylight = _daylight_radiance(instrument, target) * area * _solid_angle(detector)
+    daylight = len(detector.positions_m) * np.asarray(daylight)
     time_s = instrument.imaging.exposure_time_s
     return BucketLink(
         emitted_w=float(powers.sum()),
@@ -121,21 +125,30 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
     """Light of lasers, sun and patterns on the ranging detectors, for a target (...)."""
     ranging = instrument.ranging
     (lasers, tof), directions = ranging, ranging.lasers.directions
-    detector, positions, axes = tof.detector, ranging.detector_positions_m, ranging.detector_axes
+    detector, receivers = tof.detector, ranging.receivers
     distance, extinction, reflectance = (
         np.asarray(value, dtype=np.float64)[..., None]
         for value in (target.distance_m, target.extinction_per_m, target.reflectance)
     )
     points = distance[..., None] / directions[:, 2:] * directions  # (..., spots, 3)
     way_out = np.linalg.norm(points, axis=-1)
-    fraction, way_back = _seen(detector, positions, axes, points)
-    along_ray = np.sum(directions * (points - positions), axis=-1)
+    fraction, way_back = _seen(receivers, points)
+    along_ray = np.sum(directions * (points - receivers.positions_m), axis=-1)
     path = way_out + way_back
     echo = lasers.power_w * reflectance * fraction * np.exp(-extinction * path)
-    daylight = _daylight_w(instrument, detector, target)[..., None] * np.ones(len(directions))
+    field = np.full(len(directions), _solid_angle(detector))
+    half_angle, vignetting = np.radians(detector.field_of_view_deg) / 2, detector.vignetting
+    relative: float | Floats = 1.0
+    if (zones := ranging.zones) is not None:  # for the patterns, cones of the same étendue
+        field = zones.solid_angle * zones.responses(vignetting)
+        half_angle, vignetting = np.arcsin(np.sqrt(field.mean() / np.pi)), 0.0
+        relative = field / field.mean()
+    radiance = np.asarray(_daylight_radiance(instrument, target))[..., None]
+    daylight = radiance * detector.aperture_area_m2 * field
     patterns = np.zeros(np.shape(echo))
     if instrument.images:
-        patterns = reflectance * _pattern_light_w(instrument, axes, distance, extinction)
+        seen = _pattern_light_w(instrument, half_angle, vignetting, distance, extinction)
+        patterns = reflectance * seen * relative
     echo, daylight, patterns = np.broadcast_arrays(echo, daylight, patterns)
     return SpotLink(
         path_m=path,
@@ -150,23 +163,20 @@ def spot_link(instrument: Instrument, target: Target) -> SpotLink:
     )
 
 
-def _seen(
-    detector: Detector, position: Floats, axis: Floats, points: Floats
-) -> tuple[Floats, Floats]:
+def _seen(receivers: Receivers, points: Floats) -> tuple[Floats, Floats]:
     """Fraction of the light of white patches at `points` (..., 3) on the aperture, and its path."""
-    offset = points - position
+    offset = points - receivers.positions_m
     way = np.linalg.norm(offset, axis=-1)
-    at_target, at_detector = offset[..., 2] / way, np.sum(offset * axis, axis=-1) / way
-    inside = at_detector >= np.cos(np.radians(detector.field_of_view_deg) / 2)
-    response = np.maximum(at_detector, 0) ** (1 + detector.vignetting) * inside
-    return detector.aperture_area_m2 * at_target * response / (np.pi * way**2), way
+    at_target, at_detector = offset[..., 2] / way, np.sum(offset * receivers.axes, axis=-1) / way
+    inside = at_detector >= np.cos(receivers.half_field_rad)
+    response = np.maximum(at_detector, 0) ** (1 + receivers.falloff) * inside
+    return receivers.areas_m2 * at_target * response / (np.pi * way**2), way
 
 
-def _daylight_w(instrument: Instrument, detector: Detector, target: Target) -> Floats:
-    """Daylight (...) on one aperture; the target fills its field."""
+def _daylight_radiance(instrument: Instrument, target: Target) -> float | Floats:
+    """Radiance (...) of a target in daylight, which fills all fields."""
     irradiance = instrument.daylight_irradiance(1.0) * np.asarray(target.illuminance_klx)
-    radiance = target.reflectance * irradiance / np.pi
-    return np.asarray(radiance * detector.aperture_area_m2 * _solid_angle(detector))
+    return target.reflectance * irradiance / np.pi
 
 
 def _solid_angle(detector: Detector) -> float:
@@ -177,20 +187,24 @@ def _solid_angle(detector: Detector) -> float:
 
 
 def _pattern_light_w(
-    instrument: Instrument, axes: Floats, distance: Floats, extinction: Floats
+    instrument: Instrument,
+    half_angle: float,
+    vignetting: float,
+    distance: Floats,
+    extinction: Floats,
 ) -> Floats:
     """Mean power (..., spots) of the patterns on the detectors from a white target."""
-    detector = instrument.ranging.tof.detector
-    probes = _directions_within(axes, np.radians(detector.field_of_view_deg) / 2)  # (spots, n, 3)
+    axes = instrument.ranging.detector_axes
+    probes = _directions_within(axes, half_angle)  # (spots, n, 3)
     positions = instrument.ranging.detector_positions_m[:, None]
     way_back = (distance[..., None] - positions[..., 2]) / probes[..., 2]
     points = positions + way_back[..., None] * probes  # (..., spots, n, 3)
     irradiance = _pattern_irradiance(instrument, points)
     way = np.linalg.norm(points, axis=-1) + way_back
-    vignetted = np.sum(probes * axes[:, None], axis=-1) ** detector.vignetting
+    vignetted = np.sum(probes * axes[:, None], axis=-1) ** vignetting
     light = irradiance * np.exp(-extinction[..., None] * way) * vignetted
-    sine2 = np.sin(np.radians(detector.field_of_view_deg) / 2) ** 2
-    return np.asarray(light.mean(axis=-1) * detector.aperture_area_m2 * sine2)
+    area = instrument.ranging.tof.detector.aperture_area_m2
+    return np.asarray(light.mean(axis=-1) * area * np.sin(half_angle) ** 2)
 
 
 def _pattern_irradiance(instrument: Instrument, points: Floats) -> Floats:

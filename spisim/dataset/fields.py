@@ -53,6 +53,14 @@ def _spots(name: str) -> Read:
     return lambda capture: None if capture.spots is None else getattr(capture.spots, name)
 
 
+def _pointing(capture: Capture) -> Array | None:
+    if capture.spots is None:
+        return None
+    shape = (capture.frames, *capture.spots.directions.shape)
+    fixed = np.broadcast_to(capture.spots.directions, shape)
+    return fixed if capture.spots.pointing is None else capture.spots.pointing
+
+
 def _truth(name: str) -> Read:
     def read(capture: Capture) -> Array | None:
         truth = capture.truth
@@ -179,8 +187,15 @@ FIELDS = {
         ("spot", "axis"),
         "float64",
         "1",
-        "unit vectors of the spots: right, down, forward of the camera",
+        "unit vectors of the spots, mirrors at rest: right, down, forward of the camera",
         _spots("directions"),
+    ),
+    "spot_pointing": Field(
+        (*_SPOTS, "axis"),
+        "float64",
+        "1",
+        "unit vectors of the spots in each frame, as mirrors read them",
+        _pointing,
     ),
     "spot_range_m": Field(
         _SPOTS,

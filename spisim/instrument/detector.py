@@ -131,7 +131,7 @@ class TofDetector(Detector):
     """The photodiodes of the spots.
 
     One per spot, facing along its laser; or one for all, facing along the optical axis, for which
-    the lasers fire in turn.
+    the lasers fire in turn. With `zones`, the one receiver of all.
     """
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=MAX_SPOTS)]

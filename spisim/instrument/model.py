@@ -31,6 +31,7 @@ from spisim.instrument.detector import BucketDetector, Detector
 from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
 from spisim.instrument.tofs import AnyTof
+from spisim.instrument.zones import Zones
 from spisim.scene.layout import Needs
 from spisim.scene.sun import daylight_spectrum, in_band_irradiance
 
@@ -82,7 +83,9 @@ class Instrument(Section):
     detector: BucketDetector | None = None
     """The single-pixel detector of the patterns."""
     lasers: Lasers | None = None
-    """The beams of the spots; without them and `tof` there is only an image."""
+    """The beams of the spots; without them, `zones` and `tof` there is only an image."""
+    zones: Zones | None = None
+    """Zones under one flood of light, in place of `lasers`."""
     tof: AnyTof | None = None
     """Time-of-flight method of the spots."""
     weather: Annotated[
@@ -103,8 +106,8 @@ class Instrument(Section):
 
     @property
     def ranges(self) -> bool:
-        """Whether it has lasers and their detectors."""
-        return self.lasers is not None
+        """Whether it has lasers or zones, and their detectors."""
+        return self.lasers is not None or self.zones is not None
 
     @property
     def imaging(self) -> Imaging:
@@ -119,9 +122,10 @@ class Instrument(Section):
     @property
     def ranging(self) -> Ranging:
         """The parts that range; InputError if there are none."""
-        if self.lasers is None or self.tof is None:
+        beams = self.lasers or self.zones
+        if beams is None or self.tof is None:
             raise InputError("the instrument has no ranges: lasers and tof are missing")
-        return Ranging(self.lasers, self.tof)
+        return Ranging(beams, self.tof)
 
     def _repr_html_(self) -> str:
         size, spots = np.zeros(2), np.zeros((0, 2))
@@ -162,11 +166,12 @@ class Instrument(Section):
             }
         facts["frame"] = f"{1e3 * self.frame_time_s:.4g} ms"
         if self.ranges:
-            lasers, tof = self.ranging
-            facts |= {
-                "lasers": f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW",
-                "ranging": tof.method,
-            }
+            (lasers, tof), zones = self.ranging, self.ranging.zones
+            facts["lasers"] = f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW"
+            if zones is not None:
+                facts["zones"] = "{} × {} under {:g} W".format(*zones.shape, zones.power_w)
+                del facts["lasers"]
+            facts["ranging"] = tof.method
         return facts
 
     @property
@@ -211,11 +216,22 @@ class Instrument(Section):
         return parse_model(dump_yaml(fields), Instrument, source)
 
     def with_laser_power(self, power_w: float) -> Instrument:
-        """The same instrument with another power per laser; InputError unless it is positive."""
+        """The same with another power per laser, or of the flood; InputError unless positive."""
         fields = self._fields
-        self.ranging  # noqa: B018 - raises where there are no lasers
-        fields["lasers"]["power_w"] = float(power_w)
+        fields["lasers" if self.ranging.zones is None else "zones"]["power_w"] = float(power_w)
         return parse_model(dump_yaml(fields), Instrument, f"instrument of {power_w:g} W")
+
+    def aimed(self, directions: Floats) -> Instrument:
+        """The same instrument with fixed spots along unit vectors (spots, 3).
+
+        Detectors of their own turn with their beams; a shared one does not.
+        """
+        x, y, z = directions.T
+        degrees = np.degrees([np.arctan2(x, z), np.arcsin(-y)]).T
+        lasers = self.ranging.lasers.model_copy(
+            update={"directions_deg": tuple(map(tuple, degrees.tolist())), "steering": None}
+        )
+        return self.model_copy(update={"lasers": lasers})
 
     @property
     def pattern_plan(self) -> PatternPlan:
@@ -313,18 +329,17 @@ class Instrument(Section):
     def spot_optics(self) -> SpotOptics:
         """Lasers and ranging detectors as captures store them."""
         ranging = self.ranging
-        (lasers, tof), spots = ranging, ranging.spots
-        detector = tof.detector
+        (lasers, tof), receivers = ranging, ranging.receivers
         return SpotOptics(
             directions=lasers.directions,
-            detector_positions_m=ranging.detector_positions_m,
-            detector_axes=ranging.detector_axes,
-            half_fields_rad=np.full(spots, math.radians(detector.field_of_view_deg) / 2),
-            falloffs=np.full(spots, detector.vignetting),
-            aperture_radii_m=np.full(spots, math.sqrt(detector.aperture_area_m2 / math.pi)),
+            detector_positions_m=receivers.positions_m,
+            detector_axes=receivers.axes,
+            half_fields_rad=np.full(ranging.spots, receivers.half_field_rad),
+            falloffs=np.full(ranging.spots, receivers.falloff),
+            aperture_radii_m=np.sqrt(receivers.areas_m2 / math.pi),
             beam_divergence_rad=lasers.divergence_mrad * 1e-3,
             beam_waist_m=lasers.waist_mm * 1e-3,
-            electrons_per_joule=self.electrons_per_joule(detector, "laser"),
+            electrons_per_joule=self.electrons_per_joule(tof.detector, "laser"),
             **Weather.parsed(self.weather)._asdict(),
         )
 

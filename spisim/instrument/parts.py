@@ -41,6 +41,7 @@ from spisim.base.config import Count, NonNegative, Number, Positive, Section, no
 from spisim.base.config.files import check_is_there, read_npy
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.sensor import FWHM_PER_SIGMA, PositiveFraction
+from spisim.instrument.steering import AnySteering, directions
 
 Angle = Annotated[Number, Field(gt=-90, lt=90)]
 Band = tuple[float, float]
@@ -301,19 +302,13 @@ class Lasers(Section):
         tuple[tuple[Angle, Angle], ...], Field(min_length=1, max_length=MAX_SPOTS)
     ]
     """[azimuth to the right, elevation up] of each spot, 1 to 64 spots."""
+    steering: AnySteering | None = None
+    """Mirrors that turn the spots from these directions, frame by frame; fixed by default."""
 
     @property
     def directions(self) -> Floats:
-        """Unit vectors (spots, 3) in the optical frame."""
-        azimuth, elevation = np.radians(self.directions_deg).T
-        return np.stack(
-            [
-                np.cos(elevation) * np.sin(azimuth),
-                -np.sin(elevation),
-                np.cos(elevation) * np.cos(azimuth),
-            ],
-            axis=-1,
-        )
+        """Unit vectors (spots, 3) in the optical frame, with mirrors at rest."""
+        return directions(self.directions_deg)
 
     @model_validator(mode="after")
     def _different_directions(self) -> Lasers:

@@ -92,10 +92,12 @@ def write_report(
     )
     true_m = None if truth is None else _within_max_range(truth.depth_m)
     errors = {} if true_m is None else {name: depth - true_m for name, depth in depths.items()}
-    spots = capture.spots
     images = result.images.values() if truth is None else [truth.image]
     image_scale = intensity_scale(*images, unit=f"{result.unit}s")
-    way = None if truth is None or spots is None else _path_lengths(spots, truth.spot_range_m)
+    aimed = result.aimed(capture.setup)
+    way = None
+    if truth is not None and aimed.spots is not None:
+        way = _path_lengths(aimed.spots, truth.spot_range_m)
     write_page(
         path,
         "capture report",
@@ -112,7 +114,7 @@ def write_report(
         facts=facts_of(capture),
         medium=MEDIUM,
         media=media_of(capture),
-        marks=spot_marks(capture),
+        marks=spot_marks(aimed),
         images=[
             (method_title("images", name), image, quality_of(metrics, name))
             for name, image in result.images.items()
@@ -132,7 +134,7 @@ def write_report(
         errors=errors,
         error_scale=error_scale(*errors.values()),
         rangings={method_title("spots", name): ranges for name, ranges in result.rangings.items()},
-        arrivals=_arrivals(spots, result.frame, way),
+        arrivals=_arrivals(capture.spots, result.frame, way),
         light=None
         if transport is None
         else plot_in_page("light", lambda width_in: light_figure(transport, way, width_in)),

@@ -65,9 +65,10 @@ class EvaluatedFrame:
     @property
     def measured_m(self) -> np.ndarray:
         """Measured spots in the world, (spots, 3); nan without a range."""
-        if self.result.ranges is None or self.capture.spots is None:
+        spots = self.result.aimed(self.capture.setup).spots
+        if self.result.ranges is None or spots is None:
             return np.full((len(self.truth.spot_range_m), 3), np.nan)
-        rays = self.capture.spots.directions @ self.pose[:3, :3].T
+        rays = spots.directions @ self.pose[:3, :3].T
         return np.asarray(self.pose[:3, 3] + self.result.ranges.range_m[:, None] * rays)
 
 

@@ -14,9 +14,9 @@ from matplotlib.image import imsave
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike, NDArray
 
-from reconstruction import Capture
 from reconstruction.base.arrays import Floats
 from reconstruction.base.files import mark, write_atomically
+from reconstruction.capture import Setup
 from reconstruction.outputs.pictures import NO_RETURN
 
 from .units import Prefix
@@ -125,13 +125,13 @@ def probability_scale() -> Scale:
     return Scale(0.0, 1.0, "gray", "", meaning="probability")
 
 
-def spot_marks(capture: Capture) -> list[tuple[int, float, float]]:
+def spot_marks(setup: Setup) -> list[tuple[int, float, float]]:
     """Return spots and their positions in the image in per cent, without those outside."""
-    if capture.spots is None or capture.optics is None:
+    if setup.spots is None or setup.optics is None:
         return []
-    x, y, z = capture.spots.directions.T
-    across = 50 * (1 + x / z / capture.optics.tan_half_width)
-    down = 50 * (1 + y / z / capture.optics.tan_half_height)
+    x, y, z = setup.spots.directions.T
+    across = 50 * (1 + x / z / setup.optics.tan_half_width)
+    down = 50 * (1 + y / z / setup.optics.tan_half_height)
     return [
         (k, left, top)
         for k, (left, top) in enumerate(zip(across, down, strict=True))

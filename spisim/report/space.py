@@ -55,9 +55,10 @@ class Space:
 
 
 def _spots(capture: Capture, result: Result) -> list[dict[str, object]]:
-    if capture.spots is None or result.ranges is None:
+    spots = result.aimed(capture.setup).spots
+    if spots is None or result.ranges is None:
         return []
-    points = result.ranges.range_m[:, None] * capture.spots.directions
+    points = result.ranges.range_m[:, None] * spots.directions
     statuses = zip(points.tolist(), result.ranges.status, strict=True)
     return [
         {"colour": VARIABLES[colour], "at": [round(value, 4) for value in at]}

@@ -6,11 +6,21 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.base.arrays import Floats
 from reconstruction.capture import SURROGATE, Capture
 from spisim.base.config import LightSource
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.simulation.light import LightSequence, Transport, surrogate_light, trace
+from spisim.simulation.doubt import MapDoubt
+from spisim.simulation.light import (
+    Steered,
+    Transport,
+    solve_spots,
+    steered_light,
+    surrogate_light,
+    surrogate_spots,
+    trace,
+)
 from spisim.simulation.measurement import record
 from spisim.transport import GroundTruth, ground_truth
 from spisim.transport.backend import activate
@@ -53,7 +63,7 @@ def simulate(
     """Simulate a recording.
 
     If anything moves, light is solved at key times and interpolated at the exposures; the truth of
-    a frame is that at its middle.
+    a frame is that at its middle. The light of steered spots is solved for every frame.
 
     Parameters
     ----------
@@ -82,10 +92,6 @@ def simulate(
         If an object would pass through the instrument, if scene and instrument have different
         wavelengths, or if no backend for the light transport works.
     """
-    middles_s = (np.arange(frames if scene.moves else 1) + 0.5) * instrument.frame_time_s
-    truths = tuple(
-        ground_truth(scene.at(time_s), instrument, subpixels=1) for time_s in middles_s.tolist()
-    )
     fraction = transport_noise_share
     budget: dict[str, Any] = {}
     if light == "surrogate":
@@ -101,9 +107,45 @@ def simulate(
             seed=seed,
             progress=progress,
         )
-    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(result)}}
+
+    def spots(instant: Scene, directions: Floats, other: Transport) -> Transport:
+        if light == "surrogate":
+            return surrogate_spots(instant, instrument, directions, other, seed=seed)
+        return solve_spots(
+            instant,
+            instrument,
+            directions,
+            other,
+            spp=spp,
+            transport_noise_share=fraction,
+            seed=seed,
+        )
+
+    steering = None if instrument.lasers is None else instrument.lasers.steering
+    steered = None
+    if steering is not None:
+        steered = steered_light(
+            scene,
+            instrument,
+            result,
+            spots,
+            frames=frames,
+            seed=seed,
+            doubt=MapDoubt(scene, instrument, result, seed) if steering.follows else None,
+        )
+    truths = _truths(scene, instrument, frames, steered)
+    keys = result.transports + (() if steered is None else steered.light.transports)
+    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(keys)}}
     capture = record(
-        scene, instrument, result, truths, seed=seed, noise=noise, frames=frames, settings=how
+        scene,
+        instrument,
+        result,
+        truths,
+        seed=seed,
+        noise=noise,
+        frames=frames,
+        settings=how,
+        steered=steered,
     )
     if light == "surrogate":
         provenance = capture.provenance
@@ -112,13 +154,28 @@ def simulate(
     return Simulation(capture, result.transports[0], truths)
 
 
-def _accuracy(light: LightSequence) -> dict[str, Any]:
+def _truths(
+    scene: Scene, instrument: Instrument, frames: int, steered: Steered | None
+) -> tuple[GroundTruth, ...]:
+    """Truth at the middle of each frame; one for all if nothing moves."""
+    different = frames if scene.moves or steered is not None else 1
+    middles_s = (np.arange(different) + 0.5) * instrument.frame_time_s
+    return tuple(
+        ground_truth(
+            scene.at(time_s),
+            instrument if steered is None else instrument.aimed(steered.pointing.true[frame]),
+            subpixels=1,
+        )
+        for frame, time_s in enumerate(middles_s.tolist())
+    )
+
+
+def _accuracy(keys: tuple[Transport, ...]) -> dict[str, Any]:
     """Accuracy of the light at the worst key time."""
 
     def worst(values: Iterable[float]) -> float:
         return float(f"{max(values):.3g}")
 
-    keys = light.transports
     accuracy: dict[str, Any] = {
         name: sum(getattr(key, name) for key in keys) for name in ("paths", "dropped")
     }

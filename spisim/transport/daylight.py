@@ -21,6 +21,8 @@ from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.direct import direct_light, mirrored_light
+from spisim.transport.engine.ends import Projector
+from spisim.transport.engine.estimator import image_light
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
 from spisim.transport.engine.rays import FogRays
@@ -43,8 +45,9 @@ FIRST_PATHS, MAX_PATHS = 2**7, 2**20
 #: than this fraction of it (5 times as efficient at an albedo of 0.99).
 DAYLIGHT_ENDING = 0.25
 
+Ends = Detectors | Projector
 #: Traces `samples` paths per detector and replica, and deposits their light.
-Trace = Callable[[Detectors, int, Sequence[int], int, Deposit], None]
+Trace = Callable[[Ends, int, Sequence[int], int, Deposit], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,23 +85,23 @@ def daylight_power(
     scene: Scene,
     instrument: Instrument,
     world: World,
-    detectors: DetectorView,
+    detectors: DetectorView | ProjectorView,
     *,
     floor_w: float = 0.0,
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
 ) -> Received:
-    """Power of sun, sky and lamps on the detectors.
+    """Power of sun, sky and lamps on the detectors, or in the pixels of a receiver.
 
     Its standard error is at most `target` times the sum of it and `floor_w`, other steady light.
     """
     lamps, outdoors = lamps_of(scene, instrument, world), has_daylight(scene)
     if not outdoors and lamps is None:
-        return Received(*np.zeros((2, len(detectors.positions_m))))
+        return Received(*np.zeros((2, _count(detectors))))
     sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
 
     def trace(
-        ends: Detectors, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
+        ends: Ends, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
     ) -> None:
         if lamps is not None:
             Gather(world, ends, lamps, deposit, replicas).run(seeds[1])
@@ -125,7 +128,7 @@ def projector_power(
     world: World,
     projector: ProjectorView,
     power_w: Floats,
-    detectors: DetectorView,
+    detectors: DetectorView | ProjectorView,
     *,
     floor_w: float = 0.0,
     target: float = STEADY_ERROR,
@@ -135,11 +138,17 @@ def projector_power(
     """Power of a projector that emits `power_w` (H, W); see `daylight_power`."""
     total_w = float(power_w.sum())
     if total_w == 0:
-        return Received(*np.zeros((2, len(detectors.positions_m))))
+        return Received(*np.zeros((2, _count(detectors))))
 
     def trace(
-        ends: Detectors, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
+        ends: Ends, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
     ) -> None:
+        if isinstance(ends, Projector):
+            lamp = Lamp.of(projector, power_w, ends.lanes)
+            image_light(
+                world, ends, lamp, seeds, deposit, max_vertices=max_vertices, replicas=replicas
+            )
+            return
         lamp = Lamp.of(projector, power_w, samples, ends.count)
         rays = FogRays(world, lamp) if world.media.parts else None
         direct_light(world, ends, lamp, seeds[2], deposit, replicas=replicas)
@@ -155,16 +164,29 @@ def projector_power(
     return Received(total_w * result.power_w, total_w * result.error_w, result.dropped)
 
 
+def _count(view: DetectorView | ProjectorView) -> int:
+    return view.pixels if isinstance(view, ProjectorView) else len(view.positions_m)
+
+
 def _received(
-    trace: Trace, view: DetectorView, floor_w: float, target: float, seed: np.random.SeedSequence
+    trace: Trace,
+    view: DetectorView | ProjectorView,
+    floor_w: float,
+    target: float,
+    seed: np.random.SeedSequence,
 ) -> Received:
-    """Power on each detector, from independent replicas."""
-    detectors = len(view.positions_m)
+    """Power on each detector or in each pixel, from independent replicas."""
+    detectors = _count(view)
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(detectors, [ImageTally], replicas)
         whole = int(samples)
-        trace(Detectors.of(view, whole), whole, seeds, replicas, tallies.add)
+        ends: Ends
+        if isinstance(view, ProjectorView):  # a pixel sees along the rays that it would emit
+            ends = Projector.of(view, whole)
+        else:
+            ends = Detectors.of(view, whole)
+        trace(ends, whole, seeds, replicas, tallies.add)
         return tallies.read(view.area_m2)
 
     def size(mean_w: Floats, error_w: Floats) -> float:

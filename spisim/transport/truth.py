@@ -47,7 +47,8 @@ class GroundTruth:
     object_names
         Names of the scene's objects.
     spot_range_m
-        Range (spots,) of the surface that each laser meets in clear air, m; nan for none.
+        Range (spots,) of the surface that each laser, or the middle of each zone, meets in clear
+        air, m; nan for none.
     spot_object
         Name (spots,) of its object; None for none.
     corridor_m
@@ -121,7 +122,7 @@ def _spots(
     """The fields of `GroundTruth` about the lasers."""
     if not len(placed.beams.directions):
         return {"spot_range_m": np.zeros(0), "spot_object": ()}
-    spots = meshes.scene.ray_intersect(rays_of(scene.drone_pose[:3, 3], placed.beams.directions))
+    spots = meshes.scene.ray_intersect(rays_of(placed.beams.origins_m, placed.beams.directions))
     met = np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan)
     return {
         "spot_range_m": met.astype(np.float64),

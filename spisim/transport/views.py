@@ -19,7 +19,10 @@ if TYPE_CHECKING:
 class ProjectorView:
     """Pose (4, 4) in the world, pattern shape (H, W), half extents at unit distance.
 
-    A pinhole, unless its lens has a radius; then it is sharp at the focal distance.
+    A pinhole, unless its lens has a radius; then it is sharp at the focal distance. As a receiver
+    it sees along the rays that it would emit: an aperture of `aperture_m2`, whose pixels respond
+    with cosᵏ of the angle to the axis, k = `falloff`, per area on the image plane (4 for a bare
+    aperture).
     """
 
     pose: Floats
@@ -28,6 +31,8 @@ class ProjectorView:
     tan_half_height: float
     lens_radius_m: float = 0.0
     focus_m: float = 1.0
+    falloff: float = 0.0
+    aperture_m2: float = 0.0
 
     @property
     def pixels(self) -> int:
@@ -37,6 +42,11 @@ class ProjectorView:
     def pixel_area(self) -> float:
         """Area of a virtual pixel on the image plane at unit distance."""
         return 4 * self.tan_half_width * self.tan_half_height / self.pixels
+
+    @property
+    def area_m2(self) -> float:
+        """Power received from unit radiance all over a pixel without falloff, m² sr."""
+        return self.aperture_m2 * self.pixel_area
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +88,7 @@ class InstrumentView:
     bucket: DetectorView
     beams: BeamView
     tof: DetectorView
+    zones: ProjectorView | None = None  # then `beams` are their axes, and `tof` is the flood
 
     @classmethod
     def placed(cls, scene: Scene, instrument: Instrument) -> InstrumentView:
@@ -96,7 +107,7 @@ class InstrumentView:
         """Place it at `pose` (4, 4), world from optical frame; what it lacks is empty."""
         rotation, origin = pose[:3, :3], pose[:3, 3]
         projector, bucket = ProjectorView(pose, (1, 1), 0.0, 0.0), NO_DETECTOR
-        beams, tof = NO_BEAMS, NO_DETECTOR
+        beams, tof, zones = NO_BEAMS, NO_DETECTOR, None
         if instrument.images:
             lit, _, detector, _ = instrument.imaging
             projector = ProjectorView(
@@ -114,16 +125,37 @@ class InstrumentView:
         if instrument.ranges:
             ranging = instrument.ranging
             headings = ranging.lasers.directions @ rotation.T
+            flood, starts = ranging.zones, np.repeat(origin[None], len(headings), axis=0)
+            if flood is None:
+                tof = _placed(
+                    ranging.tof.detector, ranging.detector_positions_m, ranging.detector_axes, pose
+                )
+            else:
+                lens, receivers = ranging.tof.detector.aperture_area_m2, ranging.receivers
+                tof = DetectorView(
+                    starts,
+                    receivers.axes @ rotation.T,
+                    ranging.zone_etendue * flood.axial_intensity,
+                    receivers.half_field_rad,
+                    receivers.falloff,
+                )
+                starts = starts + ranging.detector_positions_m @ rotation.T
+                seen_from = pose.copy()
+                seen_from[:3, 3] = starts[0]
+                zones = ProjectorView(
+                    seen_from,
+                    flood.shape,
+                    *flood.tan_half,
+                    falloff=ranging.zone_falloff,
+                    aperture_m2=lens,
+                )
             beams = BeamView(
-                np.repeat(origin[None], len(headings), axis=0),
+                starts,
                 headings,
                 ranging.lasers.divergence_mrad * 1e-3,
                 ranging.lasers.waist_mm * 1e-3,
             )
-            tof = _placed(
-                ranging.tof.detector, ranging.detector_positions_m, ranging.detector_axes, pose
-            )
-        return cls(projector, bucket, beams, tof)
+        return cls(projector, bucket, beams, tof, zones)
 
 
 def _placed(detector: Detector, positions_m: Floats, axes: Floats, pose: Floats) -> DetectorView:

@@ -13,7 +13,7 @@ from scipy.constants import c
 from scipy.special import ndtr
 
 from reconstruction.capture import Spots
-from reconstruction.capture.schema import stored_fields
+from reconstruction.capture.schema import present_fields
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import CwTof, Instrument, SpotLight, load_instrument
@@ -54,7 +54,7 @@ def ranges_of(tof, given: SpotLight, seed: int = 7):
 
 def in_one_frame(spots: Spots) -> Spots:
     """As if all frames had been recorded at once by four lasers each."""
-    by_frame = [name for name, stored in stored_fields(type(spots)) if stored.by_frame]
+    by_frame = [name for name, stored in present_fields(spots) if stored.by_frame]
     readings = {name: getattr(spots, name) for name in by_frame}
     frames = len(spots.readings)
     return replace(

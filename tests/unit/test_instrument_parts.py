@@ -19,7 +19,7 @@ from spisim.instrument import Instrument, load_instrument
 from spisim.report.capture import write_report
 from spisim.scene import load_scene
 from spisim.simulation import Simulation, simulate
-from spisim.simulation.flight.lattice import Lattice
+from spisim.simulation.light.lattice import Lattice
 from spisim.simulation.light import surrogate
 from spisim.simulation.measurement import record_frames
 

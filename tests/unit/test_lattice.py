@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spisim.simulation.flight.lattice import Lattice, simplices
+from spisim.simulation.light.lattice import Lattice, simplices
 from spisim.simulation.light import Transport
 
 LENGTHS_M = 0.02 * (np.arange(500) + 0.5)

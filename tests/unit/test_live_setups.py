@@ -8,7 +8,7 @@ import pytest
 from captures import full_capture, make_spots
 from reconstruction import InputError, Reconstructor
 from reconstruction.capture import Setup
-from reconstruction.capture.schema import stored_fields
+from reconstruction.capture.schema import present_fields
 from reconstruction.live import StreamSetup, frame_payload, packed, setup_payload, unpacked
 from reconstruction.operators import make_plan
 from streams import film
@@ -20,7 +20,7 @@ def alike(one, other):
     """Whether two parts hold the same, of the same types."""
     if one is None or other is None:
         return one is other
-    pairs = [(getattr(one, n), getattr(other, n)) for n, _ in stored_fields(type(one))]
+    pairs = [(getattr(one, n), getattr(other, n)) for n, _ in present_fields(one)]
     return type(one) is type(other) and all(
         np.asarray(a).dtype == np.asarray(b).dtype and np.array_equal(a, b, equal_nan=True)
         for a, b in pairs

@@ -18,15 +18,14 @@ class Anchored:
     def compile(self, context: Context) -> DepthSolver:
         setup = context.setup
         assert setup.optics is not None
-        assert setup.spots is not None
-        anchors = pixel_of(setup.spots.directions, setup.optics, setup.plan.shape)
-        forward = setup.spots.directions[:, 2]
+        optics, shape = setup.optics, setup.plan.shape
 
         def solve(view: View) -> DepthEstimate | None:
             ranges = view.ranges
             if ranges is None:
                 return None
-            depth_m, sigma_m = (each * forward for each in ranges.likeliest)
+            anchors = pixel_of(view.directions, optics, shape)
+            depth_m, sigma_m = (each * view.directions[:, 2] for each in ranges.likeliest)
             return anchored_depth(view.image, anchors, depth_m, sigma_m, self.prior)
 
         return solve

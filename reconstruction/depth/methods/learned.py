@@ -84,6 +84,10 @@ class LearnedSolver:
             return _Fallback(self._anchored, "the image is dark")(view)
         inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
+        if out_of_distribution is None and self._observer.spots.pointing is not None:
+            rows, columns = view.image.shape
+            seen = of_view((rows, columns), frame.optics, frame.directions)
+            out_of_distribution = self._network.outside(seen)
         if out_of_distribution is not None:
             return _Fallback(self._anchored, out_of_distribution)(view)
         prediction = self._network(inputs)

@@ -92,6 +92,11 @@ def path_check(spots: Spots) -> Callable[[Spots], OffsetEvidence | None]:
     Raises InputError as `fog_solver`, for fewer than three spots, and for histograms, which are not
     supported.
     """
+    if spots.pointing is not None:
+        raise InputError(
+            "path offsets are those of fixed spots; the recording has spots/pointing: record again "
+            "with the mirrors at rest"
+        )
     if len(spots.directions) < MIN_SPOTS:
         raise InputError(
             "path offsets show by comparison with the other spots, of which there must be two or "

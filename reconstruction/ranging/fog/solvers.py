@@ -8,9 +8,10 @@ from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.dtof import HistogramSpots
 from ...capture.readings.pulsed import PulsedSpots
-from ..ranges import MAX_FOG_RANGE_M
+from ..brightness import Brightness
+from ..ranges import MAX_FOG_RANGE_M, Ranges, redirected
 from ..unwrap import unambiguous_path_m
-from .fog_state import FogSolver
+from .fog_state import FogSolver, FogState
 from .modes import MIN_RANGE_M
 from .of_charge import charge_solver
 from .overlap import require_optics
@@ -49,6 +50,24 @@ def fog_solver(spots: Spots, optics: Optics | None = None) -> FogSolver:
     if isinstance(spots, HistogramSpots):
         from .of_histograms import histogram_solver  # slow to import
 
-        return histogram_solver(spots, max_range_m)
-    assert isinstance(spots, CwSpots | PulsedSpots)
-    return charge_solver(spots, optics, max_range_m)
+        solver = histogram_solver(spots, max_range_m)
+    else:
+        assert isinstance(spots, CwSpots | PulsedSpots)
+        solver = charge_solver(spots, optics, max_range_m)
+    return solver if spots.pointing is None else _steered(solver, spots)
+
+
+def _steered(solver: FogSolver, home: Spots) -> FogSolver:
+    """Solver of frames with their own directions, from one of the home directions.
+
+    The echo of fog and target by path length hardly depends on the direction: of the detector's
+    position, a beam sees the part across it, which changes by its cosine.
+    """
+
+    def solve(
+        spots: Spots, prior: FogState, brightness: Brightness | None
+    ) -> tuple[Ranges, FogState]:
+        ranges, fog = solver.solve(spots, prior, brightness)
+        return redirected(ranges, home, spots), fog
+
+    return FogSolver(solver.prior, solve)

@@ -60,4 +60,4 @@ def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> R
         defaults to the first of `usual_rangings`.
     """
     solver = ranging_method(method or spots.method, spots).compile(between(spots, 0, 0))
-    return solver(between(spots, frame, frame + 1))
+    return solver(between(spots, frame, frame + 1).aimed)

@@ -15,9 +15,9 @@ from spisim.base.config import LightSource, dump_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.flight.keys import Keys
-from spisim.simulation.flight.lattice import Lattice
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.light import Transport, solve, surrogate
+from spisim.simulation.light.lattice import Lattice
 from spisim.simulation.measurement import Memory, record_frames, recorded_optics
 from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, Trajectory
-from spisim.simulation.flight.lattice import Node
 from spisim.simulation.flight.motion import Motion, scene_at, things_move
+from spisim.simulation.light.lattice import Node
 
 #: Distance between key poses. Over 5 cm at 2 m light changes by 5 %, and linear interpolation is
 #: off by 0.05 %; edges are blended over a few pixels.

@@ -2,6 +2,19 @@
 
 from spisim.simulation.light.sequence import Light, LightSequence, trace
 from spisim.simulation.light.solve import Transport, solve
-from spisim.simulation.light.surrogate import surrogate, surrogate_light
+from spisim.simulation.light.steered import Steered, solve_spots, steered_light
+from spisim.simulation.light.surrogate import surrogate, surrogate_light, surrogate_spots
 
-__all__ = ["Light", "LightSequence", "Transport", "solve", "surrogate", "surrogate_light", "trace"]
+__all__ = [
+    "Light",
+    "LightSequence",
+    "Steered",
+    "Transport",
+    "solve",
+    "solve_spots",
+    "steered_light",
+    "surrogate",
+    "surrogate_light",
+    "surrogate_spots",
+    "trace",
+]

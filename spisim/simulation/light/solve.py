@@ -3,7 +3,7 @@
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, pr
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
+from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -55,7 +56,8 @@ class Transport:
 
     image: Floats  # (H, W): fraction of a virtual pixel's power on the bucket detector's apertures
     image_error: Floats
-    spot_histogram: Floats  # (spots, bins): fraction of a laser's power on its detector's aperture
+    #: (spots, bins): fraction of a laser's, or the flood's, power on its detector's aperture.
+    spot_histogram: Floats
     spot_histogram_error: Floats
     #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
     path_length_m: Floats
@@ -135,9 +137,9 @@ def solve(
     if outputs.frequencies_hz or outputs.bins is not None:
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
-    streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+    streams = streams_of(seed)
     world = build_world(scene)
-    if instrument.ranges:
+    if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
     steady = steady_light(scene, instrument, world, placed, streams[2:])
     dropped = steady.pop("dropped")
@@ -154,7 +156,7 @@ def solve(
             _part(progress, 0.1, 0.8),
         )
     if instrument.ranges:
-        spots, lengths_m = _spots(
+        spots, lengths_m = trace_spots(
             instrument,
             world,
             placed,
@@ -175,17 +177,29 @@ def solve(
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
-        spot_histogram=spots.mean["histogram"],
-        spot_histogram_error=spot_error(spots),
-        path_length_m=lengths_m,
+        **spot_fields(spots, lengths_m),
         **steady,
         noise_share=image.size,
-        spot_noise_share=spots.size,
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
         extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
     )
+
+
+def streams_of(seed: int) -> list[np.random.SeedSequence]:
+    """Random streams of image, spots, and three kinds of steady light."""
+    return np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
+
+
+def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
+    """Fields of `Transport` of the light of the lasers."""
+    return {
+        "spot_histogram": spots.mean["histogram"],
+        "spot_histogram_error": spot_error(spots),
+        "path_length_m": lengths_m,
+        "spot_noise_share": spots.size,
+    }
 
 
 def _image(
@@ -221,7 +235,7 @@ def _image(
     )
 
 
-def _spots(
+def trace_spots(
     instrument: Instrument,
     world: World,
     placed: InstrumentView,
@@ -245,10 +259,30 @@ def _spots(
     budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
-    result = spot_histogram(
-        world, placed.beams, placed.tof, bins, budget, seed=seed, progress=progress
-    )
+    result = ranging_histogram(world, placed, bins, budget, seed=seed, progress=progress)
     return result, bins.centres_m
+
+
+def ranging_histogram(
+    world: World,
+    placed: InstrumentView,
+    bins: PathLengthBins,
+    budget: SamplingBudget,
+    *,
+    seed: np.random.SeedSequence,
+    max_vertices: int = MAX_VERTICES,
+    progress: Callable[[float], None] | None = None,
+) -> Estimate:
+    """Light of spots or zones by path length; see `spot_histogram`.
+
+    Light is the same both ways: zones are traced as pixels whose light the flood collects.
+    """
+    options: Any = {"seed": seed, "max_vertices": max_vertices, "progress": progress}
+    if placed.zones is None:
+        return spot_histogram(world, placed.beams, placed.tof, bins, budget, **options)
+    flood = replace(placed.tof, positions_m=placed.tof.positions_m[:1], axes=placed.tof.axes[:1])
+    outputs = Outputs(orders=True, bins=bins)
+    return transport_image(world, placed.zones, flood, budget, outputs=outputs, **options)
 
 
 def steady_light(
@@ -281,7 +315,7 @@ def steady_light(
         )
         for name, view, stream in (
             ("detector", placed.bucket, streams[0]),
-            ("tof.detector", placed.tof, streams[1]),
+            ("tof.detector", placed.zones or placed.tof, streams[1]),
         )
     )
     crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
@@ -290,7 +324,7 @@ def steady_light(
             world,
             placed.projector,
             instrument.mean_powers_w,
-            placed.tof,
+            placed.zones or placed.tof,
             floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
             target=target,
             seed=streams[2],

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -29,9 +30,9 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light.sequence import LightSequence, at_key_times
-from spisim.simulation.light.solve import Transport, steady_light
+from spisim.simulation.light.solve import Transport, ranging_histogram, steady_light
 from spisim.transport.backend import with_backend
-from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
 from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
@@ -43,7 +44,7 @@ from spisim.transport.world import World, build_world
 PATHS, SPOT_PATHS = 8, 1024
 #: Fractions of singly scattered light that are added to it; see above.
 BOUNCED, FORWARD, AGAIN_M = 0.033, 0.64, 1.24
-#: The same for the spots, whose detectors see little but the beam.
+#: The same for the spots, whose detectors see little but the beam; zones see what bounces, too.
 SPOT_FORWARD_M, SPOT_AGAIN_M = 0.33, 0.9
 #: Standard deviations of the smoothing, over the longer side of the image: of light from all
 #: around, of light that fog scatters forward, and of the fog's own echo.
@@ -106,6 +107,20 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     )
 
 
+@with_backend
+def surrogate_spots(
+    scene: Scene, instrument: Instrument, directions: Floats, light: Transport, *, seed: int = 0
+) -> Transport:
+    """Approximate result of `solve_spots`."""
+    began = time.perf_counter()
+    aimed = instrument.aimed(directions)
+    placed, extinction = InstrumentView.placed(scene, aimed), scene.atmosphere.extinction_per_m
+    stream = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)[1]
+    spots = _spots(aimed, build_world(scene), placed, extinction, stream)
+    extra = {**light.extra, **spots.pop("extra")}
+    return replace(light, **spots, seconds=time.perf_counter() - began, extra=extra)
+
+
 def _image(
     instrument: Instrument,
     world: World,
@@ -150,11 +165,13 @@ def _spots(
     bins = spot_bins(
         world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
-    result = spot_histogram(
-        world, placed.beams, placed.tof, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
+    result = ranging_histogram(
+        world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )
     surfaces, echo = result.mean["histogram_orders"][:2]
     guessed = extinction_per_m * (SPOT_FORWARD_M * surfaces + SPOT_AGAIN_M * echo)
+    if placed.zones is not None:
+        guessed += BOUNCED * surfaces
     return {
         "spot_histogram": surfaces + echo + guessed,
         "spot_histogram_error": np.hypot(spot_error(result), guessed),

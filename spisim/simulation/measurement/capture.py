@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,7 +15,7 @@ from reconstruction.capture.importers import capture_from_spots
 from spisim.base.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.simulation.light import Light
+from spisim.simulation.light import Light, Steered
 from spisim.simulation.measurement.buckets import record_buckets
 from spisim.simulation.measurement.electronics import Memory
 from spisim.simulation.measurement.light import BucketLight, bucket_light, no_light, pixel_electrons
@@ -34,10 +35,12 @@ def record(
     noise: bool = True,
     frames: int = 1,
     settings: Mapping[str, Any] | None = None,
+    steered: Steered | None = None,
 ) -> Capture:
     """Turn light into the capture that `instrument` would record.
 
-    `truths` are those of every frame, or one for all if nothing moves. `settings` describes how the
+    `truths` are those of every frame, or one for all if nothing moves; `steered` is the light of
+    steered spots, whose frames each have a truth. `settings` describes how the
     light was traced. The provenance records it, with noise and frames, so that the capture can be
     made again, and with the optics of the media.
     """
@@ -45,7 +48,7 @@ def record(
     settings = {**(settings or {}), **made}
     streams = np.random.SeedSequence(seed)
     readings, mean = record_frames(
-        scene, instrument, light, truths, streams, noise=noise, frames=frames
+        scene, instrument, light, truths, streams, noise=noise, frames=frames, steered=steered
     )
     plan, *following_plans = instrument.pattern_plans[:frames]
     return Capture(
@@ -67,9 +70,16 @@ def record(
         truth=Truth.of(
             [
                 frame_truth(image, error, truth)
-                for image, error, truth in zip(mean.image, mean.image_error, truths, strict=True)
+                for image, error, truth in zip(
+                    *(
+                        np.broadcast_to(each, (len(truths), *each.shape[1:]))
+                        for each in (mean.image, mean.image_error)
+                    ),
+                    truths,
+                    strict=True,
+                )
             ],
-            still=not scene.moves,
+            still=not scene.moves and steered is None,
         ),
     )
 
@@ -85,11 +95,12 @@ def record_frames(
     frames: int = 1,
     first: int = 0,
     before: Memory | None = None,
+    steered: Steered | None = None,
 ) -> tuple[Frames, BucketLight]:
     """Readings of successive frames, and the bucket's light that they were made from.
 
-    `first` is the index of the first frame; `truths` is as for `record`, `before` as for
-    `bucket_light`.
+    `first` is the index of the first frame; `truths` and `steered` are as for `record`, `before` as
+    for `bucket_light`.
     """
     for_buckets, for_spots, for_drops = (
         np.random.default_rng(stream) for stream in streams.spawn(3)
@@ -98,10 +109,12 @@ def record_frames(
     spots = pattern_taps = None
     if instrument.ranges:
         spots = instrument.ranging.tof.record(
-            spot_light(instrument, light, frames, drops),
+            spot_light(instrument, light if steered is None else steered.light, frames, drops),
             instrument.spot_optics,
             for_spots if noise else None,
         )
+        if steered is not None:
+            spots = replace(spots, pointing=steered.pointing.read)
     if instrument.images:
         mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
         buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)

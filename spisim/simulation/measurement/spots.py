@@ -29,12 +29,15 @@ def spot_light(
     steady = rate([key.spot_daylight_w for key in keys], "daylight")
     steady = steady + rate([key.spot_crosstalk_w for key in keys], "projector")
     lengths, histograms = _over_the_same_lengths(keys)
-    echo = rate(histograms, "laser")
+    echo, per_joule = rate(histograms, "laser"), instrument.electrons_per_joule(detector, "laser")
+    zones = instrument.ranging.zones
     if drops:
         change = on_spots(drops, lengths)
-        echo = echo * change.passed + change.echo * instrument.electrons_per_joule(
-            detector, "laser"
-        )
+        seen = 1.0 if zones is None else zones.responses(detector.vignetting)[:, None]
+        echo = echo * change.passed + seen * change.echo * per_joule
+    if zones is not None:
+        echo, steady = zones.mixing @ echo, steady @ zones.mixing.T
+        echo[..., 0] += zones.cover_glass * per_joule / instrument.ranging.spots
     return SpotLight(
         path_length_m=lengths,
         echo_per_s=echo * instrument.ranging.lasers.power_w,

@@ -62,10 +62,11 @@ class RandomRay(NamedTuple):
 class Projector:
     """Lens whose virtual pixels emit unit power each, uniform over their image-plane area.
 
-    W(ω) = 1 / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance. The
-    lens is a point, or a disc focused at a distance: a pixel's light then leaves from all over the
-    disc towards the pixel's point in the focal plane. A launch has `samples` paths per pixel, or
-    one path per `group` of neighbours, from one of them at random.
+    W(ω) = cosᵏθ / (a_u cos³θ), with a_u the area of pixel u on the image plane at unit distance and
+    the falloff k, 0 by default; launches leave out cosᵏθ. The lens is a point, or a disc focused at
+    a distance: a pixel's light then leaves from all over the disc towards the pixel's point in the
+    focal plane. A launch has `samples` paths per pixel, or one path per `group` of neighbours, from
+    one of them at random.
     """
 
     to_world: Matrix
@@ -75,6 +76,7 @@ class Projector:
     half_height: Float
     lens_radius_m: Float
     focus_m: Float
+    falloff: Float | None  # k; None for 0
     samples: int
     group: int
     samples_jit: Float  # samples / group, opaque: one kernel serves any number
@@ -90,6 +92,7 @@ class Projector:
             half_height=dr.opaque(mi.Float, view.tan_half_height),
             lens_radius_m=dr.opaque(mi.Float, view.lens_radius_m),
             focus_m=dr.opaque(mi.Float, view.focus_m),
+            falloff=dr.opaque(mi.Float, view.falloff) if view.falloff else None,
             samples=max(1, int(samples)),
             group=max(1, round(1 / samples)),
             samples_jit=dr.opaque(mi.Float, samples),
@@ -123,7 +126,8 @@ class Projector:
 
     def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:
         """A ray through the lane's pixel, and its weight."""
-        return self._through(self.cell(lane), sampler.next_2d(), sampler), dr.rcp(self.samples_jit)
+        ray = self._through(self.cell(lane), sampler.next_2d(), sampler)
+        return ray, self._dimmed(dr.rcp(self.samples_jit), ray.d)
 
     def _through(self, cell: UInt, jitter: Point2, sampler: Sampler) -> Ray:
         """A ray through a jittered point of a pixel."""
@@ -141,7 +145,7 @@ class Projector:
         return Launch(
             origin=ray.o,
             direction=ray.d,
-            beta=dr.rcp(self.samples_jit),
+            beta=self._dimmed(dr.rcp(self.samples_jit), ray.d),
             state=self.samples_jit * self.importance_of(ray.d),
             cell=cell,
         )
@@ -163,7 +167,7 @@ class Projector:
         )
         return Connection(
             point=self.to_world @ lens,
-            importance=importance,
+            importance=self._dimmed(importance, self.to_world @ towards),
             density=self.samples_jit * importance,
             length_m=mi.Float(0),
             scatterings=mi.UInt32(0),
@@ -173,7 +177,7 @@ class Projector:
     def random_ray(self, sampler: Sampler) -> RandomRay:
         """A ray through a random point of the field."""
         ray, pixel = self.ray_at(sampler.next_2d(), sampler)
-        return RandomRay(ray, mi.Float(self.pixels), self.paths, pixel)
+        return RandomRay(ray, self._dimmed(mi.Float(self.pixels), ray.d), self.paths, pixel)
 
     def random_ray_density(self, direction: Vector, lens: Point) -> Float:
         """Density of `random_ray`, 1/sr, for a ray that leaves the point `lens` (world)."""
@@ -212,12 +216,19 @@ class Projector:
         local = dr.normalize(mi.Vector3f(mi.Point3f(x, y, 1) * self.focus_m - lens))
         return mi.Ray3f(self.to_world @ lens, self.to_world @ local)
 
+    def _dimmed(self, value: Float, direction: Vector) -> Float:
+        """A value times cosᵏθ of a direction (world, of any length) in the field."""
+        if self.falloff is None:
+            return value
+        cosine = dr.normalize(self.to_optical @ mi.Vector3f(direction)).z
+        return value * dr.power(dr.maximum(cosine, 1e-6), self.falloff)
+
     def importance_of(self, direction: Vector) -> Float:
-        """W of a drawn ray, which counts as in the field even if rounding puts it on the edge."""
+        """W / cosᵏθ of a drawn ray, in the field even if rounding puts it on the edge."""
         return self.importance_at((self.to_optical @ mi.Vector3f(direction)).z)
 
     def importance_towards(self, direction: Vector, lens: Point) -> Float:
-        """W of the ray that leaves the point `lens` (world); 0 outside the field."""
+        """W / cosᵏθ of the ray that leaves the point `lens` (world); 0 outside the field."""
         local = self.to_optical @ mi.Vector3f(direction)
         origin = self.to_optical @ mi.Point3f(lens)
         focal = (origin + local * (self.focus_m / local.z)) / self.focus_m
@@ -233,7 +244,7 @@ class Projector:
         return mi.Point3f(disc.x, disc.y, 0)
 
     def importance_at(self, cosine: Float) -> Float:
-        """W by the cosine to the axis, inside the field."""
+        """W / cosᵏθ by the cosine to the axis, inside the field."""
         pixel_area = 4 * self.half_width * self.half_height / self.pixels
         return dr.rcp(pixel_area * cosine**3)
 

@@ -1,0 +1,130 @@
+"""Light of steered spots: solved for every frame's directions, while the image's is solved once."""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from reconstruction.base.arrays import Floats
+from spisim.instrument import Instrument
+from spisim.instrument.steering import Doubt, Pointing
+from spisim.scene import Scene
+from spisim.simulation.light.lattice import LatticeLight
+from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
+from spisim.simulation.light.solve import Transport, spot_fields, streams_of, trace_spots
+from spisim.transport.backend import with_backend
+from spisim.transport.drops import Interpolation
+from spisim.transport.glints import warn_of_glints
+from spisim.transport.path_bins import BIN_WIDTH_M
+from spisim.transport.views import InstrumentView
+from spisim.transport.world import build_world
+
+SpotSolver = Callable[[Scene, Floats, Transport], Transport]
+"""From a scene, directions (spots, 3) and its other light to `Transport`, as `solve_spots`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steered:
+    """Light of the spots in every frame, and where they point."""
+
+    light: Light
+    pointing: Pointing
+
+
+@with_backend
+def solve_spots(
+    scene: Scene,
+    instrument: Instrument,
+    directions: Floats,
+    light: Transport,
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+) -> Transport:
+    """`light` of a scene with its spots along other directions, whose light alone is traced.
+
+    Daylight and the projector's light on their detectors are taken from `light`: they hardly decide
+    about the noise of ranges, which is that of echo and electronics.
+
+    Parameters
+    ----------
+    scene, instrument, spp, transport_noise_share, seed
+        As of `solve`.
+    directions
+        Unit vectors (spots, 3) in the optical frame.
+    light
+        Light of the same scene, with any directions.
+
+    Raises
+    ------
+    InputError
+        As `solve`, and for an instrument without lasers.
+    """
+    began = time.perf_counter()
+    aimed = instrument.aimed(directions)
+    aimed.ranging.tof.check_bins(BIN_WIDTH_M)
+    placed, world = InstrumentView.placed(scene, aimed), build_world(scene)
+    warn_of_glints(world, placed.beams, placed.tof)
+    budget = (spp, transport_noise_share)
+    spots, lengths_m = trace_spots(
+        aimed, world, placed, vars(light), budget, streams_of(seed)[1], None
+    )
+    return replace(
+        light,
+        **spot_fields(spots, lengths_m),
+        dropped=spots.dropped,
+        paths=spots.paths,
+        seconds=time.perf_counter() - began,
+        extra={**light.extra, "spot_orders": spots.mean["histogram_orders"]},
+    )
+
+
+def steered_light(
+    scene: Scene,
+    instrument: Instrument,
+    light: LightSequence,
+    spots: SpotSolver,
+    *,
+    frames: int,
+    seed: int,
+    doubt: Callable[[int, Steered], Doubt | None] | None = None,
+) -> Steered:
+    """Light of the spots of successive frames, whose other light is `light`.
+
+    In a scene that moves it is solved twice a frame, a quarter before and after its middle; that
+    makes the mean of anything that changes linearly. Falling drops are those of beams at rest.
+    `doubt` makes that of the next frame from the light of a frame and its number.
+    """
+    lasers = instrument.ranging.lasers
+    assert lasers.steering is not None
+    home_deg, steering = np.array(lasers.directions_deg), lasers.steering
+    per_frame = KEYS_PER_FRAME if scene.moves else 1
+    every: list[Transport] = []
+    pointings: list[Pointing] = []
+    known: Doubt | None = None
+    for frame in range(frames):
+        pointing = steering.pointing(home_deg, frame, seed, known)
+        keys = [
+            spots(
+                scene.at((frame + (part + 0.5) / per_frame) * instrument.frame_time_s),
+                pointing.true[0],
+                light.transports[frame * per_frame + part if scene.moves else 0],
+            )
+            for part in range(per_frame)
+        ]
+        if doubt is not None:
+            known = doubt(frame, _together(instrument, keys, pointing))
+        every += keys
+        pointings.append(pointing)
+    return _together(instrument, every, Pointing.joined(pointings))
+
+
+def _together(instrument: Instrument, solved: list[Transport], pointing: Pointing) -> Steered:
+    """Light whose keys are equally many for each frame, and count equally."""
+    shape = (len(pointing.true), 1, len(solved) // len(pointing.true))
+    exposures = instrument.exposure_times_s(1).shape[1]
+    keys = np.arange(len(solved)).reshape(shape).repeat(exposures, axis=1)
+    between = Interpolation(keys, np.full(keys.shape, 1 / shape[-1]))
+    return Steered(LatticeLight(tuple(solved), between), pointing)
