@@ -19,7 +19,7 @@ import pytest
 
 PACKAGES = (
     *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
-    "serving/spisim_serving",
+    *("paper/spisim_paper", "serving/spisim_serving"),
 )
 SETTINGS = """
 [run]

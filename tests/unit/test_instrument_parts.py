@@ -19,8 +19,8 @@ from spisim.instrument import Instrument, load_instrument
 from spisim.report.capture import write_report
 from spisim.scene import load_scene
 from spisim.simulation import Simulation, simulate
-from spisim.simulation.light.lattice import Lattice
 from spisim.simulation.light import surrogate
+from spisim.simulation.light.lattice import Lattice
 from spisim.simulation.measurement import record_frames
 
 WALL = Target(4.0, illuminance_klx=20.0)

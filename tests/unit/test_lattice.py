@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from spisim.simulation.light.lattice import Lattice, simplices
 from spisim.simulation.light import Transport
+from spisim.simulation.light.lattice import Lattice, simplices
 
 LENGTHS_M = 0.02 * (np.arange(500) + 0.5)
 
