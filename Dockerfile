@@ -7,6 +7,8 @@ COPY spisim spisim
 COPY reconstruction reconstruction
 COPY scenes scenes
 COPY formats formats
+COPY paper paper
+COPY serving serving
 COPY tools/wheel_scenes.py tools/wheel_scenes.py
 COPY studies studies
 COPY examples examples

@@ -21,7 +21,7 @@ import numpy as np
 from options import benchmark_options, finish
 
 from reconstruction import Capture, Reconstructor, read_capture
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "results" / "live.md"

@@ -24,11 +24,11 @@ from options import benchmark_options, finish
 from same_light import same_light
 from yardstick import Yardstick
 
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.records import Outcome
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
+from spisim_paper.checks import Check, Table, surroundings
 
 # isort: split
 import drjit as dr

@@ -34,7 +34,7 @@ from yardstick import processor
 
 from reconstruction.base.arrays import Floats
 from reconstruction.chosen_methods import USUAL_DEPTHS
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "depth.md"
 FOLDER = Path(__file__).parents[1] / "out" / "depth"

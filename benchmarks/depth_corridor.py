@@ -8,7 +8,7 @@ from intervals import of_figure
 
 from reconstruction.base.arrays import Floats, Mask
 from reconstruction.depth import DISTANCES_M, MIN_FREE, nearest_obstacle_m
-from spisim.budget.paper.checks import Check, Table
+from spisim_paper.checks import Check, Table
 
 Groups = Mapping[tuple[str, str], Sequence[Judged]]
 """By group of scenes, and clear or fog."""

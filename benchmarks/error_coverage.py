@@ -11,7 +11,6 @@ from scipy.stats import t
 import spisim
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, fog
-from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -20,6 +19,7 @@ from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
+from spisim_paper.checks import Check, Table
 
 BINS = PathLengthBins(4001, 0.02)
 #: Bins that make up this much of all variance: the others hold a path now and then.

@@ -19,8 +19,8 @@ from reconstruction import Capture, Reconstructor, evaluate
 from reconstruction.depth import DEPTH_METHODS
 from reconstruction.depth.method import Context, View
 from reconstruction.image import Imaging
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 SCENES = ("warehouse", "rubble", "scaffold", "tunnel", "person", "hovering-drone", "landing-pad",

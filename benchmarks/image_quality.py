@@ -30,7 +30,7 @@ from reconstruction import Capture, Reconstructor
 from reconstruction.capture import first_patterns
 from reconstruction.capture.importers import capture_from_readings
 from reconstruction.operators import expose, make_plan
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 HERE = Path(__file__).parent
 PAGE = HERE.parent / "docs" / "results" / "images.md"

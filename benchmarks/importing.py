@@ -29,7 +29,6 @@ import trimesh
 from options import benchmark_options, finish
 
 from reconstruction.base.errors import InputError
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import load_scene
 from spisim.scene.pose import pose_matrix
 from spisim_formats.format import readers
@@ -37,6 +36,7 @@ from spisim_formats.library.content import Content
 from spisim_formats.library.drone import Surroundings, propose
 from spisim_formats.library.files import Folders
 from spisim_formats.library.shapes import as_mesh
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "importing.md"
 READERS = readers()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.stats import beta, binom, t
 
 from reconstruction.base.arrays import Floats
-from spisim.budget.paper.checks import Interval
+from spisim_paper.checks import Interval
 
 RESAMPLED = 1000
 MIN_FINITE = 0.95

@@ -31,7 +31,7 @@ from reconstruction import Capture, Reconstructor, Result
 from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
 from reconstruction.live.links.sockets import TcpListen
 from reconstruction.live.loop import fast_depth
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"
 SECONDS, QUICK_S = 60, 10

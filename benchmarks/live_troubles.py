@@ -37,7 +37,7 @@ from reconstruction.live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
 from reconstruction.live.links.sockets import TcpListen
 from reconstruction.live.loop import fast_depth
 from reconstruction.live.sinks import Detached, Sink
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"
 SECONDS, QUICK_S = 60, 10

@@ -24,7 +24,6 @@ from options import benchmark_options, finish
 from scipy import stats
 
 from spisim.atmosphere import Atmosphere, HenyeyGreenstein, Isotropic, explicit
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume, look_at
 from spisim.scene.bsdf import (
@@ -50,6 +49,7 @@ from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
 from spisim.transport.views import InstrumentView
+from spisim_paper.checks import Check, Table, surroundings
 
 activate()
 import drjit as dr  # noqa: E402 - the variant comes first

@@ -46,8 +46,8 @@ from reconstruction.image import (
     UsableReadings,
     batch_omp,
 )
-from spisim.budget.paper.checks import Check, Table, surroundings
-from spisim.budget.paper.table2 import PAPER, Row, readings
+from spisim_paper.checks import Check, Table, surroundings
+from spisim_paper.table2 import PAPER, Row, readings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "reconstruction.md"
 ATOMS = 1024

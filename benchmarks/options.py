@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from spisim.budget.paper.checks import Check, Table, checks_table, paste, report
+from spisim_paper.checks import Check, Table, checks_table, paste, report
 
 
 def benchmark_options(

@@ -17,8 +17,8 @@ from options import benchmark_options, finish
 
 from reconstruction.capture.schema import between
 from reconstruction.ranging.fog.offsets import OffsetEvidence, PathOffsets, path_check, path_offsets
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 CELLS = (

@@ -21,7 +21,6 @@ from mitsuba_reference import Renderer, pattern_emitter
 from numpy.typing import NDArray
 from options import benchmark_options, finish
 
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Scene, load_scene
 from spisim.transport import camera_view
@@ -29,6 +28,7 @@ from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
 from spisim.transport.views import InstrumentView
+from spisim_paper.checks import Check, Table, surroundings
 
 activate()
 import drjit as dr  # noqa: E402 - the variant comes first

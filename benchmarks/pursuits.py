@@ -28,7 +28,7 @@ from options import benchmark_options, finish
 
 from reconstruction import Reconstructor
 from reconstruction.capture import first_patterns
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 FRACTIONS = (0.03125, 0.125)
 REFERENCE, EDGES = "least-squares", "edge-preserving"

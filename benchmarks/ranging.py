@@ -31,8 +31,8 @@ from reconstruction.capture.schema import between
 from reconstruction.ranging import RANGING_METHODS
 from reconstruction.ranging.bound import Bound, Targets, make_bound
 from spisim.base.config import parse_model
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument, load_instrument
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 CELLS = (

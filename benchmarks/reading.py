@@ -15,8 +15,8 @@ from options import benchmark_options, finish
 import spisim
 from reconstruction import InputError
 from reconstruction.base.arrays import Floats
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset import DataSet, pack_dataset
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "datasets.md"
 NAMES = ("buckets", "true_depth_m")

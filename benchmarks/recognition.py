@@ -23,7 +23,7 @@ from options import benchmark_options, finish
 from reconstruction.base.errors import InputError
 from reconstruction.image import candidate_layouts, recognise
 from reconstruction.operators import POLARITIES, expose, make_plan
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "recordings.md"
 FRACTIONS = (0.03125, 0.125, 0.25, 1.0)

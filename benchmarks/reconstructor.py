@@ -30,7 +30,7 @@ from reconstruction import Reconstructor, open_capture, reconstruct, write_captu
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture, CaptureFile, Frames, Truth
 from reconstruction.capture.readings.cw import CwSpots
-from spisim.budget.paper.checks import Check, Interval, Table, surroundings
+from spisim_paper.checks import Check, Interval, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "reconstruction.md"
 FRAMES = (1, 1_000, 10_000)

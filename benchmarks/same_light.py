@@ -8,12 +8,12 @@ import numpy as np
 from alternatives import DualVolpath
 
 from spisim.atmosphere import CLEAR
-from spisim.budget.paper.checks import Check, Table
 from spisim.dataset.planned import load_plan
 from spisim.dataset.sample import load
 from spisim.scene import Scene, Volume
 from spisim.simulation.light import solve
 from spisim.transport.views import InstrumentView
+from spisim_paper.checks import Check, Table
 
 #: Paths per pixel of `volpath`: its error is then about that of a sample.
 DUAL_PATHS = 2048

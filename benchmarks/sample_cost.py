@@ -17,9 +17,9 @@ from pathlib import Path
 import numpy as np
 from options import benchmark_options, finish
 
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.dataset.planned import load_plan
 from spisim.dataset.sample import Maker
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "datasets.md"
 PLAN = """

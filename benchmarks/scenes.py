@@ -17,8 +17,8 @@ from options import benchmark_options, finish
 from raycast import compare
 
 import spisim
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import list_scenes
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "scenes.md"
 SPP = 64

@@ -21,8 +21,8 @@ from spots_study import promises as study_promises
 from spots_study import tables as study_tables
 from spots_zones import zones_benchmark
 
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.simulation.light import solve
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "spots.md"
 PICTURE = PAGE.parents[1] / "images" / "steering.png"

@@ -19,7 +19,6 @@ import numpy as np
 import spisim
 from reconstruction import read_capture
 from reconstruction.base.arrays import Floats
-from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
 from spisim.scene import Scene, Trajectory, load_trajectory
 from spisim.simulation.flight import Camera, Motion, PathKeys, record_flight, solver
@@ -27,6 +26,7 @@ from spisim.simulation.flight.keys import Keys
 from spisim.simulation.flight.motion import scene_at
 from spisim.simulation.light.lattice import Node
 from spisim.simulation.measurement import record_frames
+from spisim_paper.checks import Check, Table
 
 VISIBILITY_M, PRESET, NOISE_SHARE, SECOND_S = 50, "fog", 0.5, 1.0
 FRAMES, LONG_FRAMES = 7, 2000

@@ -24,13 +24,13 @@ from reconstruction.ranging import RANGING_METHODS
 from reconstruction.ranging.bound import Targets, make_bound
 from spisim.atmosphere import fog
 from spisim.base.config import parse_model
-from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument, load_instrument
 from spisim.instrument.steering import Pointing
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.simulation.light import LightSequence, solve, solve_spots, steered_light
 from spisim.simulation.measurement import record
 from spisim.transport import ground_truth
+from spisim_paper.checks import Check, Table
 
 VISIBILITY_M, WALLS_M, SKY_KLX = 50.0, (4.0, 9.0), 20.0
 PANELS, SEED, LONGEST_M = 5, 35, 10.0
@@ -240,7 +240,7 @@ if __name__ == "__main__":
 
     from options import benchmark_options, finish
 
-    from spisim.budget.paper.checks import surroundings
+    from spisim_paper.checks import surroundings
 
     PAGE = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
     OPTIONS = benchmark_options(__doc__, "fewer paths and draws", PAGE)

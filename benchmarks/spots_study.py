@@ -20,7 +20,6 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.depth import pixel_of
-from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument
 from spisim.instrument.steering import PLASTIC, directions
 from spisim.scene import Scene, Trajectory, check_clear_path, draw_scene
@@ -28,6 +27,7 @@ from spisim.simulation.flight.motion import scene_at
 from spisim.transport.backend import with_backend
 from spisim.transport.geometry import rays_of
 from spisim.transport.meshes import Meshes
+from spisim_paper.checks import Check, Table
 
 SPOTS, TIMES_S = (1, 4, 16, 64), (0.1, 0.3, 1.0, 3.0)
 MODES = ("fixed", "raster", "random", "adaptive")

@@ -13,7 +13,6 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR
-from spisim.budget.paper.checks import Check, Table
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.simulation.light import LightSequence, solve
@@ -25,6 +24,7 @@ from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.path_bins import spot_bins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
+from spisim_paper.checks import Check, Table
 
 PRESETS = "vl53l5cx", "tmf8820"
 #: Points across and down a zone in the integral (edges of walls are upright), and paths and

@@ -29,7 +29,6 @@ import spisim
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import Scene, Volume
 from spisim.simulation.light import solve
 from spisim.transport.daylight import projector_power
@@ -39,6 +38,7 @@ from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs" / "results" / "transport.md"
 PROMISED_VISIBILITY_M = 50

@@ -35,7 +35,7 @@ from reconstruction import Capture, Reconstructor, read_capture
 from reconstruction.capture import first_patterns
 from reconstruction.capture.importers import capture_from_readings
 from reconstruction.operators import decoder_for, expose, make_plan
-from spisim.budget.paper.checks import Check, Table, surroundings
+from spisim_paper.checks import Check, Table, surroundings
 
 READINGS = (8, 16, 31, 64, 128, 410)
 NOISES = (0.0, 0.1, 0.3, 1.0, 3.0)

@@ -21,8 +21,8 @@ import spisim
 from reconstruction import Capture, Reconstructor, read_capture, write_capture
 from reconstruction.base.arrays import Floats, Mask
 from reconstruction.ranging import measure_ranges
-from spisim.budget.paper.checks import Check, Table
 from spisim.scene import draw_scene
+from spisim_paper.checks import Check, Table
 
 CACHE = Path(__file__).parents[1] / "out" / "ranging" / "unseen"
 SEED = 991

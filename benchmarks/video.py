@@ -26,13 +26,13 @@ from reconstruction import Capture, Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Provenance
 from spisim.base.config import parse_model
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.instrument import Instrument
 from spisim.scene import Scene, at_drone_state, load_trajectory
 from spisim.simulation.light import LightSequence
 from spisim.simulation.light.sequence import trace
 from spisim.simulation.measurement.buckets import record_buckets
 from spisim.simulation.measurement.light import bucket_light
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "video.md"
 STILLS = ("rubble", "person", "tunnel", "warehouse")

@@ -22,7 +22,6 @@ from reconstruction.base.arrays import Floats
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR, fog
 from spisim.budget import Target, class_1_power_w, range_sigma_m
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Ambient, Material, Scene, SceneObject, in_band_irradiance, load_scene
@@ -30,6 +29,7 @@ from spisim.simulation.light import LightSequence, Transport, solve, trace
 from spisim.simulation.measurement import record, spot_light
 from spisim.simulation.measurement.light import background_electrons
 from spisim.transport import Outputs, ground_truth
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "weather.md"
 #: Sections of the warehouse that are changed, by what they stand for.

@@ -21,7 +21,6 @@ from options import benchmark_options, finish
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
-from spisim.budget.paper.checks import Check, Table, surroundings
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram
 from spisim.transport.engine.sampling import PathBudget
@@ -29,6 +28,7 @@ from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import build_world
+from spisim_paper.checks import Check, Table, surroundings
 
 DOCS = Path(__file__).parents[1] / "docs"
 PAGE = DOCS / "results" / "weather.md"

@@ -11,7 +11,7 @@ from time import perf_counter, thread_time
 
 import numpy as np
 
-from spisim.budget.paper.checks import Interval
+from spisim_paper.checks import Interval
 
 REFERENCE_S = 3.25e-3
 """What the work takes on one core of the AMD EPYC of the docs, with nothing beside it."""

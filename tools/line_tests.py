@@ -17,7 +17,10 @@ from pathlib import Path
 import coverage
 import pytest
 
-PACKAGES = ("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats")
+PACKAGES = (
+    *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
+    *("paper/spisim_paper", "serving/spisim_serving"),
+)
 SETTINGS = """
 [run]
 source = {packages}

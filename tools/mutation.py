@@ -36,7 +36,10 @@ from mutators import Mutant, mutants
 ROOT = Path(__file__).parents[1]
 WORK = ROOT / "out" / "mutation"
 EQUIVALENTS = Path(__file__).with_name("mutation_equivalents.yaml")
-PACKAGES = ("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats")
+PACKAGES = (
+    *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
+    *("paper/spisim_paper", "serving/spisim_serving"),
+)
 MIN_KILLED = 0.85
 MAX_TESTS_S = 120.0
 """Of the tests of one fault, as long as they took when measured; slower ones are left out."""

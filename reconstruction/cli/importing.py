@@ -22,15 +22,14 @@ from ..capture.importers import (
     capture_from_spots,
     frames_of_columns,
     half_plane,
-    is_spas,
     load_array,
-    load_spas,
     parts,
     plan_from_coefficients,
     plan_from_factors,
     plan_from_matrix,
     plan_from_phase_steps,
     plan_from_rows,
+    program_of,
     read_about,
     readings_of,
 )
@@ -151,8 +150,8 @@ def _parts(capture: Capture) -> str:
 def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
     """Capture of bucket readings, and those of the spots, if any."""
     about: dict[str, float] = {}
-    if is_spas(options.file):
-        readings, plan, about = load_spas(options.file, options.band_nm)
+    if (program := program_of(options.file)) is not None:
+        readings, plan, about = program.load(options.file, options.band_nm)
         recording = Recording(readings, plan)
     else:
         recording = _recording(options)

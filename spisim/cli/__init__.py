@@ -1,7 +1,7 @@
 """The `spisim` command: one module for each of its subcommands."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Annotated, Any
 
@@ -9,6 +9,7 @@ import typer
 from typer.core import TyperGroup
 
 from reconstruction.base.errors import InputError, explain
+from reconstruction.base.registry import Registry
 from reconstruction.base.text import flush_output, write_anything
 from spisim.version import __version__
 
@@ -22,12 +23,10 @@ from . import (
     fly,
     instrument,
     materials,
-    paper,
     picture,
     reconstruct,
     scenes,
     schema,
-    serve,
     simulate,
     study,
     transport,
@@ -127,7 +126,7 @@ def _options(
     """Options of the program itself."""
 
 
-COMMANDS = (
+OWN = (
     demo,
     simulate,
     transport,
@@ -137,18 +136,23 @@ COMMANDS = (
     export,
     view,
     fly,
-    serve,
     study,
     budget,
-    paper,
     weather,
     materials,
     schema,
     doctor,
 )
 
-for module in COMMANDS:
-    name = module.__name__.rpartition(".")[2]
+OTHERS: Registry[Mapping[str, Any]] = Registry(
+    "command", attribute="COMMANDS", group="spisim.commands"
+)
+"""Modules by their words, of packages that add some."""
+
+COMMANDS = {each.__name__.rpartition(".")[2]: each for each in OWN}
+for _, commands in OTHERS.loadable():
+    COMMANDS |= commands
+for name, module in COMMANDS.items():
     app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
 
 app.add_typer(dataset.app)

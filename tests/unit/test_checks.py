@@ -13,7 +13,7 @@ from options import finish
 from scipy.stats import binomtest, t
 from yardstick import REFERENCE_S, Yardstick
 
-from spisim.budget.paper.checks import Check, checks_table, surroundings
+from spisim_paper.checks import Check, checks_table, surroundings
 
 Draw = Callable[[np.random.Generator], tuple[NDArray, NDArray]]
 

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 from reconstruction.base.errors import InputError
 from spisim.cli import options as opt
 from spisim.cli.inputs import PlanOptions, instrument_with
-from spisim.cli.serve.flights import FlightOptions
-from spisim.cli.serve.line import LinkOptions
 from spisim.cli.weather_options import Weather, WeatherOfDrops
+from spisim_serving.cli.flights import FlightOptions
+from spisim_serving.cli.line import LinkOptions
 
 
 @dataclass(frozen=True)

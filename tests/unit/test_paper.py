@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from commands import spisim
-from spisim.budget.paper import table2
-from spisim.budget.paper.fig2 import figure_2, fit_total_count, total_count_max_range
-from spisim.budget.paper.fig3 import figure_3, max_ranges
-from spisim.budget.paper.table2 import PAPER, measure, table_2
+from spisim_paper import table2
+from spisim_paper.fig2 import figure_2, fit_total_count, total_count_max_range
+from spisim_paper.fig3 import figure_3, max_ranges
+from spisim_paper.table2 import PAPER, measure, table_2
 
 
 def test_figure_2_by_total_count() -> None:

@@ -17,11 +17,11 @@ from reconstruction.capture.importers import (
     plan_from_rows,
     read_about,
     readings_of,
-    whole_numbers,
 )
 from reconstruction.cli import main
 from reconstruction.operators import expose, make_plan, ordered_rows, sequency
 from reconstruction.operators.bases.hadamard import Hadamard
+from spisim_formats.recordings.spas import whole_numbers
 
 SHAPE = (8, 16)
 IMAGE = natural_image(16, 1)[:8]

@@ -13,8 +13,8 @@ from reconstruction.live.links import Ended, Outlet, Source
 from reconstruction.live.senders import QUIET_S
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
-from spisim.serving import Drone, Follower, Gust, Line, Server
 from spisim.simulation.flight import PathKeys, PoseKeys, flown
+from spisim_serving import Drone, Follower, Gust, Line, Server
 from streams import Clock, film
 
 FRAME_S = 0.01

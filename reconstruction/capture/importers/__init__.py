@@ -11,7 +11,7 @@ from .arrays import (
 )
 from .files import READERS, load_array
 from .fourier import PHASE_STEPS, half_plane, parts, plan_from_coefficients, plan_from_phase_steps
-from .spas import is_spas, load_spas, whole_numbers
+from .programs import RECORDINGS, ProgramRecording, RecordingFormat, program_of
 from .taps import (
     QUARTERS_RAD,
     TAPS_ABOUT,
@@ -27,25 +27,26 @@ __all__ = [
     "PHASE_STEPS",
     "QUARTERS_RAD",
     "READERS",
+    "RECORDINGS",
     "TAPS_ABOUT",
+    "ProgramRecording",
+    "RecordingFormat",
     "SpotGeometry",
     "capture_from_readings",
     "capture_from_spots",
     "frames_of_columns",
     "half_plane",
-    "is_spas",
     "load_array",
-    "load_spas",
     "parts",
     "plan_from_coefficients",
     "plan_from_factors",
     "plan_from_matrix",
     "plan_from_phase_steps",
     "plan_from_rows",
+    "program_of",
     "read_about",
     "readings_of",
     "spots_from_histograms",
     "spots_from_taps",
     "spots_from_windows",
-    "whole_numbers",
 ]

@@ -11,19 +11,18 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
-
-from .. import options as opt
-from ..console import progress_bar, say
-from ..inputs import instrument_with, scene_with
-from ..outputs import files_read
-from ..weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
-from .flights import AS_COMMANDED, FlightOptions
-from .line import SOCKET, LinkOptions
-from .telling import report, tell
+from spisim.cli import options as opt
+from spisim.cli.console import progress_bar, say
+from spisim.cli.inputs import instrument_with, scene_with
+from spisim.cli.outputs import files_read
+from spisim.cli.weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
+from spisim_serving.cli.flights import AS_COMMANDED, FlightOptions
+from spisim_serving.cli.line import SOCKET, LinkOptions
+from spisim_serving.cli.telling import report, tell
 
 if TYPE_CHECKING:
-    from spisim.serving import Server
     from spisim.simulation.flight import Camera
+    from spisim_serving import Server
 
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
@@ -63,7 +62,7 @@ class RecordOptions:
     def check(self, read: list[Path], *, overwrite: bool) -> None:
         """Raise InputError unless the record can be written."""
         from reconstruction.base.files import require_outputs
-        from spisim.serving.record import record_outputs
+        from spisim_serving.record import record_outputs
 
         if self.record is not None:
             require_outputs(record_outputs(self.record), read, overwrite=overwrite)
@@ -95,8 +94,8 @@ def command(
     Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
     the messages.
     """
-    from spisim.serving import FlightRecord, Server
     from spisim.simulation.flight import Camera, FlightRecorder, Motion, provenance, solver
+    from spisim_serving import FlightRecord, Server
 
     if run.json and link.to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")

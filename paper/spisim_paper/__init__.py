@@ -8,10 +8,10 @@ per image) and Figure 3 (maximum range of ranging).
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
-from spisim.budget.paper.checks import Result
-from spisim.budget.paper.fig2 import figure_2
-from spisim.budget.paper.fig3 import figure_3
-from spisim.budget.paper.table2 import table_2
+from spisim_paper.checks import Result
+from spisim_paper.fig2 import figure_2
+from spisim_paper.fig3 import figure_3
+from spisim_paper.table2 import table_2
 
 #: Functions that compute the results, in the order of the paper.
 RESULTS: Mapping[str, Callable[[], Result]] = MappingProxyType(

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reconstruction.base.errors import InputError
-
-from ..console import say
+from spisim.cli.console import say
 
 if TYPE_CHECKING:
-    from spisim.serving import Line
+    from spisim_serving import Line
 
 
 @dataclass(frozen=True)
@@ -41,7 +40,7 @@ class LinkOptions:
         from reconstruction.base.files import Output, require_outputs
         from reconstruction.live.framing import MAGIC
         from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
-        from spisim.serving import Line
+        from spisim_serving import Line
 
         outlet = outlet_to(self.to)
         if isinstance(outlet, NewFile):

@@ -10,7 +10,7 @@ from scipy.ndimage import gaussian_filter
 from reconstruction.base.arrays import Floats
 from reconstruction.image import Imaging
 from reconstruction.operators import PatternPlan, expose, make_plan
-from spisim.budget.paper.checks import Result, Table, percent
+from spisim_paper.checks import Result, Table, percent
 
 PATTERN_RATE_HZ = 15e3
 REPETITIONS = 30

@@ -12,9 +12,9 @@ from reconstruction.capture import Provenance, Setup
 from reconstruction.live import Kind, Message, Pose, Sender, pose_of
 from reconstruction.live.framing import VERSION
 from reconstruction.live.sending import SETUP_EVERY_S
-from spisim.serving.drone import Pilot
-from spisim.serving.line import POLL_S, Line
 from spisim.simulation.flight.camera import Camera, Shot
+from spisim_serving.drone import Pilot
+from spisim_serving.line import POLL_S, Line
 
 STATE_EVERY_S = 1.0
 

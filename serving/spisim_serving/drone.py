@@ -13,8 +13,8 @@ from reconstruction.base.errors import InputError
 from reconstruction.live import Pose
 from spisim.scene import Scene, Trajectory, enclosing_object
 from spisim.scene.trajectory import FRAMES
-from spisim.serving.obstacles import Obstacles
 from spisim.simulation.flight.motion import Motion
+from spisim_serving.obstacles import Obstacles
 
 #: Limits at which a drone follows commands.
 TOP_SPEED_M_S = 5.0

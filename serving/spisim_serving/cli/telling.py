@@ -6,10 +6,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..console import print_json, say
+from spisim.cli.console import print_json, say
 
 if TYPE_CHECKING:
-    from spisim.serving import Server
+    from spisim_serving import Server
 
 
 def tell(server: Server) -> None:

@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reconstruction.base.errors import InputError
-
-from .. import options as opt
+from spisim.cli import options as opt
 
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
-    from spisim.serving import Gust, Pilot
     from spisim.simulation.flight import Keys
+    from spisim_serving import Gust, Pilot
 
 #: Key poses of a path that is flown in real time, all of which are cached.
 MAX_AHEAD = 2000
@@ -81,8 +80,8 @@ class FlightOptions:
     ) -> Flight:
         """The flight; along a path the light is solved ahead unless frames may take their time."""
         from spisim.scene import check_clear_path
-        from spisim.serving import Drone, Follower
         from spisim.simulation.flight import PathKeys, PoseKeys
+        from spisim_serving import Drone, Follower
 
         if path is None:
             begun = scene if self.pose is None else _placed(scene, self.pose)
@@ -126,7 +125,7 @@ def _placed(scene: Scene, text: str) -> Scene:
 
 
 def _gust(text: str) -> Gust:
-    from spisim.serving import Gust
+    from spisim_serving import Gust
 
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
     if start_s < 0 or not duration_s > 0:

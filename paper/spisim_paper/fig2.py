@@ -17,8 +17,8 @@ from spisim.budget.equations import (
     integration_time_s,
     max_range_m,
 )
-from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.instrument import load_instrument
+from spisim_paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 
 #: Distances labelled in the paper's figure, by reflectance.
 PAPER_M: Mapping[float, float] = dict(zip(REFLECTANCES, (2.8, 5.0, 8.0), strict=True))

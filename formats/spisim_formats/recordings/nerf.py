@@ -12,12 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from ...base.errors import InputError
-from ...base.files import mark
-from ...base.text import json_line
-from ..export import KIND, Export
-from ..pictures import colour_png, depth_png
-from ..shot import Shot
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import mark
+from reconstruction.base.text import json_line
+from reconstruction.exports.export import KIND, Export
+from reconstruction.exports.pictures import colour_png, depth_png
+from reconstruction.exports.shot import Shot
 
 OPTICAL_FROM_CAMERA = np.diag([1.0, -1, -1, 1])
 """From x right, y up, z backwards to x right, y down, z forward."""

@@ -9,9 +9,9 @@ from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from spisim.budget.equations import Flood, range_sigma_eq3_m
-from spisim.budget.paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 from spisim.budget.ranging import last_below
 from spisim.instrument import Photodiode, load_instrument
+from spisim_paper.checks import COLOURS, REFLECTANCES, Check, Result, Table, percent
 
 LIMIT_M = 0.01
 D_MAX_M = 10.0

@@ -9,16 +9,16 @@ Beneti-Martin et al., Opt. Express 31, 15599 (2023)).
 import json
 import re
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...base.arrays import Floats
-from ...base.errors import InputError, naming
-from ...operators import PatternPlan, sequency
-from ...operators.bases.hadamard import Hadamard
-from .files import load_array
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError, naming
+from reconstruction.capture.importers import ProgramRecording, load_array
+from reconstruction.operators import PatternPlan, sequency
+from reconstruction.operators.bases.hadamard import Hadamard
 
 DATA, METADATA = "_spectraldata.npz", "_metadata.json"
 MAX_BYTES = 2**26
@@ -30,20 +30,7 @@ DECIMALS = re.compile(r"\[\s*(?:\d{1,6}(?:\.\d{1,9})?(?:\s*,\s*\d{1,6}(?:\.\d{1,
 PATTERNS_GIVEN = ("walsh", "hadamard")
 
 
-class SpasRecording(NamedTuple):
-    """Readings (frames, M), their plan, and detector properties as in `ABOUT`."""
-
-    readings: Floats
-    plan: PatternPlan
-    about: dict[str, float]
-
-
-def is_spas(path: Path) -> bool:
-    """Whether a file is named like readings of SPAS."""
-    return path.name.endswith(DATA)
-
-
-def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRecording:
+def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> ProgramRecording:
     """Load ``*_spectraldata.npz`` of SPAS, summed over a band of wavelengths, by default all.
 
     Its metadata lie beside it. Raises InputError if a file is missing or invalid.
@@ -59,7 +46,7 @@ def load_spas(path: Path, band_nm: tuple[float, float] | None = None) -> SpasRec
     spectra = load_array(path, "spectral_data")
     with naming(path):
         readings = _readings(spectra, plan, chosen)
-    return SpasRecording(readings, plan, about)
+    return ProgramRecording(readings, plan, about)
 
 
 def whole_numbers(value: Any, name: str) -> NDArray[np.int64]:
@@ -178,3 +165,18 @@ def _readings(spectra: NDArray[Any], plan: PatternPlan, chosen: NDArray[np.bool_
             )
         spectra = spectra[:, chosen]
     return np.asarray(spectra.sum(axis=1, dtype=np.float64)).reshape(-1, plan.exposures)
+
+
+class Spas:
+    """Files of SPAS; see `RecordingFormat`."""
+
+    def recognises(self, path: Path) -> bool:
+        """Whether a file is named like readings of SPAS."""
+        return path.name.endswith(DATA)
+
+    def load(self, path: Path, band_nm: tuple[float, float] | None = None) -> ProgramRecording:
+        """See `load_spas`."""
+        return load_spas(path, band_nm)
+
+
+RECORDING = Spas()

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from .console import print_json, say
-from .options import Json, Overwrite
+from spisim.cli.console import print_json, say
+from spisim.cli.options import Json, Overwrite
 
 EXAMPLE = "spisim paper fig2 -o out/paper"
 
@@ -42,8 +42,9 @@ def command(
     """
     from reconstruction.base.files import Output, write_atomically
     from reconstruction.base.folders import output_folder
-    from spisim.budget.paper import RESULTS
-    from spisim.budget.paper.checks import (
+    from spisim.report.style import file_of, plot_style
+    from spisim_paper import RESULTS
+    from spisim_paper.checks import (
         around_marks,
         checks_table,
         paste,
@@ -51,7 +52,6 @@ def command(
         summary,
         surroundings,
     )
-    from spisim.report.style import file_of, plot_style
 
     names = list(RESULTS) if which is Which.all else [which.value]
     pictures = {name: output / f"{name}.png" for name in names}
