@@ -3,7 +3,6 @@
 from .buckets import Buckets, Unit
 from .charge import Charge, PatternTaps, check_taps
 from .file import CaptureFile, datasets, open_capture, read_capture, read_setup, write_capture
-from .joining import join_captures
 from .model import (
     PARTS,
     SURROGATE,
@@ -54,7 +53,6 @@ __all__ = [
     "check_taps",
     "datasets",
     "first_patterns",
-    "join_captures",
     "open_capture",
     "read_capture",
     "read_setup",

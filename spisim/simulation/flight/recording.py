@@ -20,13 +20,13 @@ from reconstruction.capture import (
     Provenance,
     Setup,
     Truth,
-    join_captures,
     read_capture,
     write_capture,
 )
 from spisim.scene import Scene
 from spisim.scene.trajectory import FRAMES, POSES
 from spisim.simulation.flight.camera import Camera, Shot
+from spisim.simulation.flight.joining import join_captures
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.measurement import Memory, frame_truth
 from spisim.transport import ground_truth

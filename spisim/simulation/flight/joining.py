@@ -6,10 +6,9 @@ from typing import Any
 
 import h5py
 
-from . import hdf5
-from .file import KINDS, datasets, read_capture, write_datasets
-from .model import PARTS, Provenance, Setup
-from .schema import FRAMES, TRUTHS, present_fields
+from reconstruction.capture import PARTS, Provenance, Setup, datasets, hdf5, read_capture
+from reconstruction.capture.file import KINDS, write_datasets
+from reconstruction.capture.schema import FRAMES, TRUTHS, present_fields
 
 
 def join_captures(
