@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from functools import cached_property
 from numbers import Real
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -152,8 +152,8 @@ class Plan(Section):
     """Light paths per virtual pixel and strategy. Either this or `transport_noise_share`."""
     transport_noise_share: Annotated[Number, Field(ge=1e-3, le=10)] | None = None
     """Standard error of the light as a fraction of the detectors' noise; 0.3 without `spp`."""
-    frames: Count = 1
-    """Frames per capture."""
+    frames: Count | Literal["flight"] = 1
+    """Frames per capture; `flight` for all of a flight of `poses.flight_s`, with their poses."""
     keep: Keep = Keep()
     """What is stored with the readings."""
 
@@ -177,6 +177,8 @@ class Plan(Section):
             raise PydanticCustomError(
                 "plan", "light: surrogate is not traced; remove spp and transport_noise_share"
             )
+        if problem := self._flight_problem:
+            raise PydanticCustomError("plan", problem)
         if not 0 < sum(source.weight for source in self.scenes) < math.inf:
             raise PydanticCustomError(
                 "plan", "the weights of scenes should have a finite sum above 0"
@@ -195,6 +197,19 @@ class Plan(Section):
         for number, path in enumerate(paths):
             _check_path(path, self.vary[path], paths[:number])
         return self
+
+    @property
+    def _flight_problem(self) -> str | None:
+        """Why poses, frames and what is kept do not fit a flight; None if they do."""
+        poses = self.poses
+        if self.frames != "flight":
+            few = poses.flight_s is not None and poses.count < 2
+            return f"poses.count: {poses.count}; a flight needs at least 2 poses" if few else None
+        if poses.flight_s is None or poses.count != 1:
+            return "frames: flight needs poses with flight_s, and a count of 1"
+        if self.keep.transport or self.keep.histograms:
+            return "frames: flight keeps neither transport nor histograms; remove them"
+        return None
 
     @property
     def open(self) -> dict[str, Any]:

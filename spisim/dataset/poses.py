@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field
 from scipy.spatial.transform import Rotation
 
 from reconstruction import Capture
@@ -35,10 +35,18 @@ _cache = SceneCache()
 def placed(capture: Capture | CaptureFile | None, frame: int) -> TimestampedPose | None:
     """Return the time in a flight and the pose at the middle of a simulated frame.
 
-    Returns None for results and for recordings of a real camera. Raises InputError for a capture
-    whose scene is invalid.
+    The pose of a recorded flight is that which it states. Returns None for results and for
+    recordings of a real camera without poses. Raises InputError for a capture whose scene is
+    invalid.
     """
-    if capture is None or not capture.provenance.scene:
+    if capture is None:
+        return None
+    if (poses := capture.frame(frame).poses) is not None:
+        stated = np.eye(4)
+        stated[:3, :3] = Rotation.from_quat(poses.orientation[0]).as_matrix()
+        stated[:3, 3] = poses.position_m[0]
+        return TimestampedPose(float(poses.time_s[0]), stated)
+    if not capture.provenance.scene:
         return None
     drone = Drone.of(capture.provenance.scene, "scene", _cache)
     buckets = capture.setup.buckets
@@ -67,12 +75,6 @@ class Poses(Section):
     """Maximum offset forward, left and up, either way."""
     turn_deg: tuple[Angle, Angle, Angle] = (5.0, 10.0, 25.0)
     """Maximum roll, pitch and yaw, either way."""
-
-    @model_validator(mode="after")
-    def _fly_somewhere(self) -> Self:
-        if self.flight_s is not None and self.count < 2:
-            raise ValueError(f"count: {self.count}; a flight needs at least 2 poses")
-        return self
 
 
 def _section(value: Any) -> Any:
@@ -107,8 +109,8 @@ class View:
         if fields.get("moment") is not None:
             raise InputError(f"scene {scene.name!r}: a scene with `moment` has a single pose")
         if flight_s is not None:
-            time_s = flight_s * self.number / (self.around.count - 1)
-            return at_drone_state(scene, self._flight(scene, flight_s).drone_state(time_s))
+            time_s = flight_s * self.number / max(self.around.count - 1, 1)
+            return at_drone_state(scene, self.flight(scene).drone_state(time_s))
         needs = _needs(scene)
         for offset_m, turn_deg, view in self._drawn(scene):
             problem = _behind(scene, view) or layout_problem(view, needs)
@@ -130,8 +132,10 @@ class View:
             moved = scene.drone_pose @ OPTICAL_FROM_BODY @ drawn @ OPTICAL_FROM_BODY.T
             yield offset_m.tolist(), turn_deg.tolist(), replace(scene, drone_pose=np.asarray(moved))
 
-    def _flight(self, scene: Scene, flight_s: float) -> Trajectory:
+    def flight(self, scene: Scene) -> Trajectory:
         """Draw a flight from the scene's own pose to another, along which the drone can fly."""
+        flight_s = self.around.flight_s
+        assert flight_s is not None
         needs = _needs(scene)
         times = flight_s * np.arange(1, WAY_POINTS + 1) / WAY_POINTS
         for _, _, end in self._drawn(scene):

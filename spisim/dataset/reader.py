@@ -249,9 +249,12 @@ class DataSet(Sequence[StoredSample]):
     def sequences(self) -> list[DataSet]:
         """Return the samples of each flight in order: those of one scene from all its poses.
 
-        Failed and unselected samples are missing. Raises InputError if the plan has no `poses`.
+        A recorded flight is one sample, whose arrays have a row per frame. Failed and unselected
+        samples are missing. Raises InputError if the plan has no `poses`.
         """
         plan = load_plan(Layout(self.folder).plan).plan
+        if plan.frames == "flight":
+            return [replace(self, records=(record,)) for record in self.records]
         if plan.poses.count == 1:
             raise InputError(f"{self.folder}: no sequences, because the plan has no `poses`")
         flights: dict[tuple[int, int], list[Record]] = {}

@@ -5,6 +5,7 @@ import resource
 import sys
 import time
 import traceback
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache
@@ -15,7 +16,7 @@ from warnings import catch_warnings, simplefilter
 
 from threadpoolctl import threadpool_limits
 
-from reconstruction import Capture, capture_warnings, write_capture
+from reconstruction import Capture, capture_warnings, read_capture, write_capture
 from reconstruction.base.errors import InputError, explain
 from reconstruction.base.files import write_atomically
 from reconstruction.base.timing import timed
@@ -73,16 +74,17 @@ class Maker:
             with timed(seconds, "scene"):
                 scene, instrument = load(sample)
             plan = self.planned.plan
+            path, options = layout.capture(index), {"seed": sample.seed, **plan.sampling_budget}
             with timed(seconds, "simulate"), compiling_timed(seconds, COMPILING):
-                simulation = simulate(
-                    scene, instrument, seed=sample.seed, frames=plan.frames, **plan.sampling_budget
-                )
-        path = layout.capture(index)
+                if plan.frames == "flight":
+                    whole, beside = _flown(sample, scene, instrument, path, options), []
+                else:
+                    simulation = simulate(scene, instrument, frames=plan.frames, **options)
+                    whole, beside = simulation.capture, _write_sidecars(path, simulation, plan.keep)
         with timed(seconds, "write"):
-            beside = _write_sidecars(path, simulation, plan.keep)
             sidecars = {each.suffix: fingerprint(each)["sha256"] for each in beside}
             origin = Origin(self.planned.digest, index, sidecars)
-            capture = _with_origin(simulation.capture, origin, plan.keep)
+            capture = _with_origin(whole, origin, plan.keep)
             write_capture(capture, path)  # last, so that its presence marks a complete sample
         messages = [str(warning.message) for warning in caught] + list(capture_warnings(capture))
         return replace(
@@ -149,6 +151,19 @@ def load(sample: Sample) -> tuple[Scene, Instrument]:
         cache=_cache,
     )
     return sample.view.of(scene), instrument
+
+
+def _flown(
+    sample: Sample, scene: Scene, instrument: Instrument, path: Path, options: Mapping[str, Any]
+) -> Capture:
+    """Every frame of the sample's flight; a worker that is killed leaves its segments."""
+    from spisim.simulation.flight import record_flight
+
+    file = path.with_suffix(".flight.h5")
+    record_flight(file, scene, sample.view.flight(scene), instrument, **options)
+    capture = read_capture(file)
+    file.unlink()
+    return capture
 
 
 def _measure_peak_anew() -> None:

@@ -14,7 +14,7 @@ import yaml
 from typer.testing import CliRunner
 
 import spisim
-from reconstruction import read_capture, reconstruct
+from reconstruction import InputError, read_capture, reconstruct
 from reconstruction.capture import Capture
 from spisim.cli import app
 from spisim.scene import load_trajectory
@@ -143,6 +143,36 @@ def test_a_flight_that_is_killed_goes_on_byte_for_byte(
     assert done.returncode == 0, done.stderr
     assert output.read_bytes() == recorded.read_bytes()
     assert [path.name for path in tmp_path.iterdir()] == ["flight.h5"]
+
+
+def test_samples_of_a_data_set_may_be_flights(
+    folder: Path, tmp_path: Path, no_workers: None
+) -> None:
+    plan = {
+        "name": "flights",
+        "samples": 2,
+        "scenes": [{"scene": str(folder / "hall.yaml")}],
+        "poses": {"count": 1, "flight_s": 0.05, "offset_m": [0.2, 0.2, 0.1]},
+        "frames": "flight",
+        "light": "surrogate",
+        "instrument": str(folder / "small.yaml"),
+    }
+    (tmp_path / "plan.yaml").write_text(yaml.safe_dump(plan))
+    data = spisim.make_dataset(tmp_path / "plan.yaml", tmp_path / "flights")
+    assert [len(each) for each in data.sequences()] == [1, 1]
+    for sample in data:
+        assert sample.capture.frames == 11
+        true_m = sample.capture.truth.position_m
+        np.testing.assert_allclose(sample.array("pose")[:, :3, 3], true_m, atol=1e-6)
+        assert 0.001 < np.linalg.norm(true_m[-1] - true_m[0]) < 0.3
+    for wrong, message in (
+        ({"poses": 1}, "frames: flight needs poses with flight_s, and a count of 1"),
+        ({"keep": {"histograms": True}}, "frames: flight keeps neither transport nor histograms"),
+        ({"frames": 2}, "a flight needs at least 2 poses"),
+    ):
+        (tmp_path / "wrong.yaml").write_text(yaml.safe_dump(plan | wrong))
+        with pytest.raises(InputError, match=message):
+            spisim.make_dataset(tmp_path / "wrong.yaml", tmp_path / "wrong")
 
 
 @pytest.mark.parametrize(
