@@ -137,7 +137,7 @@ class View:
         flight_s = self.around.flight_s
         assert flight_s is not None
         needs = _needs(scene)
-        times = flight_s * np.arange(1, WAY_POINTS + 1) / WAY_POINTS
+        times = np.linspace(0, flight_s, WAY_POINTS + 1)[1:]  # the last exactly
         for _, _, end in self._drawn(scene):
             both = np.stack([scene.drone_pose, end.drone_pose])
             flight = Trajectory.through(
