@@ -43,7 +43,6 @@ def command(
     from reconstruction.base.files import Output, write_atomically
     from reconstruction.base.folders import output_folder
     from spisim.report.style import file_of, plot_style
-    from spisim_paper import RESULTS
     from spisim_paper.checks import (
         around_marks,
         checks_table,
@@ -52,6 +51,7 @@ def command(
         summary,
         surroundings,
     )
+    from spisim_paper.results import RESULTS
 
     names = list(RESULTS) if which is Which.all else [which.value]
     pictures = {name: output / f"{name}.png" for name in names}

@@ -117,7 +117,7 @@ def test_histograms_are_refused() -> None:
 
 
 def write(path, spots: Spots) -> str:
-    capture = replace(full_capture(), truth=None, pattern_taps=None)
+    capture = replace(full_capture(), truth=None, pattern_taps=None, poses=None)
     frames = len(spots.readings)
     buckets = replace(
         capture.buckets,
@@ -125,7 +125,8 @@ def write(path, spots: Spots) -> str:
         saturated=np.zeros((frames, 20), dtype=bool),
     )
     write_capture(
-        replace(capture, buckets=buckets, spots=spots, truth=None, pattern_taps=None), path
+        replace(capture, buckets=buckets, spots=spots, truth=None, pattern_taps=None, poses=None),
+        path,
     )
     return str(path)
 

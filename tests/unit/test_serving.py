@@ -14,7 +14,9 @@ from reconstruction.live.senders import QUIET_S
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim.simulation.flight import PathKeys, PoseKeys, flown
-from spisim_serving import Drone, Follower, Gust, Line, Server
+from spisim_serving.drone import Drone, Follower, Gust
+from spisim_serving.line import Line
+from spisim_serving.server import Server
 from streams import Clock, film
 
 FRAME_S = 0.01

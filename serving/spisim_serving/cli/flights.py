@@ -14,7 +14,7 @@ from spisim.cli import options as opt
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory
     from spisim.simulation.flight import Keys
-    from spisim_serving import Gust, Pilot
+    from spisim_serving.drone import Gust, Pilot
 
 #: Key poses of a path that is flown in real time, all of which are cached.
 MAX_AHEAD = 2000
@@ -81,7 +81,7 @@ class FlightOptions:
         """The flight; along a path the light is solved ahead unless frames may take their time."""
         from spisim.scene import check_clear_path
         from spisim.simulation.flight import PathKeys, PoseKeys
-        from spisim_serving import Drone, Follower
+        from spisim_serving.drone import Drone, Follower
 
         if path is None:
             begun = scene if self.pose is None else _placed(scene, self.pose)
@@ -125,7 +125,7 @@ def _placed(scene: Scene, text: str) -> Scene:
 
 
 def _gust(text: str) -> Gust:
-    from spisim_serving import Gust
+    from spisim_serving.drone import Gust
 
     start_s, duration_s, x, y, z = _numbers(text, "--gust", (5,), "START,SECONDS,X,Y,Z in s and m")
     if start_s < 0 or not duration_s > 0:

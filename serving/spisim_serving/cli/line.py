@@ -13,7 +13,7 @@ from reconstruction.base.errors import InputError
 from spisim.cli.console import say
 
 if TYPE_CHECKING:
-    from spisim_serving import Line
+    from spisim_serving.line import Line
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,7 @@ class LinkOptions:
         from reconstruction.base.files import Output, require_outputs
         from reconstruction.live.framing import MAGIC
         from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
-        from spisim_serving import Line
+        from spisim_serving.line import Line
 
         outlet = outlet_to(self.to)
         if isinstance(outlet, NewFile):

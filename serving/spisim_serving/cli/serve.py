@@ -22,7 +22,7 @@ from spisim_serving.cli.telling import report, tell
 
 if TYPE_CHECKING:
     from spisim.simulation.flight import Camera
-    from spisim_serving import Server
+    from spisim_serving.server import Server
 
 EXAMPLE = "spisim serve warehouse --light surrogate --visibility 50"
 
@@ -95,7 +95,8 @@ def command(
     the messages.
     """
     from spisim.simulation.flight import Camera, FlightRecorder, Motion, provenance, solver
-    from spisim_serving import FlightRecord, Server
+    from spisim_serving.record import FlightRecord
+    from spisim_serving.server import Server
 
     if run.json and link.to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")

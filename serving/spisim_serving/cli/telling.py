@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from spisim.cli.console import print_json, say
 
 if TYPE_CHECKING:
-    from spisim_serving import Server
+    from spisim_serving.server import Server
 
 
 def tell(server: Server) -> None:
