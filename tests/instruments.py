@@ -44,6 +44,14 @@ def changed(name: str, **changes: Any) -> Instrument:
     return Instrument.model_validate(fields)
 
 
+def write_small(folder: Path) -> None:
+    """The paper's instrument with 16 × 16 pixels, as small.yaml."""
+    fields = yaml.safe_load(load_instrument("paper").text)
+    fields["projector"]["shape"] = [16, 16]
+    fields["plan"]["patterns"] = 63
+    (folder / "small.yaml").write_text(yaml.safe_dump(fields))
+
+
 def flood(power_w: float, half_angle_deg: float, noise: float = 2e-12) -> Flood:
     return Flood.of(
         load_instrument("paper"),

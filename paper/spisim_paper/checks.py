@@ -79,7 +79,7 @@ class Check:
         return None if any(map(self._within_limit, self.interval(FAILED))) else False
 
     def _within_limit(self, value: float) -> bool:
-        return value >= self.limit if self.at_least else value <= self.limit
+        return bool(value >= self.limit if self.at_least else value <= self.limit)
 
     def summary(self) -> dict[str, Any]:
         """The check, JSON-ready."""

@@ -14,6 +14,7 @@ import yaml
 from typer.testing import CliRunner
 
 import spisim
+from instruments import write_small
 from reconstruction import InputError, read_capture, reconstruct
 from reconstruction.capture import Capture
 from spisim.cli import app
@@ -39,10 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("flight")
     (folder / "hall.yaml").write_text(SCENE)
     (folder / "path.csv").write_text(PATH)
-    fields = yaml.safe_load(spisim.load_instrument("paper").text)
-    fields["projector"]["shape"] = [16, 16]
-    fields["plan"]["patterns"] = 63
-    (folder / "small.yaml").write_text(yaml.safe_dump(fields))
+    write_small(folder)
     return folder
 
 

@@ -8,11 +8,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import yaml
 from PIL import Image
 from typer.testing import CliRunner
 
-import spisim
+from instruments import write_small
 from reconstruction import read_capture
 from reconstruction.diagnostics import NOT_TRACED
 from reconstruction.ranging import RANGED
@@ -36,10 +35,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("fly")
     (folder / "hall.yaml").write_text(SCENE)
     (folder / "path.csv").write_text(PATH)
-    fields = yaml.safe_load(spisim.load_instrument("paper").text)
-    fields["projector"]["shape"] = [16, 16]
-    fields["plan"]["patterns"] = 63
-    (folder / "small.yaml").write_text(yaml.safe_dump(fields))
+    write_small(folder)
     return folder
 
 
