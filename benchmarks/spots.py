@@ -21,6 +21,10 @@ from spots_study import promises as study_promises
 from spots_study import tables as study_tables
 from spots_zones import zones_benchmark
 
+from reconstruction.capture.schema import between
+from reconstruction.ranging import RANGING_METHODS
+from spisim.instrument import Instrument
+from spisim.simulation import simulate
 from spisim.simulation.light import solve
 from spisim_paper.checks import Check, Table, surroundings
 
@@ -28,7 +32,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "results" / "spots.md"
 PICTURE = PAGE.parents[1] / "images" / "steering.png"
 SPOTS, FRAME_MS = (4, 16, 64), (6.0, 10.0, 25.0)
 PACKAGES = ("spisim", "mitsuba", "drjit", "numpy", "scipy")
-SHARE, ROUNDS = 0.1, 5
+SHARE, ROUNDS, TIMED = 0.1, 5, 8
 
 
 def main() -> int:
@@ -50,12 +54,37 @@ def steered(*, quick: bool) -> tuple[list[Table], list[Check]]:
     """Ranges along steered directions, and times of frames."""
     result = judged(quick=quick)
     times = {spots: frame_times(spots) for spots in SPOTS}
-    limits = zip(SPOTS, FRAME_MS, strict=True)
+    alone = {spots: ranging_s(spots) for spots in SPOTS}
+    body = [(f"{spots}", f"{1e3 * seconds:.1f}") for spots, seconds in alone.items()]
+    title = "Processor time of the ranges of a frame alone, by `fog`, three frequencies."
     checks = [
-        Check(f"ms of a frame, {spots} spots", 1e3 * times[spots][0], limit)
-        for spots, limit in limits
+        Check(f"ms of the ranges of a frame, {spots} spots", 1e3 * alone[spots], limit)
+        for spots, limit in zip(SPOTS, FRAME_MS, strict=True)
     ]
-    return steered_tables(result, times), steered_promises(result, times) + checks
+    tables = [*steered_tables(result, times), Table(title, ("spots", "ms"), body)]
+    return tables, steered_promises(result, times) + checks
+
+
+def ranging_s(spots: int) -> float:
+    """Median processor time of the ranges of a frame of fixed spots."""
+    instrument = fixed(spots)
+    capture = simulate(scene(), instrument, light="surrogate", frames=TIMED, seed=1).capture
+    assert capture.spots is not None
+    solve_ranges = RANGING_METHODS["fog"].compile(between(capture.spots, 0, 0), capture.optics)
+    taken = []
+    for number in range(4 * TIMED):
+        readings = between(capture.spots, number % TIMED, number % TIMED + 1)
+        began = time.thread_time()
+        solve_ranges(readings)
+        taken.append(time.thread_time() - began)
+    return float(np.median(taken[TIMED:]))
+
+
+def fixed(spots: int) -> Instrument:
+    """`fog` with a square grid of spots."""
+    instrument = of_spots(spots)
+    lasers = instrument.ranging.lasers.model_copy(update={"steering": None})
+    return instrument.model_copy(update={"lasers": lasers})
 
 
 def traced(*, quick: bool) -> tuple[list[Table], list[Check]]:
@@ -72,13 +101,10 @@ def traced(*, quick: bool) -> tuple[list[Table], list[Check]]:
 
 
 def _tracing_s(spots: int, rounds: int) -> float:
-    instrument = of_spots(spots)
-    lasers = instrument.ranging.lasers.model_copy(update={"steering": None})
-    fixed = instrument.model_copy(update={"lasers": lasers})
-    seconds = []
+    instrument, seconds = fixed(spots), []
     for number in range(rounds + 1):
         began = time.perf_counter()
-        solve(scene(), fixed, transport_noise_share=SHARE, seed=number)
+        solve(scene(), instrument, transport_noise_share=SHARE, seed=number)
         seconds.append(time.perf_counter() - began)
     return float(np.median(seconds[1:]))
 

@@ -28,8 +28,8 @@ from spisim_paper.checks import Check, Table
 
 PRESETS = "vl53l5cx", "tmf8820"
 TITLE = (
-    "Zones that look at walls, against direct integrals: largest z of a bin, all light, error of the "
-    "centre zone in a long exposure; light and mean path of the surrogate less those traced."
+    "Zones that look at walls, against direct integrals: largest z of a bin, all light, error of "
+    "the centre zone in a long exposure; light and mean path of the surrogate less those traced."
 )
 #: Points across and down a zone in the integral (edges of walls are upright), and paths and
 #: launches of the traced histograms.
