@@ -86,8 +86,12 @@ def test_strong_fog_is_the_strongest_pulse() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list_presets())
 def test_every_preset_has_one(name: str) -> None:
-    result = asdict(fog_budget(load_instrument(name), target(4.0, FOG), FOG, LIMIT_M))
+    instrument = load_instrument(name)
+    result = asdict(fog_budget(instrument, target(4.0, FOG), FOG, LIMIT_M))
     assert 0 < result["echo_fraction"] < 1
+    if getattr(instrument.ranging.tof, "threshold_sigma", None) is not None:
+        assert result["sigma_m"] is result["longest_m"] is None  # no fit of fog to such stamps
+        return
     assert result["sigma_m"] > 0
     assert result["longest_m"] >= 0
 

@@ -164,7 +164,7 @@ def _middle(
     for inside, outside in ((start, start - 1), (stop, stop + 1)):
         outside = min(max(outside, 0), len(times) - 1)
         slope = (current[inside] - current[outside]) / (times[inside] - times[outside] or np.inf)
-        steepest = max(abs(slope), 1e-300)
+        steepest = max(abs(slope), 1e-100 * noise_at[inside], 1e-300)
         fraction = (current[inside] - threshold) / (current[inside] - current[outside] or np.inf)
         crossing = times[inside] + (times[outside] - times[inside]) * min(max(fraction, 0), 1)
         moments.append(crossing)
