@@ -9,6 +9,7 @@ COPY scenes scenes
 COPY formats formats
 COPY paper paper
 COPY serving serving
+COPY live live
 COPY tools/wheel_scenes.py tools/wheel_scenes.py
 COPY studies studies
 COPY examples examples

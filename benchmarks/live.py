@@ -28,9 +28,9 @@ from yardstick import Yardstick
 
 import spisim
 from reconstruction import Capture, Reconstructor, Result
-from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
-from reconstruction.live.links.sockets import TcpListen
-from reconstruction.live.loop import fast_depth
+from spisim_live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
+from spisim_live.links.sockets import TcpListen
+from spisim_live.loop import fast_depth
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"

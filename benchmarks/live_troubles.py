@@ -22,21 +22,21 @@ from pathlib import Path
 
 import numpy as np
 from intervals import of_quantile
-from live import HEAD_START_S, MAX_LATENCY_MS, digest, percentile
 from options import benchmark_options, finish
 from threadpoolctl import threadpool_limits
 from yardstick import Yardstick
 
 import spisim
+from live import HEAD_START_S, MAX_LATENCY_MS, digest, percentile
 from reconstruction import Capture, Reconstructor
 from reconstruction.capture import Frames
 from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.image import IMAGE_METHODS
-from reconstruction.live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
-from reconstruction.live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
-from reconstruction.live.links.sockets import TcpListen
-from reconstruction.live.loop import fast_depth
-from reconstruction.live.sinks import Detached, Sink
+from spisim_live import Counts, Loop, Outcome, Reception, Sender, frame_period_s
+from spisim_live.framing import MAX_PAYLOAD_BYTES, Kind, Message, header
+from spisim_live.links.sockets import TcpListen
+from spisim_live.loop import fast_depth
+from spisim_live.sinks import Detached, Sink
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "live.md"

@@ -21,8 +21,8 @@ from typing import Any
 
 import typer
 
-from reconstruction.cli import COMMANDS
 from reconstruction.cli import _parser as reconstruction_parser
+from reconstruction.cli import is_command
 from spisim.base.config import check_fields, load_yaml
 from spisim.cli import app
 from spisim.dataset.plan import Plan
@@ -108,7 +108,7 @@ def check_command(words: list[str], page: Path) -> None:
         case ["spisim", *arguments]:
             _parse_spisim(arguments)
         case ["python", "-m", "reconstruction", *arguments]:
-            called = arguments if arguments[0] in COMMANDS else ["reconstruct", *arguments]
+            called = arguments if is_command(arguments[0]) else ["reconstruct", *arguments]
             reconstruction_parser(called[:1]).parse_args(called)
         case ["python", file, *_] if file.endswith(".py"):
             named = {block.title for block in blocks(page)}

@@ -21,12 +21,12 @@ import numpy as np
 
 from captures import full_capture, make_spots
 from reconstruction.base.errors import InputError
-from reconstruction.live import Counts, Kind, Loop, Message, Reception, pack, packed, unpacked
-from reconstruction.live import reception as receiving
-from reconstruction.live.links import NewFile
-from reconstruction.live.setups import frame_payload, setup_payload
-from reconstruction.live.sinks import Detached, sink_to
-from reconstruction.live.sinks.messages import MessageSink
+from spisim_live import Counts, Kind, Loop, Message, Reception, pack, packed, unpacked
+from spisim_live import reception as receiving
+from spisim_live.links import NewFile
+from spisim_live.setups import frame_payload, setup_payload
+from spisim_live.sinks import Detached, sink_to
+from spisim_live.sinks.messages import MessageSink
 from streams import Clock, Script
 
 ODD = (0, 1, -1, 2, 255, 2**15, 2**31 - 1, 2**63 - 1, 1e-300, 1e30, 1e300, np.nan, np.inf, -np.inf)

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from reconstruction.capture.schema import present_fields
-from reconstruction.live import Sender
-from reconstruction.live.links import Ended, Source
+from spisim_live import Sender
+from spisim_live.links import Ended, Source
 
 
 def film(capture, frames):

@@ -38,7 +38,7 @@ WORK = ROOT / "out" / "mutation"
 EQUIVALENTS = Path(__file__).with_name("mutation_equivalents.yaml")
 PACKAGES = (
     *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
-    *("paper/spisim_paper", "serving/spisim_serving"),
+    *("paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
 )
 MIN_KILLED = 0.85
 MAX_TESTS_S = 120.0

@@ -20,8 +20,8 @@ from pathlib import Path
 import numpy as np
 
 from reconstruction.base.errors import InputError
-from reconstruction.live import Kind, Loop, Message, Outcome, Pose, Reception, command, pack
-from reconstruction.live.links import Outlet, Source, source_at
+from spisim_live import Kind, Loop, Message, Outcome, Pose, Reception, command, pack
+from spisim_live.links import Outlet, Source, source_at
 
 TARGET_M = 2.0
 GAIN_PER_S = 8.0

@@ -24,8 +24,8 @@ from reconstruction.exports.ros import (
     state_message,
     static_messages,
 )
-from reconstruction.live import Loop, Reception
-from reconstruction.live.links import source_at
+from spisim_live import Loop, Reception
+from spisim_live.links import source_at
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -1,12 +1,13 @@
-"""Command line: reconstruct a capture or a stream, import, export, check a calibration."""
+"""Command line: reconstruct a capture, import, export, check; and other packages' commands."""
 
 import argparse
 import os
 import re
 import sys
-from collections.abc import Container, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from importlib import import_module
+from types import ModuleType
 from typing import Any, NoReturn
 
 from .. import __version__
@@ -19,8 +20,6 @@ COMMANDS = {
     "import": ("importing", "array of bucket readings -> capture"),
     "export": ("export", "captures -> depth images, point clouds, NeRF and ROS 2 files"),
     "check": ("check", "captures in fog -> path calibration of the spots"),
-    "live": ("live", "frames as they come -> results as they go"),
-    "replay": ("replay", "capture -> its frames as a stream"),
 }
 """Module, imported on demand, and summary of each command."""
 NEGATIVE = re.compile(r"-(\d+\.?\d*|\.\d+)(e[+-]?\d+)?$", re.IGNORECASE)
@@ -39,11 +38,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     write_anything()
     _calculate_on_one_thread()
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if arguments and not arguments[0].startswith("-") and arguments[0] not in COMMANDS:
-        arguments.insert(0, "reconstruct")
+    called = [word for word in arguments[:1] if not word.startswith("-")]
+    if called and not is_command(called[0]):
+        called = ["reconstruct"]
+        arguments = [*called, *arguments]
     completing = completion.VARIABLE in os.environ
     try:
-        parser = _parser(COMMANDS if completing else arguments[:1])
+        listed = completing or arguments[:1] in (["-h"], ["--help"])
+        parser = _parser(COMMANDS if completing else called, _others().listed() if listed else {})
         if completing:
             completion.complete(parser)
         try:
@@ -108,7 +110,20 @@ def _calculate_on_one_thread() -> None:
             os.environ.setdefault(name, "1")
 
 
-def _parser(called: Container[str]) -> argparse.ArgumentParser:
+def is_command(name: str) -> bool:
+    """Return whether a command has this name, be it another package's."""
+    return name in COMMANDS or name in _others().OTHERS
+
+
+def _others() -> ModuleType:
+    """Commands of other packages; looking for them takes a while, so not before they are needed."""
+    return import_module(".others", __name__)
+
+
+def _parser(
+    called: Collection[str], others: Mapping[str, Any] | None = None
+) -> argparse.ArgumentParser:
+    """Parser of commands: of those called with their options, of all of ``others`` too."""
     parser = _Parser(
         prog="python -m reconstruction",
         description="From a capture to image, ranges and depth map.",
@@ -116,12 +131,19 @@ def _parser(called: Container[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument("--version", action="version", version=f"spisim-reconstruct {__version__}")
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for name, (module, does) in COMMANDS.items():
-        verb = commands.add_parser(name, help=does)
+    for name, (module, summary) in COMMANDS.items():
+        verb = commands.add_parser(name, help=summary)
         if name in called:
-            command = import_module(f".{module}", __name__)
-            verb.epilog = f"example: {command.EXAMPLE}"
-            command.add_options(verb)
-            verb.add_argument("--json", action="store_true", help="print one JSON object")
-            verb.set_defaults(run=command.run)
+            _complete(verb, import_module(f".{module}", __name__))
+    others = others or {word: _others().OTHERS[word] for word in called if word not in COMMANDS}
+    for name, command in others.items():
+        _complete(commands.add_parser(name, help=command.SUMMARY), command)
     return parser
+
+
+def _complete(parser: argparse.ArgumentParser, command: Any) -> None:
+    """Add what a command's module says."""
+    parser.epilog = f"example: {command.EXAMPLE}"
+    command.add_options(parser)
+    parser.add_argument("--json", action="store_true", help="print one JSON object")
+    parser.set_defaults(run=command.run)

@@ -87,7 +87,7 @@ def map_messages(shot: Shot) -> Iterator[Message]:
 def state_message(
     stamp_ns: int, numbers: Mapping[str, Any], before: Mapping[str, Any] | None
 ) -> Message:
-    """State of a stream, by the names of `reconstruction.live.State`, now and ``before``."""
+    """State of a stream, by the names of `spisim_live.State`, now and ``before``."""
     risen = [
         name for name in FAULT_COUNTS if numbers[name] > (0 if before is None else before[name])
     ]  # fmt: skip

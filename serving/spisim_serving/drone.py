@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from reconstruction.live import Pose
 from spisim.scene import Scene, Trajectory, enclosing_object
 from spisim.scene.trajectory import FRAMES
 from spisim.simulation.flight.motion import Motion
+from spisim_live import Pose
 from spisim_serving.obstacles import Obstacles
 
 #: Limits at which a drone follows commands.

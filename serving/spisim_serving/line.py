@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 
-from reconstruction.live import Kind, Message
-from reconstruction.live.links import Ended, Outlet, Source
-from reconstruction.live.poses import POSE
-from reconstruction.live.senders import Senders
+from spisim_live import Kind, Message
+from spisim_live.links import Ended, Outlet, Source
+from spisim_live.poses import POSE
+from spisim_live.senders import Senders
 
 AGAIN_S = 0.5
 POLL_S = 0.05

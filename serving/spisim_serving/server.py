@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Provenance, Setup
-from reconstruction.live import Kind, Message, Pose, Sender, pose_of
-from reconstruction.live.framing import VERSION
-from reconstruction.live.sending import SETUP_EVERY_S
 from spisim.simulation.flight.camera import Camera, Shot
+from spisim_live import Kind, Message, Pose, Sender, pose_of
+from spisim_live.framing import VERSION
+from spisim_live.sending import SETUP_EVERY_S
 from spisim_serving.drone import Pilot
 from spisim_serving.line import POLL_S, Line
 

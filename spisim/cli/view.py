@@ -49,7 +49,7 @@ def command(
     Frames of a stream appear as they are reconstructed, until it ends or Ctrl-C.
     """
     from reconstruction.cli.reconstruct import names
-    from reconstruction.live.links import is_link
+    from spisim_live.links import is_link
 
     methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
     streamed = is_link(source) or Path(source).suffix == ".stream"
@@ -138,9 +138,9 @@ def _show(views: Iterator[View], recording: Recording, frames: int | None) -> No
 def _follow(source: str, recording: Recording, frames: int | None, choice: dict[str, Any]) -> None:
     import threading
 
-    from reconstruction.live import Loop, Reception, State
-    from reconstruction.live.links import source_at
     from spisim.report.viewer import StreamViewer
+    from spisim_live import Loop, Reception, State
+    from spisim_live.links import source_at
 
     viewer = StreamViewer(recording, source)
     reception = Reception(source_at(source), recorders=[viewer.frame])

@@ -53,12 +53,35 @@ def test_wheel_and_sdist_hold_all_that_is_needed(built: Path) -> None:
     assert {
         "spisim/py.typed",
         "reconstruction/py.typed",
+        "spisim_live/py.typed",
         "spisim/shipped/scenes/warehouse.yaml",
         "spisim/shipped/studies/depth.yaml",
     } <= packed
     with tarfile.open(sdist) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
     assert {"CHANGELOG.md", "CITATION.cff", "LICENSE", "pyproject.toml", "README.md"} <= names
+
+
+@pytest.mark.slow
+def test_the_wheel_of_the_rig_holds_live_streams_and_their_commands(tmp_path: Path) -> None:
+    pytest.importorskip("build")
+    command = [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path)]
+    subprocess.run([*command, str(ROOT / "reconstruction")], check=True, capture_output=True)
+    (wheel,) = tmp_path.glob("*.whl")
+    with zipfile.ZipFile(wheel) as packed:
+        names = set(packed.namelist())
+        (points,) = (name for name in names if name.endswith("entry_points.txt"))
+        assert "live = spisim_live.cli:live" in packed.read(points).decode()
+    assert {
+        "reconstruction/py.typed",
+        "reconstruction/image/learned.npz",
+        "spisim_live/cli/live.py",
+        "spisim_live/py.typed",
+    } <= names
+    assert {name.partition("/")[0] for name in names if name.endswith(".py")} == {
+        "reconstruction",
+        "spisim_live",
+    }
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +120,7 @@ def test_the_wheel_works_outside_of_the_repository(python: Path, tmp_path: Path)
     (tmp_path / "script.py").write_text(SCRIPT)
     assert said(python, "script.py", folder=tmp_path)
     assert said(python, "-m", "spisim", "--version", folder=tmp_path).startswith("spisim ")
+    assert "SOURCE" in said(python, "-m", "reconstruction", "live", "--help", folder=tmp_path)
 
 
 @pytest.mark.slow

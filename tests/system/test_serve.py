@@ -13,10 +13,10 @@ import spisim
 from commands import mistake
 from commands import spisim as run
 from reconstruction import read_capture, reconstruct
-from reconstruction.live import Kind, Message, Parser, Pose, StreamSetup, command, pack
-from reconstruction.live.links import source_at
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
+from spisim_live import Kind, Message, Parser, Pose, StreamSetup, command, pack
+from spisim_live.links import source_at
 
 FRAMES = 9
 

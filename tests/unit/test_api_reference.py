@@ -33,8 +33,12 @@ def test_all_other_packages_are_on_the_page_of_their_root(root: str) -> None:
 
 
 def test_packages_beside_the_simulator_are_there() -> None:
-    assert [name for beside in PYTHON.values() for name in beside] == ["spisim_formats"]
-    assert (ROOT / "formats" / "spisim_formats" / "__init__.py").is_file()
+    folders = {"spisim_live": "live", "spisim_formats": "formats"}
+    beside = [name for names in PYTHON.values() for name in names]
+    assert {name.partition(".")[0] for name in beside} == set(folders)
+    for name in beside:
+        folder = ROOT.joinpath(folders[name.partition(".")[0]], *name.split("."))
+        assert (folder / "__init__.py").is_file()
 
 
 def test_lists_of_names_stand_in_init_alone() -> None:

@@ -22,10 +22,10 @@ from reconstruction.depth import pixel_rays
 from reconstruction.exports import Shot, shots_of
 from reconstruction.exports.poses import OPTICAL_IN_BODY
 from reconstruction.exports.ros import STALE, WARN, along, ranging_status, state_message
-from reconstruction.live import Counts, Loop, Reception, Sender, State
-from reconstruction.live.sinks import sink_to
-from reconstruction.live.sinks.mcap import McapRecord
 from spisim.dataset.poses import placed
+from spisim_live import Counts, Loop, Reception, Sender, State
+from spisim_live.sinks import sink_to
+from spisim_live.sinks.mcap import McapRecord
 from streams import Clock, Script, film, messages
 
 pytest.importorskip("mcap")

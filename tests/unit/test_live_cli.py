@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from reconstruction import read_capture, reconstruct, write_capture
-from reconstruction.cli import main, replay
-from reconstruction.live import Message, Parser, pack
-from reconstruction.live.links import source_at
+from reconstruction.cli import main
+from spisim_live import Message, Parser, pack
+from spisim_live.cli import replay
+from spisim_live.links import source_at
 from streams import Clock, film
 
 ROOT = Path(__file__).parents[2]
@@ -213,7 +214,7 @@ def test_a_capture_that_tells_no_time_needs_a_rate(capture, tmp_path, capsys):
 
 def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch):
     """And closes its sinks."""
-    from reconstruction.cli import live
+    from spisim_live.cli import live
 
     class Interrupted(live.Loop):
         def run(self, maximum=None):
@@ -228,7 +229,7 @@ def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch
 
 
 def test_a_sink_that_failed_to_the_end_is_an_error(path, tmp_path, monkeypatch, capsys):
-    from reconstruction.live.sinks.records import CaptureRecord
+    from spisim_live.sinks.records import CaptureRecord
 
     def full(self):
         raise OSError(28, "No space left on device", "flight.h5")
@@ -240,7 +241,7 @@ def test_a_sink_that_failed_to_the_end_is_an_error(path, tmp_path, monkeypatch, 
 
 def test_a_sink_that_failed_at_times_is_an_error_too(path, tmp_path, monkeypatch, capsys):
     """And the others have what they should."""
-    from reconstruction.live.sinks.lines import JsonLines
+    from spisim_live.sinks.lines import JsonLines
 
     def odd(self, outcome):
         if outcome.result.frame == 1:
@@ -279,7 +280,7 @@ def test_a_replay_that_is_interrupted_leaves_no_file(path, tmp_path, monkeypatch
     def interrupted(self, content):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("reconstruction.live.links.NewFile.send", interrupted)
+    monkeypatch.setattr("spisim_live.links.NewFile.send", interrupted)
     assert main(["replay", str(path), "--to", str(tmp_path / "a.stream")]) == 130
     assert not (tmp_path / "a.stream").exists()
     assert capsys.readouterr().err == "error: interrupted; no file is left half-written\n"

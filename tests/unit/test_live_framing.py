@@ -11,8 +11,8 @@ import pytest
 
 from captures import full_capture
 from reconstruction import InputError
-from reconstruction.live import Kind, Message, Parser, pack
-from reconstruction.live.framing import HEADER, MAGIC, MAX_BEGUN, MAX_PAYLOAD_BYTES, header
+from spisim_live import Kind, Message, Parser, pack
+from spisim_live.framing import HEADER, MAGIC, MAX_BEGUN, MAX_PAYLOAD_BYTES, header
 from streams import messages
 
 MESSAGES = [
@@ -124,7 +124,7 @@ def test_work_grows_with_the_bytes_however_headers_are_nested(monkeypatch):
         summed += len(content)
         return crc32(content)
 
-    monkeypatch.setattr("reconstruction.live.framing.zlib", SimpleNamespace(crc32=counting))
+    monkeypatch.setattr("spisim_live.framing.zlib", SimpleNamespace(crc32=counting))
     content = b"".join(announced(20_000 - 32 * n) for n in range(500)) * 6
     _, parser = parsed(content, 1000)
     assert summed < (MAX_BEGUN + 2) * len(content)

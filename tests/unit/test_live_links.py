@@ -11,10 +11,10 @@ from types import SimpleNamespace
 import pytest
 
 from reconstruction import InputError, write_capture
-from reconstruction.live import CaptureSource, Parser
-from reconstruction.live.links import Ended, outlet_to, source_at
-from reconstruction.live.links import serial_port as serial_module
-from reconstruction.live.links.sockets import DATAGRAM_BYTES, TcpListen, UdpListen
+from spisim_live import CaptureSource, Parser
+from spisim_live.links import Ended, outlet_to, source_at
+from spisim_live.links import serial_port as serial_module
+from spisim_live.links.sockets import DATAGRAM_BYTES, TcpListen, UdpListen
 from streams import Clock, film, messages
 
 SAFETY_S = 60.0
@@ -81,7 +81,7 @@ def test_a_close_wakes_who_waits_for_a_stalled_reader(listening):
 
 def test_who_takes_nothing_is_gone(listening, monkeypatch):
     """Or else it would have the only place for ever."""
-    monkeypatch.setattr("reconstruction.live.links.sockets.STALLED_S", 0.1)
+    monkeypatch.setattr("spisim_live.links.sockets.STALLED_S", 0.1)
     stalled = calling(listening.port)
     listening.open()
     assert not listening.wanted

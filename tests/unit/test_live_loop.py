@@ -11,11 +11,11 @@ import pytest
 
 from reconstruction import InputError, Reconstructor, make_plan
 from reconstruction.depth import DISTANCES_M
-from reconstruction.live import Counts, Loop, Reception, Sender
-from reconstruction.live.results import result_entries
-from reconstruction.live.sinks import Detached
-from reconstruction.live.sinks.sink import Sink
 from reconstruction.operators import expose
+from spisim_live import Counts, Loop, Reception, Sender
+from spisim_live.results import result_entries
+from spisim_live.sinks import Detached
+from spisim_live.sinks.sink import Sink
 from streams import Clock, Script, film, messages
 
 SAFETY_S = 600
@@ -166,7 +166,7 @@ def test_a_setup_that_raises_anything_is_a_trouble(recording, monkeypatch):
     def broken(*args, **named):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr("reconstruction.live.loop.Reconstructor", broken)
+    monkeypatch.setattr("spisim_live.loop.Reconstructor", broken)
     loop, results, _ = looped(messages(recording))
     assert results == []
     assert loop.state().counts.failed == 6
@@ -265,7 +265,7 @@ def blocks():
 
 def test_memory_is_flat_whatever_happens(capture, monkeypatch):
     """The source dies again and again, its clock jumps by an hour, and a sink stalls for 10 s."""
-    monkeypatch.setattr("reconstruction.live.counts.ROLLING", 100)
+    monkeypatch.setattr("spisim_live.counts.ROLLING", 100)
     few = replace(film(capture, 4), spots=None, optics=None)
     clock, sender, hour = Clock(), Sender(few.setup, run=1), 3600 * 10**9
     source = Script(sender.setup(), clock=clock)
@@ -327,7 +327,7 @@ def test_a_sink_that_raises_anything_is_told_and_tried_again(error):
 
 
 def test_a_sink_that_does_not_end_is_given_up(monkeypatch):
-    monkeypatch.setattr("reconstruction.live.sinks.sink.CLOSING_S", 0.05)
+    monkeypatch.setattr("spisim_live.sinks.sink.CLOSING_S", 0.05)
     sink = Stalling()
     detached = Detached(sink, "stalling")
     detached.start()

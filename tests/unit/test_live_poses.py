@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
-from reconstruction.live import Kind, Parser, Pose, command, pack, pose_of
-from reconstruction.live.framing import HEADER, Message
+from spisim_live import Kind, Parser, Pose, command, pack, pose_of
+from spisim_live.framing import HEADER, Message
 
 REPORTED = Pose((1.5, -2.0, 0.25), (0.0, 0.0, 0.6, 0.8))
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from reconstruction import InputError, make_plan
-from reconstruction.live import Kind, Message, Reception, Sender, pack
-from reconstruction.live.reception import FIRST_DELAY_S, MAX_DELAY_S
+from spisim_live import Kind, Message, Reception, Sender, pack
+from spisim_live.reception import FIRST_DELAY_S, MAX_DELAY_S
 from streams import Clock, Script, film, messages
 
 

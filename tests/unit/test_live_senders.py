@@ -7,12 +7,12 @@ from dataclasses import replace
 import pytest
 
 from reconstruction import make_plan
-from reconstruction.live import Kind, Loop, Message, Reception, Sender, pack
-from reconstruction.live import reception as receiving
-from reconstruction.live.framing import MAX_PAYLOAD_BYTES, header
-from reconstruction.live.links.sockets import Tcp, TcpListen
-from reconstruction.live.reception import ENDING_S
-from reconstruction.live.senders import AT_ONCE, MAX_SENDERS, QUIET_S, SECONDS_A_CHANGE, Senders
+from spisim_live import Kind, Loop, Message, Reception, Sender, pack
+from spisim_live import reception as receiving
+from spisim_live.framing import MAX_PAYLOAD_BYTES, header
+from spisim_live.links.sockets import Tcp, TcpListen
+from spisim_live.reception import ENDING_S
+from spisim_live.senders import AT_ONCE, MAX_SENDERS, QUIET_S, SECONDS_A_CHANGE, Senders
 from streams import Clock, Script, film, messages
 
 FALSE = header(Message(Kind.SETUP), MAX_PAYLOAD_BYTES)

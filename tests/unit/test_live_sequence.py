@@ -5,9 +5,9 @@ import threading
 import numpy as np
 import pytest
 
-from reconstruction.live.counts import ROLLING, Counts, Latencies
-from reconstruction.live.queues import BoundedQueue
-from reconstruction.live.sequence import ASTRAY, HOLD_S, REMEMBERED, Sequence
+from spisim_live.counts import ROLLING, Counts, Latencies
+from spisim_live.queues import BoundedQueue
+from spisim_live.sequence import ASTRAY, HOLD_S, REMEMBERED, Sequence
 
 
 def taken(numbers, window=1, run=1):
@@ -145,7 +145,7 @@ def test_who_puts_in_turn_waits_for_room_and_not_after_the_end():
 
 
 def test_what_waits_is_bounded_in_bytes_too(monkeypatch):
-    monkeypatch.setattr("reconstruction.live.queues.MAX_BYTES", 1000)
+    monkeypatch.setattr("spisim_live.queues.MAX_BYTES", 1000)
     waiting = BoundedQueue(100)
     for number in range(5):
         waiting.put(number, 400)

@@ -9,8 +9,8 @@ from captures import full_capture, make_spots
 from reconstruction import InputError, Reconstructor
 from reconstruction.capture import Setup
 from reconstruction.capture.schema import present_fields
-from reconstruction.live import StreamSetup, frame_payload, packed, setup_payload, unpacked
 from reconstruction.operators import make_plan
+from spisim_live import StreamSetup, frame_payload, packed, setup_payload, unpacked
 from streams import film
 
 PARTS = ("buckets", "spots", "pattern_taps")

@@ -17,16 +17,16 @@ from reconstruction import (
     read_result,
     reconstruct,
 )
-from reconstruction.live import Kind, Loop, Parser, Reception, drawing, unpacked
-from reconstruction.live.drawing import Incoming, Window, status_lines
-from reconstruction.live.links import NewFile
-from reconstruction.live.results import STATUSES, text_of
-from reconstruction.live.sinks import records, sink_to
-from reconstruction.live.sinks.latest import EVERY_S, LatestResult
-from reconstruction.live.sinks.lines import JsonLines
-from reconstruction.live.sinks.messages import MessageSink
-from reconstruction.live.sinks.records import CaptureRecord, StreamRecord
-from reconstruction.live.sinks.window import WindowSink
+from spisim_live import Kind, Loop, Parser, Reception, drawing, unpacked
+from spisim_live.drawing import Incoming, Window, status_lines
+from spisim_live.links import NewFile
+from spisim_live.results import STATUSES, text_of
+from spisim_live.sinks import records, sink_to
+from spisim_live.sinks.latest import EVERY_S, LatestResult
+from spisim_live.sinks.lines import JsonLines
+from spisim_live.sinks.messages import MessageSink
+from spisim_live.sinks.records import CaptureRecord, StreamRecord
+from spisim_live.sinks.window import WindowSink
 from streams import Clock, Script, film, messages
 
 

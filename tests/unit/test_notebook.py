@@ -147,7 +147,7 @@ def test_no_bar_goes_into_files(capfd: pytest.CaptureFixture[str]) -> None:
 def test_packages_log_and_say_nothing_by_themselves(
     capture: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for package in ("spisim", "reconstruction"):
+    for package in ("spisim", "reconstruction", "spisim_live"):
         (handler,) = logging.getLogger(package).handlers
         assert isinstance(handler, logging.NullHandler)
     with caplog.at_level(logging.DEBUG, "reconstruction"):

@@ -7,6 +7,7 @@ import pytest
 
 from reconstruction import read_capture, write_capture
 from reconstruction.cli import COMMANDS, main
+from reconstruction.cli.others import OTHERS
 from streams import film
 
 
@@ -22,7 +23,7 @@ def reported(capsys, *arguments):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize("command", [*COMMANDS, *OTHERS])
 def test_every_command_has_the_option(command, capsys):
     with pytest.raises(SystemExit, match="0"):
         main([command, "--help"])

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
-from reconstruction.live import Kind, Message, Parser, Pose, command, pack
-from reconstruction.live.links import Ended, Outlet, Source
-from reconstruction.live.senders import QUIET_S
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim.simulation.flight import PathKeys, PoseKeys, flown
+from spisim_live import Kind, Message, Parser, Pose, command, pack
+from spisim_live.links import Ended, Outlet, Source
+from spisim_live.senders import QUIET_S
 from spisim_serving.drone import Drone, Follower, Gust
 from spisim_serving.line import Line
 from spisim_serving.server import Server

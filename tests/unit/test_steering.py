@@ -16,7 +16,6 @@ from reconstruction.capture.schema import between, joined
 from reconstruction.depth import pixel_of
 from reconstruction.exports.ros import frame_messages, static_messages
 from reconstruction.exports.shot import Shot
-from reconstruction.live.setups import StreamSetup, frame_payload, setup_payload
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges, measure_ranges
 from reconstruction.ranging.fog.offsets import path_check
@@ -31,6 +30,7 @@ from spisim.report.pictures import spot_marks
 from spisim.report.space import Space
 from spisim.scene import Ambient, Scene
 from spisim.simulation.light import LightSequence, solve, solve_spots, steered_light
+from spisim_live.setups import StreamSetup, frame_payload, setup_payload
 from worlds import ORIGIN, plane
 
 HOME_DEG = np.array([[-5, 5], [5, 5], [-5, -5], [5, -5]], float)

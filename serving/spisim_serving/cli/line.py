@@ -38,8 +38,8 @@ class LinkOptions:
     def line(self, read: list[Path], *, steered: bool, overwrite: bool) -> Line:
         """The line; InputError if its ends cannot be used, or lockstep lacks commands."""
         from reconstruction.base.files import Output, require_outputs
-        from reconstruction.live.framing import MAGIC
-        from reconstruction.live.links import NewFile, Source, is_link, outlet_to, source_at
+        from spisim_live.framing import MAGIC
+        from spisim_live.links import NewFile, Source, is_link, outlet_to, source_at
         from spisim_serving.line import Line
 
         outlet = outlet_to(self.to)

@@ -146,7 +146,7 @@ def command(
 
 def _run(server: Server, link: LinkOptions) -> None:
     """Run until the flight ends or Ctrl-C is pressed, then tell the other side."""
-    from reconstruction.live.links import is_link
+    from spisim_live.links import is_link
 
     with suppress(KeyboardInterrupt):
         if link.lockstep:

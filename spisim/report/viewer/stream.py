@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import deque
 
 from reconstruction.exports import Shot
-from reconstruction.live import Arrival, Outcome
-from reconstruction.live.sinks import Sink
 from spisim.report.viewer.recording import Recording
 from spisim.report.viewer.views import View
+from spisim_live import Arrival, Outcome
+from spisim_live.sinks import Sink
 
 #: Frames whose readings may wait for their results.
 REMEMBERED = 64

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import NamedTuple
 
-from ..base.errors import InputError
+from reconstruction.base.errors import InputError
 
 MAGIC = b"SPI\x1a"
 VERSION = 1

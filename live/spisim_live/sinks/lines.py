@@ -6,8 +6,9 @@ from typing import IO, Any
 
 import numpy as np
 
-from ...base.files import mark
-from ...base.text import json_line
+from reconstruction.base.files import mark
+from reconstruction.base.text import json_line
+
 from ..results import Outcome, State
 from .sink import Sink
 

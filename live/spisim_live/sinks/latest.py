@@ -5,10 +5,11 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from ...base.files import Output, mark, write_atomically
-from ...base.folders import output_folder
-from ...base.text import json_line
-from ...outputs import outputs_in, write_outputs
+from reconstruction.base.files import Output, mark, write_atomically
+from reconstruction.base.folders import output_folder
+from reconstruction.base.text import json_line
+from reconstruction.outputs import outputs_in, write_outputs
+
 from ..results import Outcome, State
 from .lines import state_report
 from .sink import Sink

@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import IO
 
-from ...base.errors import InputError
-from ...base.files import Output, require_outputs
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, require_outputs
+
 from ..framing import MAGIC
 from ..links import NewFile, is_link, outlet_to
 from .latest import LatestResult

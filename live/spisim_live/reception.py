@@ -6,8 +6,9 @@ import time
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-from ..base.errors import InputError, in_words
-from ..capture import Frames
+from reconstruction.base.errors import InputError, in_words
+from reconstruction.capture import Frames
+
 from .counts import Counts
 from .framing import VERSION, Kind, Message
 from .links import Ended, Source

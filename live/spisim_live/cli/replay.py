@@ -10,17 +10,18 @@ from pathlib import Path
 
 import numpy as np
 
-from ..base.errors import InputError
-from ..base.files import Output, require_outputs
-from ..base.text import json_line, printable
-from ..capture import CaptureFile, open_capture
-from ..live import Sender, frame_period_s
-from ..live.framing import MAGIC
-from ..live.links import NewFile, Outlet, outlet_to
-from ..live.sending import SETUP_EVERY_S
-from .numbers import whole_number
-from .reconstruct import OVERWRITE
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, require_outputs
+from reconstruction.base.text import json_line, printable
+from reconstruction.capture import CaptureFile, open_capture
+from reconstruction.cli.numbers import whole_number
+from reconstruction.cli.reconstruct import OVERWRITE
+from spisim_live import Sender, frame_period_s
+from spisim_live.framing import MAGIC
+from spisim_live.links import NewFile, Outlet, outlet_to
+from spisim_live.sending import SETUP_EVERY_S
 
+SUMMARY = "capture -> its frames as a stream"
 EXAMPLE = "python -m reconstruction replay flight.h5 --to tcp://localhost:5800"
 AGAIN_S = 0.5
 

@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ...exports import EXPORTS, Shot, check_export
-from ...exports.mcap_file import McapFile
-from ...exports.ros import state_message
+from reconstruction.exports import EXPORTS, Shot, check_export
+from reconstruction.exports.mcap_file import McapFile
+from reconstruction.exports.ros import state_message
+
 from ..results import Outcome, State
 from ..setups import StreamSetup
 from .sink import Sink

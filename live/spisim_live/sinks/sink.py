@@ -6,7 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import ClassVar
 
-from ...base.errors import InputError, in_words, naming
+from reconstruction.base.errors import InputError, in_words, naming
+
 from ..counts import Counts
 from ..queues import BoundedQueue
 from ..reception import Arrival

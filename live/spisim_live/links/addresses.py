@@ -3,7 +3,8 @@
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
-from ...base.errors import InputError, nearest
+from reconstruction.base.errors import InputError, nearest
+
 from .files import NewFile, Stdin, Stdout, StreamFile
 from .link import Outlet, Source
 from .serial_port import SerialPort

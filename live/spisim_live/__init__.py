@@ -1,5 +1,7 @@
 """Live streams: frames from a rig or a file, and results as they come (docs/live.md)."""
 
+import logging
+
 from .counts import Counts
 from .framing import Kind, Message, Parser, pack
 from .loop import Loop
@@ -9,6 +11,8 @@ from .results import Outcome, State
 from .sending import CaptureSource, Sender
 from .setups import StreamSetup, frame_payload, frame_period_s, setup_payload
 from .tables import packed, unpacked
+
+logging.getLogger(__name__).addHandler(logging.NullHandler())
 
 __all__ = [
     "Arrival",

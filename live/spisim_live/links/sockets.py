@@ -6,7 +6,8 @@ from contextlib import suppress
 from errno import EADDRINUSE
 from typing import Any
 
-from ...base.errors import InputError
+from reconstruction.base.errors import InputError
+
 from .link import PIECE_BYTES, Link, Outlet, Source
 
 PATIENCE_S = 1.0

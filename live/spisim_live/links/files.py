@@ -7,7 +7,8 @@ import time
 from pathlib import Path
 from typing import IO
 
-from ...base.errors import InputError
+from reconstruction.base.errors import InputError
+
 from .link import PIECE_BYTES, Ended, Link, Outlet, Source
 
 

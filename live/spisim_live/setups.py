@@ -9,10 +9,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from ..capture import Frames, Provenance, Setup, check_parts, datasets, read_setup
-from ..capture.model import READING_PARTS
-from ..capture.schema import present_fields
+from reconstruction.base.errors import InputError
+from reconstruction.capture import Frames, Provenance, Setup, check_parts, datasets, read_setup
+from reconstruction.capture.model import READING_PARTS
+from reconstruction.capture.schema import present_fields
+
 from .framing import MAX_PAYLOAD_BYTES, Kind, Message
 from .tables import Arrays, Value, packed, unpacked
 

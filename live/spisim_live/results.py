@@ -5,9 +5,10 @@ from typing import Any, NamedTuple, get_args
 
 import numpy as np
 
-from ..depth import DISTANCES_M
-from ..ranging import Status
-from ..result import Result
+from reconstruction.depth import DISTANCES_M
+from reconstruction.ranging import Status
+from reconstruction.result import Result
+
 from .counts import Counts
 from .setups import StreamSetup
 from .tables import Value

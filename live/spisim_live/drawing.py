@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..ranging import RANGED
+from reconstruction.ranging import RANGED
+
 from .framing import Kind, Parser
 from .results import STATUSES, text_of
 from .sinks.window import READY

@@ -5,7 +5,8 @@ import stat
 from pathlib import Path
 from typing import Any
 
-from ...base.errors import InputError
+from reconstruction.base.errors import InputError
+
 from .link import PIECE_BYTES, Outlet, Source
 
 

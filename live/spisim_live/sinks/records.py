@@ -5,10 +5,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from ...base.errors import InputError, in_words
-from ...base.files import Output, is_marked, require_outputs
-from ...capture import Capture, Frames, write_capture
-from ...capture.file import KINDS
+from reconstruction.base.errors import InputError, in_words
+from reconstruction.base.files import Output, is_marked, require_outputs
+from reconstruction.capture import Capture, Frames, write_capture
+from reconstruction.capture.file import KINDS
+
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival

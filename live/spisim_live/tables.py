@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.errors import InputError
-from ..capture import hdf5
+from reconstruction.base.errors import InputError
+from reconstruction.capture import hdf5
+
 from .framing import MAX_PAYLOAD_BYTES
 
 Value = NDArray[Any]

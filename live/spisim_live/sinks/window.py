@@ -3,7 +3,8 @@
 import subprocess
 import sys
 
-from ...base.errors import InputError
+from reconstruction.base.errors import InputError
+
 from ..framing import Kind, Message, pack
 from ..results import Outcome, State, result_entries, state_entries
 from ..tables import packed
@@ -19,7 +20,7 @@ class WindowSink(Sink):
     skips = True
 
     def __init__(self, program: list[str] | None = None) -> None:
-        self._program = program or [sys.executable, "-m", "reconstruction.live.drawing"]
+        self._program = program or [sys.executable, "-m", "spisim_live.drawing"]
         self._process: subprocess.Popen[bytes] | None = None
 
     def check(self) -> None:

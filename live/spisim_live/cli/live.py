@@ -8,17 +8,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..base.errors import InputError
-from ..base.text import json_line, printable
-from ..image import load_pursuit
-from ..live import CaptureSource, Counts, Loop, Outcome, Reception, State
-from ..live.links import Source, is_link, source_at
-from ..live.sinks import Detached, Sink, sink_to
-from ..live.sinks.lines import state_report
-from ..ranging import RANGED
-from .numbers import whole_number
-from .reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
+from reconstruction.base.errors import InputError
+from reconstruction.base.text import json_line, printable
+from reconstruction.cli.numbers import whole_number
+from reconstruction.cli.reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
+from reconstruction.image import load_pursuit
+from reconstruction.ranging import RANGED
+from spisim_live import CaptureSource, Counts, Loop, Outcome, Reception, State
+from spisim_live.links import Source, is_link, source_at
+from spisim_live.sinks import Detached, Sink, sink_to
+from spisim_live.sinks.lines import state_report
 
+SUMMARY = "frames as they come -> results as they go"
 EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to flight.h5"
 SINKS = (
     "FOLDER (the latest result), FILE.h5 (captures), FILE.stream (frames as they came), "

@@ -4,8 +4,9 @@ import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from ..base.errors import InputError
-from ..capture import Frames, Provenance, Setup, open_capture
+from reconstruction.base.errors import InputError
+from reconstruction.capture import Frames, Provenance, Setup, open_capture
+
 from .framing import Kind, Message, pack
 from .links import Ended, Source
 from .setups import frame_payload, frame_period_s, setup_payload

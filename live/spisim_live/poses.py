@@ -5,7 +5,8 @@ import struct
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ..base.errors import InputError
+from reconstruction.base.errors import InputError
+
 from .framing import Kind, Message, pack
 
 POSE = struct.Struct("<7d")

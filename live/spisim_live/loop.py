@@ -5,11 +5,12 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from ..base.errors import InputError, in_words
-from ..capture import Setup
-from ..chosen_methods import Methods, check_methods
-from ..depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
-from ..reconstructor import Reconstructor
+from reconstruction.base.errors import InputError, in_words
+from reconstruction.capture import Setup
+from reconstruction.chosen_methods import Methods, check_methods
+from reconstruction.depth import DEPTH_METHODS, MIN_FREE, check_min_free, lacks
+from reconstruction.reconstructor import Reconstructor
+
 from .counts import Latencies
 from .reception import POLL_S, Arrival, Reception
 from .results import Outcome, State
