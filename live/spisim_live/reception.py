@@ -4,10 +4,11 @@ import logging
 import threading
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 from reconstruction.base.errors import InputError, in_words
-from reconstruction.capture import Frames
+from reconstruction.capture import Frames, Poses
 
 from .counts import Counts
 from .framing import VERSION, Kind, Message
@@ -52,6 +53,8 @@ class Reception:
         Maximum number of queued frames.
     window : int
         Frames held while an earlier one is missing.
+    poses : callable, optional
+        Pose of a frame, in place of that of the stream.
     recorders : sequence of callable
         Receivers of each arrival, before it is queued.
     clock, wait : callable
@@ -66,6 +69,7 @@ class Reception:
         *,
         waiting: int = 16,
         window: int = 1,
+        poses: Callable[[Arrival], Poses] | None = None,
         recorders: Sequence[Callable[[Arrival], None]] = (),
         clock: Callable[[], float] = time.monotonic,
         wait: Callable[[float], object] | None = None,
@@ -81,6 +85,7 @@ class Reception:
         self._senders = Senders(self._fits)
         self._changes = Allowance()
         self._turn: InTurn[Arrival] = InTurn(self.counts, window)
+        self._poses = poses
         self._recorders = recorders
         self._clock = clock
         self._stopped = threading.Event()
@@ -295,7 +300,7 @@ class Reception:
 
     def _give(self, arrivals: list[Arrival]) -> None:
         put = self.queue.put_in_turn if self._source.patient else self.queue.put
-        for arrival in arrivals:
+        for arrival in map(self._located, arrivals):
             self.counts.received += 1
             self.trouble = None
             self._awaited = (f"a frame from {self._heard}", arrival.received_s)
@@ -303,6 +308,12 @@ class Reception:
                 recorder(arrival)
             put(arrival, len(arrival.message.payload or b""))
         self.counts.dropped = self.queue.dropped
+
+    def _located(self, arrival: Arrival) -> Arrival:
+        """Add the pose from beside the stream, if any come from there."""
+        if self._poses is None:
+            return arrival
+        return arrival._replace(frame=replace(arrival.frame, poses=self._poses(arrival)))
 
     def _refuse(self, why: str) -> None:
         """Reject an unintelligible message: fatal for a file, not for a link."""

@@ -2,10 +2,11 @@
 
 import zlib
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from reconstruction.base.errors import InputError
-from reconstruction.capture import Frames, Provenance, Setup, open_capture
+from reconstruction.capture import Frames, Poses, Provenance, Setup, open_capture
 
 from .framing import Kind, Message, pack
 from .links import Ended, Source
@@ -21,6 +22,7 @@ class Sender:
     def __init__(self, setup: Setup, provenance: Provenance | None = None, run: int = 0) -> None:
         self.number = 0
         self._run = run
+        self._has_poses = setup.poses is not None
         self._payload = setup_payload(setup, provenance)
         self._id = zlib.crc32(self._payload)
 
@@ -29,7 +31,12 @@ class Sender:
         return self._message(Kind.SETUP, self._payload, time_ns)
 
     def frame(self, frame: Frames, time_ns: int = 0) -> bytes:
-        """Message of the next frame, recorded at ``time_ns`` of any clock."""
+        """Message of the next frame, recorded at ``time_ns`` of any clock.
+
+        In a stream with poses a frame may have none.
+        """
+        if self._has_poses and frame.poses is None:
+            frame = replace(frame, poses=Poses.none(1))
         message = self._message(Kind.FRAME, frame_payload(frame), time_ns)
         self.number = (self.number + 1) % 2**32
         return message

@@ -1,9 +1,10 @@
-"""Poses of the instrument during a flight, one for each frame."""
+"""Poses of the instrument during a flight, one for each frame, or none."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
@@ -17,10 +18,12 @@ UNIT_TOLERANCE = 0.01
 class Poses:
     """Pose at the middle of each frame, as the rig states it.
 
+    A frame without a pose has nan for position and orientation.
+
     Parameters
     ----------
     time_s
-        Times (frames,), rising.
+        Times (frames,), rising; nan may stand for one without a pose.
     position_m
         Positions (frames, 3) of the projector's pinhole in the world.
     orientation
@@ -30,19 +33,38 @@ class Poses:
         optical axes, rad; nan if unknown.
     """
 
-    time_s: Annotated[Floats, Stored("s", (FRAMES,))]
-    position_m: Annotated[Floats, Stored("m", (FRAMES, 3))]
-    orientation: Annotated[Floats, Stored("1", (FRAMES, 4))]
+    time_s: Annotated[Floats, Stored("s", (FRAMES,), nan=True)]
+    position_m: Annotated[Floats, Stored("m", (FRAMES, 3), nan=True)]
+    orientation: Annotated[Floats, Stored("1", (FRAMES, 4), nan=True)]
     covariance: Annotated[Floats, Stored("1", (FRAMES, 6, 6), nan=True)]
+
+    @classmethod
+    def none(cls, frames: int) -> Self:
+        """Frames without a pose."""
+        shapes = ((), (3,), (4,), (6, 6))
+        return cls(*(np.full((frames, *shape), np.nan) for shape in shapes))
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Mask (frames,) of frames with a pose."""
+        return np.asarray(np.isfinite(self.orientation).all(axis=1))
 
     def check(self) -> None:
         """Raise InputError unless times rise, quaternions have length 1 and variances are valid."""
-        late = np.flatnonzero(np.diff(self.time_s) <= 0)
-        if late.size:
-            before, after = self.time_s[late[0] : late[0] + 2]
+        missing = np.isnan(np.column_stack([self.position_m, self.orientation]))
+        partial = missing.any(axis=1) & ~missing.all(axis=1) | self.known & np.isnan(self.time_s)
+        if partial.any():
             raise InputError(
-                f"poses/time_s of frame {late[0] + 1} is {after:g}, must be later than that of the "
-                f"frame before, {before:g}"
+                f"poses of frame {np.flatnonzero(partial)[0]} are nan in part; a frame without a "
+                "pose has nan for all of position_m and orientation, others for none and a time_s"
+            )
+        timed = np.flatnonzero(np.isfinite(self.time_s))
+        late = np.flatnonzero(np.diff(self.time_s[timed]) <= 0)
+        if late.size:
+            before, after = timed[late[0] : late[0] + 2]
+            raise InputError(
+                f"poses/time_s of frame {after} is {self.time_s[after]:g}, must be later than that "
+                f"of the last frame with one before, {self.time_s[before]:g}"
             )
         lengths = np.linalg.norm(self.orientation, axis=1)
         wrong = np.flatnonzero(np.abs(lengths - 1) > UNIT_TOLERANCE)

@@ -22,10 +22,10 @@ LIMITS = {
     "J": (1e-24, 1e6),
     "m": (1e-9, 1e7),
     "rad": (1e-9, 1e6),
-    "s": (1e-18, 1e9),
+    "s": (1e-18, 1e10),
 }
-"""Minimum of positive values and maximum magnitude, by unit. No instrument comes near them, and
-values between can be squared and divided."""
+"""Minimum of positive values and maximum magnitude, by unit. No instrument, and no time since 1970,
+comes near them, and values between can be squared and divided."""
 
 Part = TypeVar("Part")
 

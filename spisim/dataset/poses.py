@@ -42,6 +42,8 @@ def placed(capture: Capture | CaptureFile | None, frame: int) -> TimestampedPose
     if capture is None:
         return None
     if (poses := capture.frame(frame).poses) is not None:
+        if not poses.known[0]:
+            return None
         stated = np.eye(4)
         stated[:3, :3] = Rotation.from_quat(poses.orientation[0]).as_matrix()
         stated[:3, 3] = poses.position_m[0]

@@ -270,8 +270,8 @@ def test_parts_that_do_not_fit_are_refused_before_writing(capture):
     ("name", "index", "value", "message"),
     [
         ("time_s", 1, 0.005, r"poses/time_s of frame 1 is 0\.005, must be later .* before, 0\.005"),
-        ("time_s", 1, np.nan, "poses/time_s holds values that are not finite"),
-        ("position_m", (0, 2), np.nan, "poses/position_m holds values that are not finite"),
+        ("time_s", 1, np.nan, "poses of frame 1 are nan in part; .* and a time_s"),
+        ("position_m", (0, 2), np.nan, "poses of frame 0 are nan in part"),
         ("orientation", (1, 3), 2.0, r"poses/orientation of frame 1 has length 2\.00.*length 1"),
         (
             "covariance",

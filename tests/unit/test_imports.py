@@ -39,6 +39,7 @@ def test_its_distribution_asks_for_what_it_imports() -> None:
         "display.py": "window",
         "completion.py": "completion",
         "mcap_file.py": "ros",
+        "codec.py": "mavlink",
     }
     modules = {"PyWavelets": "pywt", "pyserial": "serial"}
     packages = (ROOT / "reconstruction", ROOT / "live" / "spisim_live")

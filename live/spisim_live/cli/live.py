@@ -1,6 +1,7 @@
 """Reconstruct a live stream."""
 
 import argparse
+import math
 import sys
 import threading
 import time
@@ -16,6 +17,7 @@ from reconstruction.image import load_pursuit
 from reconstruction.ranging import RANGED
 from spisim_live import CaptureSource, Counts, Loop, Outcome, Reception, State
 from spisim_live.links import Source, is_link, source_at
+from spisim_live.mavlink import PoseSigmas, PoseSource
 from spisim_live.sinks import Detached, Sink, sink_to
 from spisim_live.sinks.lines import state_report
 
@@ -24,7 +26,7 @@ EXAMPLE = "python -m reconstruction live tcp-listen://:5800 --to latest --to fli
 SINKS = (
     "FOLDER (the latest result), FILE.h5 (captures), FILE.stream (frames as they came), "
     "FILE.jsonl or - (results, a line each), FILE.mcap (messages of ROS 2), an address as for "
-    "SOURCE (results), window"
+    "SOURCE (results), mavlink:CONNECTION (ranges and obstacles for an autopilot), window"
 )
 
 MIN_WAIT_S = 1.0
@@ -54,6 +56,25 @@ def add_options(parser: argparse.ArgumentParser) -> None:
             metavar="METHOD[,METHOD]",
             help=f"methods, the default one first: {', '.join(methods)}",
         )
+    add(
+        "--poses",
+        metavar="CONNECTION",
+        help="poses from an autopilot by MAVLink, as udp:14550, tcp:HOST:PORT, /dev/ttyACM0,57600 "
+        "or FILE.tlog",
+    )
+    add(
+        "--pose-sigma",
+        metavar="M,DEG",
+        type=_sigmas,
+        help="standard deviations of position and attitude where the autopilot states none",
+    )
+    add(
+        "--pose-offset",
+        metavar="S",
+        type=_seconds,
+        help="to add to the frames' time stamps before poses are sought; a .tlog counts from 1970 "
+        "(0)",
+    )
     add("--weather", metavar="WEATHER", help=WEATHER)
     add("--min-free", **MIN_FREE_OPTION)
     add("--quiet", action="store_true", help="do not print the state each second")
@@ -64,16 +85,18 @@ def run(options: argparse.Namespace) -> None:
     """Reconstruct a stream until it ends, or is interrupted."""
     source = _source(options.source, followed=options.follow)
     sinks = _sinks(options)
+    poses = _pose_source(options)
     counts = Counts()
     detached = [Detached(sink, name, counts) for name, sink in sinks]
     reception = Reception(
         source,
         waiting=options.waiting,
         window=options.reorder,
+        poses=poses,
         recorders=[each.frame for each in detached],
         counts=counts,
     )
-    printer = _StatusPrinter(detached, quiet=options.quiet)
+    printer = _StatusPrinter(detached, poses, quiet=options.quiet)
     loop = Loop(
         reception,
         results=[printer.result, *(each.result for each in detached)],
@@ -86,8 +109,10 @@ def run(options: argparse.Namespace) -> None:
     )
     if any(name in (options.image or "") for name in PURSUING):
         load_pursuit()
-    with _running(reception, detached):
+    with _running(reception, detached, poses):
         loop.run(options.frames)
+    if poses is not None and poses.missing:
+        print(printable(f"warning: {_without_pose(poses)}"), file=sys.stderr)
     for each in detached:
         if each.lost and not each.failed:
             print(printable(f"warning: {each.why}; lost {each.lost}"), file=sys.stderr)
@@ -100,7 +125,8 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(f"{options.source}: no frame was reconstructed{_why(loop.state())}")
     if options.json:
         lost = {each.name: {"lost": each.lost, "dropped": each.dropped} for each in detached}
-        print(json_line({**state_report(loop.state()), "sinks": lost}))
+        located = {} if poses is None else {"located": poses.located, "without_pose": poses.missing}
+        print(json_line({**state_report(loop.state()), **located, "sinks": lost}))
 
 
 def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
@@ -117,12 +143,35 @@ def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
     return sinks
 
 
+def _pose_source(options: argparse.Namespace) -> PoseSource | None:
+    """Source of poses beside the stream, opened."""
+    if options.poses is None:
+        for option in ("pose_sigma", "pose_offset"):
+            if getattr(options, option) is not None:
+                raise InputError(f"--{option.replace('_', '-')} goes with --poses")
+        return None
+    return PoseSource(
+        options.poses,
+        sigmas=options.pose_sigma or PoseSigmas(),
+        offset_s=options.pose_offset or 0.0,
+    )
+
+
+def _without_pose(poses: PoseSource) -> str:
+    trouble = f"; {poses.trouble}" if poses.trouble else ""
+    return f"{poses.missing} frames have no pose{trouble}"
+
+
 @contextmanager
-def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
+def _running(
+    reception: Reception, detached: list[Detached], poses: PoseSource | None
+) -> Iterator[None]:
     """Run the threads that receive and write; an interrupt ends the stream."""
     receiving = threading.Thread(target=reception.run, name="reception", daemon=True)
     for each in detached:
         each.start()
+    if poses is not None:
+        threading.Thread(target=poses.run, name="poses", daemon=True).start()
     receiving.start()
     try:
         yield
@@ -131,6 +180,8 @@ def _running(reception: Reception, detached: list[Detached]) -> Iterator[None]:
     finally:
         reception.stop()
         receiving.join(5.0)
+        if poses is not None:
+            poses.stop()
         for each in detached:
             each.close()
 
@@ -145,8 +196,9 @@ def _source(address: str, *, followed: bool) -> Source:
 class _StatusPrinter:
     """Prints the state of the stream."""
 
-    def __init__(self, detached: list[Detached], *, quiet: bool) -> None:
+    def __init__(self, detached: list[Detached], poses: PoseSource | None, *, quiet: bool) -> None:
         self._detached = detached
+        self._poses = poses
         self._quiet = quiet
         self._latest: Outcome | None = None
 
@@ -177,6 +229,8 @@ class _StatusPrinter:
         if state.waiting_s >= MIN_WAIT_S:
             yield f"waiting for {state.waiting_for} for {state.waiting_s:.1f} s"
         yield from (each for each in (_fault_counts(state), state.trouble) if each)
+        if self._poses is not None and self._poses.trouble:
+            yield self._poses.trouble
         for each in self._detached:
             if each.trouble is not None:
                 yield each.trouble
@@ -199,3 +253,25 @@ def _window(text: str) -> int:
     if not (text.isascii() and text.isdigit()) or int(text) > 64:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 64")
     return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not math.isfinite(seconds):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds")
+    return seconds
+
+
+def _sigmas(text: str) -> PoseSigmas:
+    try:
+        position_m, attitude_deg = map(float, text.split(","))
+    except ValueError:
+        position_m = attitude_deg = math.nan
+    if not (0 <= position_m < math.inf and 0 <= attitude_deg <= 180):
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not two numbers, metres and degrees of at most 180, as in 0.05,1"
+        )
+    return PoseSigmas(position_m, math.radians(attitude_deg))

@@ -5,9 +5,9 @@ from collections.abc import Callable
 
 from ..framing import Kind, Message, pack
 from ..links import Outlet
-from ..reception import FIRST_DELAY_S, MAX_DELAY_S
 from ..results import Outcome, State, result_entries, state_entries
 from ..tables import packed
+from .channel import Channel
 from .sink import Sink
 
 
@@ -17,15 +17,10 @@ class MessageSink(Sink):
     fleeting = True
 
     def __init__(self, outlet: Outlet, clock: Callable[[], float] = time.monotonic) -> None:
-        self._outlet = outlet
-        self._clock = clock
-        self._open = False
-        self._broken: OSError | None = None
-        self._delay_s = FIRST_DELAY_S
-        self._again_s = -float("inf")
+        self._channel = Channel(outlet, clock)
 
     def check(self) -> None:
-        self._outlet.check()
+        self._channel.check()
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))
@@ -36,24 +31,12 @@ class MessageSink(Sink):
         self._send(Message(Kind.STATUS, packed(state_entries(state))))
 
     def close(self) -> None:
-        if self._open:
+        if self._channel.is_open:
             self._send(Message(Kind.END))
-        self._outlet.close()
+        self._channel.close()
 
     def abandon(self) -> None:
-        self._outlet.close()
+        self._channel.close()
 
     def _send(self, message: Message) -> None:
-        """Send a message; raises OSError without a receiver."""
-        if self._broken is not None and self._clock() < self._again_s:
-            raise self._broken
-        try:
-            if not self._open:
-                self._outlet.open()
-                self._open, self._broken, self._delay_s = True, None, FIRST_DELAY_S
-            self._outlet.send(pack(message))
-        except OSError as error:
-            self._open, self._broken = False, error
-            self._again_s = self._clock() + self._delay_s
-            self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
-            raise
+        self._channel.send(pack(message))

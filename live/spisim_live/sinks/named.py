@@ -10,8 +10,10 @@ from reconstruction.base.files import Output, require_outputs
 
 from ..framing import MAGIC
 from ..links import NewFile, is_link, outlet_to
+from ..mavlink import is_mavlink, mavlink_outlet
 from .latest import LatestResult
 from .lines import KIND, JsonLines
+from .mavlink import MavlinkSink
 from .mcap import McapRecord
 from .messages import MessageSink
 from .records import CaptureRecord, StreamRecord
@@ -35,6 +37,8 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
         return JsonLines(lambda: sys.stdout)
     if name == WINDOW:
         return WindowSink()
+    if is_mavlink(name):
+        return MavlinkSink(mavlink_outlet(name))
     if is_link(name):
         return MessageSink(outlet_to(name))
     path = Path(name)
@@ -53,7 +57,7 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
         available = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
         raise InputError(
             f"{name}: unknown extension {path.suffix!r}; allowed: {available}, "
-            "a folder, an address, window or -"
+            "a folder, an address, mavlink:CONNECTION, window or -"
         )
     return LatestResult(path, read, overwrite=overwrite)
 

@@ -1,6 +1,7 @@
 """Received frames, in a file of their messages or in captures."""
 
 import datetime
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -49,8 +50,8 @@ class CaptureRecord(Sink):
     """Captures of successive frames, each whole at any time.
 
     The first has the given name, further ones add a number. A new one begins after
-    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, and, if frames show different
-    patterns in turn, after a lost one.
+    `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, where the time of poses goes back,
+    and, if frames show different patterns in turn, after a lost one.
     """
 
     waiting = 256
@@ -62,6 +63,7 @@ class CaptureRecord(Sink):
         self._number = 0
         self._begun = False
         self._arrivals: list[Arrival] = []
+        self._time_s = -math.inf
 
     def check(self) -> None:
         self._require()
@@ -72,6 +74,7 @@ class CaptureRecord(Sink):
                 self._next_part()
         finally:
             self._arrivals.append(arrival)
+            self._time_s = max(self._time_s, _pose_time_s(arrival))
         if len(self._arrivals) % FRAMES_BETWEEN == 0:
             self._write()
         maximum = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
@@ -84,7 +87,7 @@ class CaptureRecord(Sink):
 
     def _belongs(self, arrival: Arrival) -> bool:
         last = self._arrivals[-1]
-        if arrival.stream is not last.stream:
+        if arrival.stream is not last.stream or _pose_time_s(arrival) <= self._time_s:
             return False
         plans = arrival.stream.setup.plans
         return len(plans) == 1 or arrival.message.number == last.message.number + 1
@@ -98,6 +101,7 @@ class CaptureRecord(Sink):
             raise InputError(f"{in_words(error)}; its {lost} frames are lost") from None
         finally:
             self._arrivals = []
+            self._time_s = -math.inf
             self._begun = False
             self._number += 1
 
@@ -119,6 +123,12 @@ class CaptureRecord(Sink):
             self._require()
         self._begun = True
         write_capture(_capture(self._arrivals), self._part)
+
+
+def _pose_time_s(arrival: Arrival) -> float:
+    """Time of a frame's pose, nan if there is none."""
+    poses = arrival.frame.poses
+    return math.nan if poses is None else float(poses.time_s[0])
 
 
 def _capture(arrivals: list[Arrival]) -> Capture:
