@@ -93,7 +93,7 @@ def _distance_cm(ranges: Ranges, spot: int) -> int:
 def _variance_cm2(ranges: Ranges, spot: int) -> int:
     """Variance in whole cm², at least 1; `UNKNOWN_VARIANCE` if unknown or larger."""
     variance = np.nan_to_num(1e4 * ranges.sigma_m[spot] ** 2, nan=UNKNOWN_VARIANCE)
-    return int(np.clip(np.ceil(variance), 1, UNKNOWN_VARIANCE))
+    return int(np.clip(np.ceil(variance.round(3)), 1, UNKNOWN_VARIANCE))
 
 
 def _quality(ranges: Ranges, spot: int) -> int:

@@ -180,9 +180,12 @@ class PoseSource:
         return Poses(np.array([stamp_s]), position_m[None], orientation[None], covariance[None])
 
     def _times(self, arrival: Arrival) -> tuple[float, float]:
-        """Time of a frame as its pose states it, and by the clock of the poses."""
+        """Time of a frame as its pose states it, and by the clock of the poses.
+
+        A time stamp of 0 is none, but for that of the first frame, with which time begins.
+        """
         message = arrival.message
-        if message.time_ns:
+        if message.time_ns or not message.number:
             stamp_s = message.time_ns / 1e9
             if self._log is not None:
                 return stamp_s, stamp_s + self._offset_s
