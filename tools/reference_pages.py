@@ -19,7 +19,12 @@ ROOT = Path(__file__).parents[1]
 
 #: Packages whose every package has a section on a page, and those from beside them on that page.
 PYTHON: dict[str, list[str]] = {
-    "reconstruction": ["spisim_live", "spisim_live.links", "spisim_live.sinks"],
+    "reconstruction": [
+        "spisim_live",
+        "spisim_live.links",
+        "spisim_live.mavlink",
+        "spisim_live.sinks",
+    ],
     "spisim": ["spisim_formats"],
 }
 _BEHIND = "---\nsearch:\n  boost: 0.01 # pages that explain come first\n---\n"

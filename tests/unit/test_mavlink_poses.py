@@ -274,6 +274,7 @@ def test_frames_far_from_any_message_have_none(source, flight):
     away_s = [0.0 if t < 0.88 else min(t - 0.88, 1.62 - t) for t in AT_S - 1000]
     assert [bool(each.known[0]) for each in poses] == [each <= 0.25 for each in away_s]
     assert source.missing == sum(each > 0.25 for each in away_s) > 0
+    assert "no pose near the last frame" in source.trouble
 
 
 def test_an_autopilot_that_restarts_is_followed(source, flight):
@@ -414,7 +415,9 @@ def test_live_takes_poses_of_a_recording(tlog, capture, tmp_path, capsys):
     poses = read_capture(copy).poses
     assert poses.known.tolist() == [True] * 9 + [False] * 3
     assert poses.position_m[:8, 1] == pytest.approx(0.25 * np.arange(8), abs=2e-3)
-    assert capsys.readouterr().err == "warning: 3 frames have no pose\n"
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: 3 frames have no pose; ")
+    assert line.endswith("flight.tlog: no pose near the last frame")
 
 
 @pytest.mark.parametrize(
@@ -440,3 +443,49 @@ def test_mistakes_are_told(common, options, reason, capture, tmp_path, monkeypat
         status = stop.code
     assert status == 2
     assert reason in capsys.readouterr().err
+
+
+def test_a_rig_that_restarts_is_followed(source):
+    """Its time stamps begin anew, less than a second before the last ones."""
+    fly(source)
+
+    def arrival(stamp_s, received_s, run):
+        stamped = SimpleNamespace(time_ns=round(1e9 * stamp_s), number=9, run=run)
+        return SimpleNamespace(message=stamped, received_s=received_s)
+
+    assert source(arrival(0.7, 1000.7, 1)).position_m[0, 1] == pytest.approx(0.7, abs=2e-3)
+    assert source(arrival(0.1, 1001.1, 2)).position_m[0, 1] == pytest.approx(1.1, abs=2e-3)
+
+
+def test_a_connection_that_breaks_is_opened_again(source, monkeypatch):
+    class Breaking:
+        """Refuses, then raises what nobody expects, then has nothing more to give."""
+
+        def __init__(self):
+            self.faults = [ConnectionRefusedError(111, "refused"), ValueError("odd"), None]
+            self.troubles = []
+
+        def open(self):
+            self.troubles.append(source.trouble)
+            if isinstance(self.faults[0], OSError):
+                raise self.faults.pop(0)
+
+        def receive(self, timeout_s):
+            fault = self.faults.pop(0)
+            if fault is not None:
+                raise fault
+            source.stop()
+            return b""
+
+        def close(self):
+            """Nothing is open."""
+
+    monkeypatch.setattr("spisim_live.mavlink.source.FIRST_DELAY_S", 0.0)
+    source._link.close()
+    source._link = link = Breaking()
+    source.run()
+    assert link.troubles == [
+        "no pose yet from udp:127.0.0.1:0",
+        "waiting for udp:127.0.0.1:0: refused",
+        "waiting for udp:127.0.0.1:0: ValueError: odd",
+    ]

@@ -26,6 +26,7 @@ logger = logging.getLogger(__name__)
 
 HORIZON_S = 10.0
 """Messages are kept so long for frames that arrive late."""
+MAX_LOG_BYTES = 2**30
 TICK_S = 1e-6
 """Between frames without time stamps that arrive together."""
 
@@ -102,6 +103,8 @@ class PoseSource:
         assert self._log is not None
         if not self._log.is_file():
             raise InputError(f"{self._log}: no such recording of MAVLink")
+        if (size := self._log.stat().st_size) > MAX_LOG_BYTES:
+            raise InputError(f"{self._log}: {size} bytes; at most {MAX_LOG_BYTES} of a recording")
         for time_s, message in logged(self._log):
             self.take(message, time_s)
         if self._sender is None:
@@ -117,6 +120,8 @@ class PoseSource:
                 while not self._stopped.is_set():
                     self.feed(self._link.receive(POLL_S), self._clock())
             except Exception as error:  # nobody else sees errors of this thread
+                if self._stopped.is_set():
+                    return
                 if not isinstance(error, OSError):
                     logger.exception("%s", self.connection)
                 self.trouble = f"waiting for {self.connection}: {in_words(error)}"
@@ -173,6 +178,7 @@ class PoseSource:
             position_m, orientation, covariance = (track.at(local_s) for track in tracks)
         if position_m is None or orientation is None:
             self.missing += 1
+            self.trouble = self.trouble or f"{self.connection}: no pose near the last frame"
             return Poses.none(1)
         self.located += 1
         if covariance is None:
