@@ -4,6 +4,7 @@ import logging
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -148,6 +149,7 @@ def test_packages_log_and_say_nothing_by_themselves(
     capture: Capture, caplog: pytest.LogCaptureFixture
 ) -> None:
     for package in ("spisim", "reconstruction", "spisim_live"):
+        import_module(package)
         (handler,) = logging.getLogger(package).handlers
         assert isinstance(handler, logging.NullHandler)
     with caplog.at_level(logging.DEBUG, "reconstruction"):
