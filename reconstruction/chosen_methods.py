@@ -50,7 +50,7 @@ carry state from frame to frame: their images depend on which frames were recons
 """
 
 USUAL_IMAGES = ("edge-preserving", "pursuit", BASELINE)
-USUAL_DEPTHS = ("learned", "anchored", "nearest", "dense")
+USUAL_DEPTHS = ("flight", "learned", "anchored", "nearest", "dense")
 WARM_UP = 64
 """Number of earlier frames from which methods that carry state from frame to frame learn."""
 
@@ -170,12 +170,21 @@ def _check_method(station: str, method: Any) -> None:
     check_name(kind, method.name)
 
 
-def warm_up_frames(frame: int, image: Methods = None, ranging: Methods = None) -> int:
-    """Number of frames before one that these methods must have seen."""
-    carries = any(isinstance(each, CarryingMethod) for each in _given("image", image)) or any(
-        getattr(each, "carries", False) for each in _given("ranging", ranging)
-    )
-    return min(WARM_UP, frame) if carries else 0
+def carries(
+    setup: Setup, *, image: Methods = None, ranging: Methods = None, depth: Methods = None
+) -> bool:
+    """Whether any of these methods carries state from frame to frame of a recording."""
+    if any(isinstance(each, CarryingMethod) for each in _given("image", image)):
+        return True
+    given = [*_given("ranging", ranging), *_given("depth", depth)]
+    if depth is None:
+        given += depth_methods(None, setup, ranged=setup.spots is not None).values()
+    return any(getattr(each, "carries", False) for each in given)
+
+
+def warm_up_frames(setup: Setup, frame: int, **methods: Methods) -> int:
+    """Number of frames before one that these methods, as of `carries`, must have seen."""
+    return min(WARM_UP, frame) if frame and carries(setup, **methods) else 0
 
 
 def check_methods(image: Methods, ranging: Methods, depth: Methods) -> None:

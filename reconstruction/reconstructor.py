@@ -382,7 +382,8 @@ def reconstruct(
         weather=weather,
         min_free=min_free,
     )
-    for earlier in range(frame - warm_up_frames(frame, image, ranging), frame):
+    warm_up = warm_up_frames(recording.setup, frame, image=image, ranging=ranging, depth=depth)
+    for earlier in range(frame - warm_up, frame):
         reconstructor(recording.batch(earlier, earlier + 1))
     return reconstructor(recording.batch(frame, frame + 1))
 

@@ -77,9 +77,9 @@ def reconstruct_into_folder(options: argparse.Namespace) -> None:
     if options.order is not None and options.patterns is None:
         raise InputError("--order needs --patterns")
     methods = {name: names(getattr(options, name)) for name in STATIONS}
-    warm_up = warm_up_frames(options.frame, methods["image"], methods["ranging"])
     with open_capture(options.capture) as file:
         check_frames(options.frame, options.frame + 1, file.frames)
+        warm_up = warm_up_frames(file.setup, options.frame, **methods)
         recording = capture = file.capture(options.frame - warm_up, options.frame + 1)
     with naming(options.capture):
         if options.patterns is not None:

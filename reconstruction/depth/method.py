@@ -11,7 +11,7 @@ from ..capture import Frames, Setup
 from ..image import Imaging
 from ..ranging import Ranges
 
-Need = Literal["optics", "spots", "pattern_taps"]
+Need = Literal["optics", "spots", "pattern_taps", "poses"]
 """Parts of a recording."""
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from reconstruction import Capture, Reconstructor
 from reconstruction.base.errors import naming
-from reconstruction.chosen_methods import warm_up_frames
+from reconstruction.chosen_methods import carries
 from reconstruction.default_ranging import SetupKey, default_ranges
 from reconstruction.depth import DEPTH_METHODS
 from reconstruction.exports.shot import Intrinsics
@@ -113,7 +113,9 @@ def _compiled(setup: SetupKey, image: str | None, depth: str | None) -> Reconstr
 
 def _frames(capture: Capture, image: str | None, depth: str | None, name: str) -> Array | None:
     # A method that carries state between frames needs a new reconstructor for each capture.
-    compiled = _compiled.__wrapped__ if warm_up_frames(1, image) else _compiled
+    depths = () if depth == "" else depth
+    carrying = carries(capture.setup, image=image, depth=depths)
+    compiled = _compiled.__wrapped__ if carrying else _compiled
     reconstruct = compiled(SetupKey(capture.setup), image, depth)
     maps = [getattr(reconstruct(capture.frame(frame)), name) for frame in range(capture.frames)]
     return None if maps[0] is None else np.stack(maps)

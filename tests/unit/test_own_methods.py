@@ -84,8 +84,8 @@ def test_an_object_that_carries_state_is_warmed_up():
     carrying.title = "carrying"
     carrying.begin = lambda operators: begun.append(len(operators)) or Grey(7.0)
     capture = full_capture()
-    assert warm_up_frames(1, carrying) == 1
-    assert warm_up_frames(1, Grey()) == 0
+    assert warm_up_frames(capture.setup, 1, image=carrying, depth=()) == 1
+    assert warm_up_frames(capture.setup, 1, image=Grey(), depth=()) == 0
     assert (reconstruct(capture, 1, image=carrying, depth=()).image == 7).all()
     assert begun == [1]
 

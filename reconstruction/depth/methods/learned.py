@@ -9,6 +9,7 @@ depth. Frames out of distribution get the map anchored on the spots, and a note 
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,9 +19,9 @@ from ...capture.readings.cw import CwSpots
 from ...capture.spots import USUAL_SPOTS
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
-from ..network_input import inputs_of, of_fraction
+from ..network_input import NetworkInput, inputs_of, of_fraction
 from ..observer import Observer
-from ..obstacle import Corridor, corridor_prior
+from ..obstacle import Corridor, CorridorPrior, corridor_prior
 from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
@@ -54,15 +55,22 @@ class Learned:
             | of_view(shape, setup.optics, setup.spots.directions)
         )
 
-    def compile(self, context: Context) -> DepthSolver:
+    def compile(self, context: Context) -> "LearnedSolver | Fallback":
         anchored = ANCHORED.compile(context)
         out_of_distribution = self.out_of_distribution(context.setup)
         if out_of_distribution is not None:
-            return _Fallback(anchored, out_of_distribution)
+            return Fallback(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
         corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
         return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, corridor)
+
+
+class FrameMap(NamedTuple):
+    """Map of a frame with all its pixels, and the input of the network that it is from, if any."""
+
+    estimate: DepthEstimate
+    frame: NetworkInput | None = None
 
 
 @dataclass(frozen=True)
@@ -77,11 +85,20 @@ class LearnedSolver:
 
     def __call__(self, view: View) -> DepthEstimate | None:
         """Predicted map, or the anchored one for a view out of distribution."""
+        whole = self.frame_map(view)
+        if whole is None or whole.frame is None:
+            return whole and whole.estimate
+        if not whole.frame.ranged:
+            return without_depth(whole.estimate)
+        return decided(whole.estimate, self._corridor, corridor_prior("learned"))
+
+    def frame_map(self, view: View) -> FrameMap | None:
+        """Predicted map of all pixels, also of those that have no return; None without spots."""
         if view.ranges is None:
             return None
         frame = self._observer(view)
         if not frame.bright > 0:
-            return _Fallback(self._anchored, "the image is dark")(view)
+            return Fallback(self._anchored, "the image is dark").frame_map(view)
         inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is None and self._observer.spots.pointing is not None:
@@ -89,26 +106,26 @@ class LearnedSolver:
             seen = of_view((rows, columns), frame.optics, frame.directions)
             out_of_distribution = self._network.outside(seen)
         if out_of_distribution is not None:
-            return _Fallback(self._anchored, out_of_distribution)(view)
+            return Fallback(self._anchored, out_of_distribution).frame_map(view)
         prediction = self._network(inputs)
-        if not frame.ranged:
-            unknown = np.full(prediction.no_return.shape, np.nan)
-            return DepthEstimate(
-                unknown, None, prediction.no_return, "no spot has a range: no depth"
-            )
         result = DepthEstimate(np.exp(prediction.log_depth), prediction.sigma, prediction.no_return)
-        measured = None if self._dense is None else self._dense(view)
-        return self._decided(result if measured is None else fused(result, measured))
+        measured = None if self._dense is None or not frame.ranged else self._dense(view)
+        return FrameMap(result if measured is None else fused(result, measured), frame)
 
-    def _decided(self, result: DepthEstimate) -> DepthEstimate:
-        """Drop depths where no return is probable; all depths together decide on the corridor."""
-        assert result.no_return is not None
-        prior = corridor_prior("learned")
-        return replace(
-            result,
-            depth_m=np.where(result.no_return > MAX_NO_RETURN, np.nan, result.depth_m),
-            free=self._corridor.free(result.depth_m, prior, result.sigma, result.no_return),
-        )
+
+def without_depth(estimate: DepthEstimate) -> DepthEstimate:
+    """What is left of a map without any range."""
+    unknown = np.full(estimate.depth_m.shape, np.nan)
+    return DepthEstimate(unknown, None, estimate.no_return, "no spot has a range: no depth")
+
+
+def decided(result: DepthEstimate, corridor: Corridor, prior: CorridorPrior) -> DepthEstimate:
+    """Drop depths where no return is probable; all depths together decide on the corridor."""
+    free = corridor.free(result.depth_m, prior, result.sigma, result.no_return)
+    if result.no_return is None:
+        return replace(result, free=free)
+    depth_m = np.where(result.no_return > MAX_NO_RETURN, np.nan, result.depth_m)
+    return replace(result, depth_m=depth_m, free=free)
 
 
 def fused(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
@@ -130,19 +147,23 @@ def fused(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:
 
 
 @dataclass(frozen=True)
-class _Fallback:
+class Fallback:
     """Anchored map, with a note that says why it is not the learned one."""
 
     anchored: DepthSolver
     why: str
 
-    def __call__(self, view: View) -> DepthEstimate | None:
+    def __call__(self, view: View) -> DepthEstimate:
         """Anchored map, or one without any depth."""
         note = f"not learned: {self.why}"
         result = self.anchored(view)
         if result is None:
             return DepthEstimate(np.full(view.image.shape, np.nan), note=f"no depth; {note}")
         return replace(result, note=f"anchored on the spots, {note}")
+
+    def frame_map(self, view: View) -> FrameMap | None:
+        """The same; None without spots."""
+        return None if view.ranges is None else FrameMap(self(view))
 
 
 @lru_cache(maxsize=1)

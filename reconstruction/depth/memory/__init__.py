@@ -1,0 +1,5 @@
+"""Memory of a flight: points that ranges have met, and maps of the last frames."""
+
+from .flight import FlightMemory, FrameRanges
+
+__all__ = ["FlightMemory", "FrameRanges"]

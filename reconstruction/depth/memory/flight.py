@@ -1,0 +1,95 @@
+"""What a flight remembers of the third dimension, and the depth map of a frame with it."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...capture import Optics
+from ...capture.motion import PoseAt, break_between
+from ..method import DepthEstimate
+from ..pixels import pixel_of
+from .correction import correction, fitted_kernel
+from .maps import MapMemory
+from .points import RangeMemory
+from .unwrap import Expected, unwrapped
+
+MIN_DEPTH_M = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class FrameRanges:
+    """Ranges of a frame: unit vectors (S, 3), metres and standard deviations (S,), nan for none.
+
+    Where ``log_reflectance`` (S,) is known, so is how far a range beyond ``max_range_m`` must lie.
+    """
+
+    directions: Floats
+    range_m: Floats
+    sigma_m: Floats
+    log_reflectance: Floats | None = None
+    max_range_m: float = np.inf
+
+
+class FlightMemory:
+    """Remembers the ranges and depth maps of frames with poses, in order of time."""
+
+    def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
+        self._optics, self._shape = optics, shape
+        self._last: PoseAt | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        self.ranges = RangeMemory(self._optics, self._shape)
+        self._maps = MapMemory(self._optics, self._shape)
+
+    def take(
+        self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges
+    ) -> tuple[DepthEstimate, str | None]:
+        """The map of a frame with what earlier ones have met, and why those were forgotten, if so.
+
+        ``estimate`` is the map of the frame alone. Without a standard deviation, or with pixels
+        that have no depth, it is returned as it is.
+        """
+        why = None if self._last is None else break_between(self._last, pose)
+        self._last = pose
+        if why is not None:
+            self._begin()
+        log_depth = _log(estimate)
+        if log_depth is None or estimate.sigma is None:
+            self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m)
+            return estimate, why
+        range_m = self._unwrapped(ranges, log_depth, estimate.sigma)
+        self.ranges.add(pose, ranges.directions, range_m, ranges.sigma_m)
+        log_depth = self._maps.take(pose, log_depth, estimate.sigma)
+        return self._corrected(pose, estimate, log_depth, estimate.sigma), why
+
+    def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
+        if ranges.log_reflectance is None:
+            return ranges.range_m
+        pixel = np.round(pixel_of(ranges.directions, self._optics, self._shape))
+        row, column = np.clip(pixel, 0, np.array(self._shape) - 1).astype(np.intp).T
+        log_range = log_depth[row, column] - np.log(ranges.directions[:, 2])
+        expected = Expected(log_range, sigma[row, column])
+        return unwrapped(ranges.range_m, ranges.log_reflectance, ranges.max_range_m, expected)
+
+    def _corrected(
+        self, pose: PoseAt, estimate: DepthEstimate, log_depth: Floats, sigma: Floats
+    ) -> DepthEstimate:
+        by_points = correction(log_depth, sigma, self.ranges.seen(pose))
+        if by_points is None:
+            return replace(estimate, depth_m=np.exp(log_depth))
+        no_return = estimate.no_return
+        return replace(
+            estimate,
+            depth_m=np.exp(log_depth + by_points.error),
+            sigma=fitted_kernel().sigma_factor * sigma * np.sqrt(by_points.remaining),
+            no_return=None if no_return is None else no_return * by_points.remaining,
+        )
+
+
+def _log(estimate: DepthEstimate) -> Floats | None:
+    """Logarithm of a map, None unless all its pixels have a depth."""
+    if not np.isfinite(estimate.depth_m).all():
+        return None
+    return np.asarray(np.log(np.maximum(estimate.depth_m, MIN_DEPTH_M)))

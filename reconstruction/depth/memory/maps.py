@@ -1,0 +1,61 @@
+"""Map of the last frames in the view of this one: their depth maps, carried by pose and averaged.
+
+The errors of maps of successive frames are not the same, as their readings are not. Each pixel of
+the new map finds its place in the last average; where both agree, the average takes a fraction of
+the new map, elsewhere it begins anew: there something moved, or came into view.
+"""
+
+import numpy as np
+
+from ...base.arrays import Floats
+from ...capture import Optics
+from ...capture.motion import PoseAt
+from ..pixels import pixel_of, pixel_rays
+
+NEW = 0.12
+"""Fraction that the new map has in the average."""
+MAX_SIGMAS = 3.0
+"""Maximum difference between average and map, in standard deviations of the map."""
+MIN_DEPTH_M = 0.05
+
+
+class MapMemory:
+    """Average of ln depth (H, W) over frames."""
+
+    def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
+        self._optics, self._rays = optics, pixel_rays(optics, shape)
+        self._last: tuple[PoseAt, Floats] | None = None
+
+    def take(self, pose: PoseAt, log_depth: Floats, sigma: Floats) -> Floats:
+        """The average with a new map of ln depth (H, W) of standard deviation ``sigma``."""
+        if self._last is not None:
+            log_depth = self._averaged(*self._last, pose, log_depth, sigma)
+        self._last = pose, log_depth
+        return log_depth
+
+    def _averaged(
+        self, before: PoseAt, last: Floats, pose: PoseAt, log_depth: Floats, sigma: Floats
+    ) -> Floats:
+        points_m = self._rays * np.exp(log_depth)[..., None]
+        turn = pose.axes.T @ before.axes
+        local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
+        depth_m = np.maximum(local_m[..., 2], MIN_DEPTH_M)
+        pixel = pixel_of(local_m.reshape(-1, 3), self._optics, last.shape)
+        inside = ((pixel > -0.5) & (pixel < np.array(last.shape) - 0.5)).all(axis=1)
+        carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(depth_m)
+        agrees = np.abs(carried - log_depth) < MAX_SIGMAS * sigma
+        agrees &= inside.reshape(last.shape)
+        return np.where(agrees, NEW * log_depth + (1 - NEW) * carried, log_depth)
+
+
+def sampled(image: Floats, pixel: Floats) -> Floats:
+    """Values (N,) at fractional rows and columns (N, 2), bilinear; beyond the edges, that there."""
+    last = np.array(image.shape) - 1
+    within = np.clip(pixel, 0, last)
+    first = np.minimum(within.astype(np.intp), last - 1)
+    (down, along), flat = (within - first).T, image.ravel()
+    corner = first[:, 0] * image.shape[1] + first[:, 1]
+    above = flat[corner] + along * (flat[corner + 1] - flat[corner])
+    corner += image.shape[1]
+    below = flat[corner] + along * (flat[corner + 1] - flat[corner])
+    return np.asarray(above + down * (below - above))

@@ -1,0 +1,180 @@
+"""World points that a flight's ranges have met: kept, carried into a view, and forgotten.
+
+A range is a point of the world, as its frame's pose says. In a later view it has a pixel and a
+depth, whose errors are those of range and poses. Points of one place are fused, so that some
+hundreds of them hold what seconds of ranges say. What the spots show to be gone, and what was next
+to it, is dropped: a thing that moves leaves no points behind.
+"""
+
+from dataclasses import dataclass, fields
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...base.arrays import Floats, Mask
+from ...capture import Optics
+from ...capture.motion import PoseAt
+from ..pixels import pixel_of
+
+MAX_POINTS = 400
+NEAREST_M = 0.1
+"""Depth below which a point is not in view."""
+MAX_LOG_SIGMA = 0.3
+"""Relative sigma above which a range is no point."""
+SAME_PIXELS, SAME_SIGMAS = 0.7, 2.0
+"""Maximum distance of points that are fused, in pixels and in standard deviations of ln depth."""
+HIDDEN_PIXELS, HIDDEN_LOG = 2.0, 0.1
+"""A point is hidden by one this close in the image and nearer by this much in ln depth."""
+CARVED_PIXELS, CARVED_SIGMAS, CARVED_LOG = 1.5, 4.0, 0.05
+"""A spot within so many pixels that meets something farther shows that a point is gone."""
+NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
+"""Points next to one that is gone are of the same thing, and gone too."""
+
+
+class _Rows:
+    """Arrays of one length, of which rows can be taken."""
+
+    def __getitem__(self, which: Mask | NDArray[np.intp]) -> Self:
+        """Some of the rows."""
+        return type(self)(*(getattr(self, each.name)[which] for each in fields(self)))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, eq=False)
+class Points(_Rows):
+    """Points (N,) of the world.
+
+    ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
+    and the variances of position, m², and rotation, rad², of the pose that they rest on.
+    """
+
+    position_m: Floats
+    log_variance: Floats
+    time_s: Floats
+    pose_variance_m2: Floats
+    pose_variance_rad2: Floats
+
+    @classmethod
+    def none(cls) -> Self:
+        """No points."""
+        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def __add__(self, other: "Points") -> "Points":
+        """These and others."""
+        pairs = ((getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
+        return Points(*(np.concatenate(pair) for pair in pairs))
+
+
+@dataclass(frozen=True, eq=False)
+class Seen(_Rows):
+    """Points as a view sees them: their indices (n,), pixels (n, 2), and ln depth.
+
+    ``log_variance`` is that of range and position, ``pixel_variance`` that of the pixel along
+    either axis.
+    """
+
+    index: NDArray[np.intp]
+    pixel: Floats
+    log_depth: Floats
+    log_variance: Floats
+    pixel_variance: Floats
+
+
+class RangeMemory:
+    """Points met by the spots so far, at most `MAX_POINTS`, the oldest are forgotten first."""
+
+    def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
+        self._optics, self._shape = optics, shape
+        self._pixels_per_rad = shape[0] / 2 / optics.tan_half_height
+        self.points = Points.none()
+
+    def add(self, pose: PoseAt, directions: Floats, range_m: Floats, sigma_m: Floats) -> None:
+        """Add the ranges (S,) along unit vectors (S, 3), nan where there is none.
+
+        Points that they show to be gone are dropped; those of the same place are fused.
+        """
+        with np.errstate(invalid="ignore"):
+            usable = (range_m > NEAREST_M) & (sigma_m < MAX_LOG_SIGMA * range_m)
+        if not usable.any():
+            return
+        directions, range_m, sigma_m = directions[usable], range_m[usable], sigma_m[usable]
+        count = len(range_m)
+        new = Points(
+            pose.position_m + (directions * range_m[:, None]) @ pose.axes.T,
+            (sigma_m / range_m) ** 2,
+            *(np.full(count, each) for each in (pose.time_s, pose.variance_m2, pose.variance_rad2)),
+        )
+        seen, met = self.seen(pose, hidden=True), self._seen(pose, new)
+        gone = self._gone(seen, met)
+        fused = self._fused(seen, met, new, gone)
+        kept = np.ones(len(self.points), dtype=bool)
+        kept[seen.index[gone]] = False
+        kept[fused] = False
+        every = self.points[kept] + new
+        self.points = every[np.argsort(every.time_s, kind="stable")[-MAX_POINTS:]]
+
+    def seen(self, pose: PoseAt, *, hidden: bool = False) -> Seen:
+        """Points in the view of a pose; those behind others only if ``hidden``."""
+        seen = self._seen(pose, self.points)
+        if hidden or len(seen.index) < 2:
+            return seen
+        apart = _distances(seen.pixel, seen.pixel)
+        behind = seen.log_depth[:, None] - seen.log_depth
+        covered = np.asarray(((apart < HIDDEN_PIXELS) & (behind > HIDDEN_LOG)).any(axis=1))
+        return seen[~covered]
+
+    def _seen(self, pose: PoseAt, points: Points) -> Seen:
+        local_m = (points.position_m - pose.position_m) @ pose.axes
+        index = np.flatnonzero(local_m[:, 2] > NEAREST_M)
+        pixel = pixel_of(local_m[index], self._optics, self._shape)
+        inside = ((pixel > -0.5) & (pixel < np.array(self._shape) - 0.5)).all(axis=1)
+        index, pixel = index[inside], pixel[inside]
+        depth_m = local_m[index, 2]
+        between_m2, between_rad2 = pose.since(
+            points.time_s[index], points.pose_variance_m2[index], points.pose_variance_rad2[index]
+        )
+        relative = between_m2 / depth_m**2
+        return Seen(
+            index,
+            pixel,
+            np.log(depth_m),
+            points.log_variance[index] + relative,
+            self._pixels_per_rad**2 * (relative + between_rad2),
+        )
+
+    def _gone(self, seen: Seen, met: Seen) -> Mask:
+        """Which of the points seen are gone, as spots meet something farther."""
+        apart = _distances(seen.pixel, met.pixel)
+        farther = met.log_depth - seen.log_depth[:, None]
+        sigma = np.sqrt(met.log_variance + seen.log_variance[:, None])
+        blur = np.sqrt(seen.pixel_variance)[:, None]
+        through = (apart + blur < CARVED_PIXELS) & (farther > CARVED_SIGMAS * sigma + CARVED_LOG)
+        gone = np.asarray(through.any(axis=1))
+        if gone.any():
+            beside = _distances(seen.pixel, seen.pixel[gone]) < NEIGHBOUR_PIXELS
+            alike = np.abs(seen.log_depth[:, None] - seen.log_depth[gone]) < NEIGHBOUR_LOG
+            gone |= (beside & alike).any(axis=1)
+        return gone
+
+    def _fused(self, seen: Seen, met: Seen, new: Points, gone: Mask) -> NDArray[np.intp]:
+        """Indices of the points that went into new ones of the same place."""
+        apart = _distances(seen.pixel, met.pixel)
+        off = np.abs(seen.log_depth[:, None] - met.log_depth)
+        sigma = np.sqrt(met.log_variance + seen.log_variance[:, None])
+        same = (apart < SAME_PIXELS) & (off < SAME_SIGMAS * sigma) & ~gone[:, None]
+        rows, columns = np.nonzero(same)
+        for row, column in zip(rows, columns, strict=True):
+            old = seen.index[row]
+            weight = new.log_variance[column] / (new.log_variance[column] + seen.log_variance[row])
+            new.position_m[column] += weight * (
+                self.points.position_m[old] - new.position_m[column]
+            )
+            new.log_variance[column] *= 1 - weight
+        return seen.index[rows]
+
+
+def _distances(one: Floats, other: Floats) -> Floats:
+    return np.asarray(np.linalg.norm(one[:, None] - other, axis=-1))

@@ -1,0 +1,79 @@
+"""Depth map of a flight: that of the frame, with what earlier frames have met.
+
+For recordings whose frames have poses and are reconstructed in order. The map of the frame alone is
+the learned one, or what stands in for it; see `reconstruction.depth.memory`. A frame without a pose
+gets its own map; after a jump the memory begins anew.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from ...capture.motion import pose_at
+from ..memory import FlightMemory, FrameRanges
+from ..method import Context, DepthEstimate, DepthSolver, Need, View
+from ..obstacle import Corridor, corridor_prior
+from ..pixels import pixel_rays
+from .learned import METHOD as LEARNED
+from .learned import FrameMap, decided, without_depth
+
+
+class Flight:
+    """Depth from a frame and those before it."""
+
+    title = "flight memory"
+    needs: tuple[Need, ...] = ("optics", "spots", "poses")
+    carries = True
+
+    def compile(self, context: Context) -> DepthSolver:
+        setup = context.setup
+        assert setup.optics is not None
+        alone = LEARNED.compile(context)
+        memory = FlightMemory(setup.optics, setup.plan.shape)
+        corridor = Corridor(pixel_rays(setup.optics, setup.plan.shape))
+
+        def solve(view: View) -> DepthEstimate | None:
+            whole, pose = alone.frame_map(view), pose_at(view.frame.poses)
+            if whole is None:
+                return None
+            result: DepthEstimate = whole.estimate
+            note: str | None
+            if pose is not None:
+                result, why = memory.take(pose, whole.estimate, ranges_of(view, whole))
+                note = None if why is None else f"begun anew: {why}"
+            elif whole.frame is not None and not whole.frame.ranged:
+                return without_depth(result)
+            else:
+                note = "of the frame alone, as it has no pose"
+            return _stated(result, whole, corridor, note)
+
+        return solve
+
+
+def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
+    """Ranges of a frame, with the echoes' strength where the air is clear."""
+    assert view.ranges is not None
+    frame = whole.frame
+    if frame is None or np.isfinite(frame.extinction_per_m):
+        return FrameRanges(view.directions, view.ranges.range_m, view.ranges.sigma_m)
+    return FrameRanges(
+        view.directions,
+        view.ranges.range_m,
+        view.ranges.sigma_m,
+        frame.log_reflectance,
+        frame.max_range_m,
+    )
+
+
+def _stated(
+    result: DepthEstimate, whole: FrameMap, corridor: Corridor, note: str | None
+) -> DepthEstimate:
+    """The map with its corridor and a note."""
+    note = "; ".join(filter(None, (note, whole.estimate.note))) or None
+    if not np.isfinite(result.depth_m).any():
+        return replace(result, note=note)
+    prior = corridor_prior("others" if whole.frame is None else "flight")
+    return replace(decided(result, corridor, prior), note=note)
+
+
+METHOD = Flight()
