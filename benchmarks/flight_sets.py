@@ -63,8 +63,9 @@ def flights(
     seeds: Sequence[int] = (0,),
     presets: Sequence[str] = PRESETS,
     weathers: Sequence[str] = tuple(WEATHERS),
+    record: bool = True,
 ) -> Iterator[Flight]:
-    """Flights of a group of families; those that `folder` lacks are recorded first.
+    """Flights of a group of families; those that `folder` lacks are recorded first, if asked.
 
     Families without a clear path for a motion are left out.
     """
@@ -74,6 +75,8 @@ def flights(
         name = f"{family} {seed} {motion} {weather} {preset}".replace(" ", "_")
         flight = Flight(folder / f"{name}.h5", family, seed, motion, weather, preset)
         if not flight.path.exists():
+            if not record:
+                continue
             try:
                 _record(flight)
             except InputError as error:

@@ -31,6 +31,8 @@ ROWS = 64
 CELLS = (32, 24, 16, 12, 8)
 """Cells along each axis, of which each holds one of too many points."""
 MIN_REMAINING = 0.01
+SINGLE = np.float32
+"""Precision of what is computed for every pixel."""
 FITTED = Path(__file__).with_name("kernel.json")
 
 
@@ -87,23 +89,33 @@ def correction(
         inverse = np.linalg.inv(covariance + np.diag(kernel.nugget + noise / weights))
         solved, precision = inverse @ target, np.diagonal(inverse)
         weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
-    rows, columns = (np.arange(side) for side in log_depth.shape)
-    down = unit * (rows[:, None] - seen.pixel[:, 0])
-    along = unit * (columns[:, None] - seen.pixel[:, 1])
-    apart = np.sqrt(down[:, None] ** 2 + along**2).reshape(-1, len(row))
-    to_pixels = _likeness(apart, log_depth.reshape(-1, 1) - mean, kernel)
-    explained = ((to_pixels @ inverse) * to_pixels).sum(axis=1)
+    to_pixels = _likeness(*_to_pixels(log_depth, seen.pixel, mean), kernel)
+    explained = ((to_pixels @ inverse.astype(SINGLE)) * to_pixels).sum(axis=1)
     whole = kernel.sharp + kernel.smooth + kernel.nugget
     return Correction(
-        (to_pixels @ solved).reshape(sigma.shape) * sigma,
+        (to_pixels @ solved.astype(SINGLE)).reshape(sigma.shape) * sigma,
         np.clip(1 - explained / whole, MIN_REMAINING, 1).reshape(sigma.shape),
     )
 
 
+def _to_pixels(log_depth: Floats, pixel: Floats, mean: Floats) -> tuple[Floats, Floats]:
+    """Distances of all pixels from the points, and contrasts of the map, (N, n) each, as single."""
+    unit = ROWS / len(log_depth)
+    rows, columns = (np.arange(side) for side in log_depth.shape)
+    down = (unit * (rows[:, None] - pixel[:, 0])).astype(SINGLE) ** 2
+    along = (unit * (columns[:, None] - pixel[:, 1])).astype(SINGLE) ** 2
+    apart = np.sqrt(down[:, None] + along).reshape(-1, len(mean))
+    return apart, log_depth.astype(SINGLE).reshape(-1, 1) - mean.astype(SINGLE)
+
+
 def _likeness(apart: Floats, contrast: Floats, kernel: Kernel) -> Floats:
-    near = kernel.sharp * np.exp(-apart / kernel.sharp_px)
-    near += kernel.smooth * np.exp(-apart / kernel.smooth_px)
-    return np.asarray(near * np.exp(contrast**2 * (-0.5 / kernel.edge**2)))
+    near = np.exp(apart * (-1 / kernel.sharp_px))
+    near *= kernel.sharp
+    wide = np.exp(apart * (-1 / kernel.smooth_px))
+    wide *= kernel.smooth
+    near += wide
+    near *= np.exp(contrast**2 * (-0.5 / kernel.edge**2))
+    return np.asarray(near)
 
 
 def spread_out(seen: Seen, shape: tuple[int, ...]) -> Seen:

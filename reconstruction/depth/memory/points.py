@@ -31,6 +31,9 @@ CARVED_PIXELS, CARVED_SIGMAS, CARVED_LOG = 1.5, 4.0, 0.05
 NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
 """Points next to one that is gone are of the same thing, and gone too."""
 
+NEAR_PIXELS, MAX_PIXELS, MIN_LOG_SIGMA = 0.35, 1.2, 0.02
+"""Points near a direction count by exp(-distance), up to a maximum, and by their variance."""
+
 
 class _Rows:
     """Arrays of one length, of which rows can be taken."""
@@ -115,6 +118,17 @@ class RangeMemory:
         kept[fused] = False
         every = self.points[kept] + new
         self.points = every[np.argsort(every.time_s, kind="stable")[-MAX_POINTS:]]
+
+    def along(self, pose: PoseAt, directions: Floats) -> Floats:
+        """Ranges (S,) that points near directions (S, 3) suggest, nan where none is near."""
+        seen = self.seen(pose)
+        apart = _distances(pixel_of(directions, self._optics, self._shape), seen.pixel)
+        weights = np.exp(-apart / NEAR_PIXELS) / (seen.log_variance + MIN_LOG_SIGMA**2)
+        weights *= apart < MAX_PIXELS
+        whole = weights.sum(axis=1)
+        near = whole > 0
+        log_depth = weights @ seen.log_depth / np.where(near, whole, 1)
+        return np.where(near, np.exp(log_depth) / directions[:, 2], np.nan)
 
     def seen(self, pose: PoseAt, *, hidden: bool = False) -> Seen:
         """Points in the view of a pose; those behind others only if ``hidden``."""

@@ -1,0 +1,143 @@
+"""What the memory of a flight makes of its frames, by the error of the poses.
+
+A flight is reconstructed once, frame by frame; its memory is run for every kind of pose error.
+"""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from flight_sets import POSE_ERRORS, Flight, load, with_error
+
+from reconstruction import Reconstructor
+from reconstruction.base.arrays import Floats
+from reconstruction.capture import Capture
+from reconstruction.capture.motion import pose_at
+from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
+from reconstruction.depth.memory import FlightMemory
+from reconstruction.depth.methods.flight import ranges_of
+from reconstruction.depth.methods.learned import METHOD as LEARNED
+from reconstruction.depth.methods.learned import FrameMap, decided
+from reconstruction.depth.obstacle import corridor_prior
+
+WARM_UP_S = 0.35
+"""Frames before that are not judged, unless a figure says from when on."""
+SINGLE = "single frame"
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A frame's map against the truth: mean relative error, fraction within 2 sigma, corridor."""
+
+    time_s: float
+    abs_rel: float
+    within: float
+    true_m: float
+    free: Floats
+    deviations: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedFlight:
+    """Judged frames by kind of pose error, and of the single frame; processor time of a frame."""
+
+    flight: Flight
+    frames: Mapping[str, Sequence[Judged]]
+    memory_s: float
+
+    def mean(self, kind: str, figure: str, from_s: float = WARM_UP_S) -> float:
+        """Mean of a figure over frames."""
+        values = [getattr(each, figure) for each in self.frames[kind] if each.time_s >= from_s]
+        return float(np.mean(values)) if values else float("nan")
+
+
+@dataclass(eq=False)
+class _Watched:
+    """The learned method, which keeps the maps that it makes, before any pixel is dropped."""
+
+    made: list[tuple[View, FrameMap | None]] = field(default_factory=list)
+    name = "watched"
+    needs = LEARNED.needs
+
+    def compile(self, context: Context):  # type: ignore[no-untyped-def]
+        """Solver that adds to `made`."""
+        solver = LEARNED.compile(context)
+
+        def solve(view: View) -> DepthEstimate | None:
+            whole = solver.frame_map(view)
+            self.made.append((view, whole))
+            return whole and whole.estimate
+
+        return solve
+
+
+def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFlight | None:
+    """Figures of a flight; None where the learned map suits none of its frames."""
+    capture = load(flight)
+    made = _watched(capture)
+    alone = [None if whole is None else whole.estimate for _, whole in made]
+    frames, taken_s = {SINGLE: list(_judged(capture, alone, "learned"))}, []
+    for kind in kinds:
+        stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
+        begun_s = time.process_time()
+        maps = list(_remembered(stated, made))
+        taken_s.append((time.process_time() - begun_s) / capture.frames)
+        frames[kind] = list(_judged(capture, maps, "flight"))
+    return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
+
+
+def maps_of(flight: Flight, kind: str) -> tuple[Capture, list[DepthEstimate | None]]:
+    """A flight, and its maps with the memory, by a kind of pose error."""
+    capture = load(flight)
+    stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
+    return capture, list(_remembered(stated, _watched(capture)))
+
+
+Made = list[tuple[View, FrameMap | None]]
+
+
+def _watched(capture: Capture) -> Made:
+    """The single frames' maps, reconstructed in order."""
+    watched = _Watched()
+    reconstruct = Reconstructor(capture.setup, depth=watched)
+    for number in range(capture.frames):
+        reconstruct(capture.batch(number, number + 1))
+    return watched.made
+
+
+def _remembered(capture: Capture, made: Made) -> Iterator[DepthEstimate | None]:
+    """Maps with the memory."""
+    assert capture.optics is not None
+    memory = FlightMemory(capture.optics, capture.plan.shape)
+    for number, (view, whole) in enumerate(made):
+        pose = pose_at(capture.poses, number)
+        assert pose is not None
+        yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))[0]
+
+
+def _judged(capture: Capture, maps: Sequence[DepthEstimate | None], prior: str) -> Iterator[Judged]:
+    truth, poses, optics = capture.truth, capture.poses, capture.optics
+    assert truth is not None
+    assert poses is not None
+    assert optics is not None
+    corridor = Corridor(pixel_rays(optics, capture.plan.shape))
+    for number in truth.frame.tolist():
+        estimate, true = maps[number], truth.at(number)
+        if estimate is None or estimate.sigma is None:
+            continue
+        there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
+        if not there.any() or not np.isfinite(estimate.depth_m).all():
+            continue
+        off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
+        deviations = off / estimate.sigma[there]
+        stated = decided(replace(estimate, free=None), corridor, corridor_prior(prior))
+        assert stated.free is not None
+        yield Judged(
+            float(poses.time_s[number] - poses.time_s[0]),
+            float(np.mean(np.abs(np.expm1(off)))),
+            float(np.mean(np.abs(deviations) < 2)),
+            float(true.corridor_m),
+            stated.free,
+            deviations[::16].astype(np.float32),
+        )
