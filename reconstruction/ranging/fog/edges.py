@@ -138,7 +138,7 @@ def _two_targets(
     weight = np.exp(log_weight - log_weight.max())
     fraction = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at
-    return joined(range_m.ravel(), variance.ravel(), fraction.ravel())
+    return joined(np.stack([range_m, variance, fraction], axis=-1).reshape(-1, 3).tolist())
 
 
 def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:

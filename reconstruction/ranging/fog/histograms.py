@@ -274,22 +274,11 @@ def _empty(
         steady = np.maximum(steady + move[:, 1], 0.2 * steady)
     likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
     shape = information[:, 0, 1] / information[:, 1, 1]
-    zeros = np.zeros(len(spot))
     room = np.log(EMPTY * templates.range_m[-1]) + np.log(2 * np.pi) / 2
-    return Modes(
-        spot=spot,
-        node=node,
-        range_m=np.full(len(spot), np.nan),
-        backscatter=at,
-        log_weight=likelihood - np.log(information[:, 1, 1]) / 2 + room,
-        slope=gradient[:, 0] - shape * gradient[:, 1],
-        curvature=information[:, 0, 0] - shape * information[:, 0, 1],
-        drift=zeros,
-        variance_m2=zeros,
-        strength=zeros,
-        signal=zeros,
-        misfit=zeros,
-    )
+    log_weight = likelihood - np.log(information[:, 1, 1]) / 2 + room
+    slope = gradient[:, 0] - shape * gradient[:, 1]
+    curvature = information[:, 0, 0] - shape * information[:, 0, 1]
+    return Modes.of_fog(spot, node, at, log_weight, slope, curvature, misfit=np.zeros(len(spot)))
 
 
 def _mixed(table: Floats, low: Indices, fraction: Floats) -> Floats:
