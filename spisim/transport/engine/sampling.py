@@ -97,11 +97,16 @@ class _Running:
         self.count += 1
         self.weight += weight
         for name, value in values.items():
-            mean = self.mean.get(name, np.zeros(()))
-            step = value - mean
-            self.mean[name] = mean + step * (weight / self.weight)
-            before = self._squares.get(name, np.zeros(()))
-            self._squares[name] = before + weight * step * (value - self.mean[name])
+            if name not in self.mean:
+                self.mean[name], self._squares[name] = np.array(value), np.zeros_like(value)
+                continue
+            # In place, as values may be large.
+            mean = self.mean[name]
+            before = value - mean
+            mean += before * (weight / self.weight)
+            before *= weight
+            before *= value - mean
+            self._squares[name] += before
         if self._error_metric is not None and self._readings is not None:
             self._readings.add({"readings": self._error_metric.readings(values)}, weight)
 

@@ -221,5 +221,7 @@ class Tallies:
         """Sums over detectors of this area; InputError if a sum is too large to be exact."""
         dropped = self._check.read()
         sums = (tally.read(self._replicas) for tally in self._tallies)
-        values = {name: value * area_m2 for one in sums for name, value in one.items()}
+        values = {name: value for one in sums for name, value in one.items()}
+        for value in values.values():
+            value *= area_m2  # in place: histograms of many detectors are large
         return Sums(values, dropped)
