@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
@@ -136,8 +136,8 @@ def repeat(
 ) -> Estimate:
     """Repeat `launch(samples, seeds, replicas)` with fresh seeds until `budget` is met.
 
-    Each launch makes `replicas` independent estimates, the first axis of its values. They count as
-    that many launches but cost one. When fewer samples per cell than replicas are missing, the
+    Each launch makes `replicas` independent estimates. They count as that many launches but cost
+    one. When fewer samples per cell than replicas are missing, the
     launch makes fewer. Paths are launched from `ends` ends. A TransportWarning states how many
     contributions were left out.
     """
@@ -154,7 +154,7 @@ def repeat(
     for step in count():
         values, unsummed = launch(samples, _seeds(seed, step), estimates)
         dropped += unsummed
-        for each in _split(values, estimates):
+        for each in values:
             running.add(each, samples)
         if isinstance(budget, PathBudget):
             done = running.count / launches
@@ -197,11 +197,6 @@ def _fraction_done(budget: TargetError, running: _Running) -> float:
     if running.count < budget.min_launches:
         return float(min(fraction, running.count / budget.min_launches))
     return float(fraction)
-
-
-def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:
-    for number in range(replicas):
-        yield {name: value[number] for name, value in values.items()}
 
 
 def _seeds(seed: np.random.SeedSequence, step: int) -> list[int]:
