@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
-from .numerics import RIDGE, cholesky, log_determinant, whitened
+from .numerics import RIDGE, cholesky, whitened
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -61,12 +61,12 @@ class Modes:
     misfit: Floats
 
     @classmethod
-    def of_fog(
-        cls, spot: Indices, node: Indices, backscatter: Floats, *likelihood: Floats, misfit: Floats
-    ) -> "Modes":
-        """Modes without a target; ``likelihood`` holds log weights, slopes and curvatures."""
+    def of_fog(cls, spot: Indices, node: Indices, *fitted: Floats, misfit: Floats) -> "Modes":
+        """Modes without a target; ``fitted`` are the fields from backscatter to curvature."""
+        beta, log_weight, slope, curvature = fitted
         no = np.zeros(spot.size)
-        return cls(spot, node, no + np.nan, backscatter, *likelihood, no, no, no, no, misfit)
+        nowhere = no + np.nan
+        return cls(spot, node, nowhere, beta, log_weight, slope, curvature, no, no, no, no, misfit)
 
     def only(self, chosen: Mask | Indices) -> "Modes":
         """A subset of the modes."""
@@ -110,7 +110,7 @@ def _without_target(
     residual = y - beta * g
     max_index = templates.range_m[-1]
     misfit = (residual**2).sum(axis=0)
-    log_weight = np.log(EMPTY * max_index) - (misfit + log_determinant(lower)) / 2
+    log_weight = np.log(EMPTY * max_index) - misfit / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
 
@@ -183,7 +183,9 @@ def _refine(
         information = (jacobian[:, None] * jacobian).sum(axis=2)
         gradient = (jacobian * residual).sum(axis=1)
         inner, cross = information[:2, :2], information[:2, 2]
-        conditional = _inverse(inner)  # covariance (2, 2, C) of range and reflectance
+        aa, bb = np.maximum(np.diagonal(inner).T, 1e-100) * (1 + RIDGE)
+        ab, determinant = inner[0, 1], aa * bb - inner[0, 1] ** 2
+        conditional = np.array([[bb, -ab], [-ab, aa]]) / determinant  # given the backscattering
         across = (conditional * cross).sum(axis=1)
         slope = gradient[2] - (across * gradient[:2]).sum(axis=0)
         curvature = information[2, 2] - (across * cross).sum(axis=0)
@@ -196,8 +198,8 @@ def _refine(
         beta = np.maximum(beta + more, 0)
     strength = rho / np.sqrt(conditional[1, 1] + across[1] ** 2 / (curvature + prior))
     misfit = (residual**2).sum(axis=0)
-    determinant = inner[0, 0] * inner[1, 1] - inner[0, 1] ** 2
-    log_weight = -(misfit + log_determinant(lower) + np.log(np.maximum(determinant, 1e-300))) / 2
+    determinant = np.maximum(inner[0, 0] * inner[1, 1] - ab**2, 1e-300)
+    log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     if scaled:
         log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
     result = Modes(
@@ -215,13 +217,6 @@ def _refine(
         misfit=misfit,
     )
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
-
-
-def _inverse(inner: Floats) -> Floats:
-    """Inverses of symmetric matrices (2, 2, C) of positive diagonal, scaled as in `inverse`."""
-    first, second = np.maximum(np.diagonal(inner).T, 1e-100) * (1 + RIDGE)
-    adjugate = np.array([[second, -inner[0, 1]], [-inner[0, 1], first]])
-    return np.asarray(adjugate / (first * second - inner[0, 1] ** 2))
 
 
 def _between(

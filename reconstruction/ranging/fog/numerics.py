@@ -48,11 +48,6 @@ def whitened(lower: Floats, vectors: Floats) -> Floats:
     return white
 
 
-def log_determinant(lower: Floats) -> Floats:
-    """Logarithms (C,) of the determinants of matrices by their `cholesky`."""
-    return np.asarray(2 * np.log(np.diagonal(lower)).sum(axis=-1))
-
-
 def normal_cdf(sigmas: float) -> float:
     """Normal cumulative distribution; scipy.special takes longer to load than a frame."""
     return math.erfc(-sigmas / math.sqrt(2)) / 2

@@ -76,15 +76,13 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
         mean = (by_mode * moved).sum(axis=1) / total
         drift_variance = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
     found = np.stack([mean, modes.variance_m2 + drift_variance, total], axis=1)
-    by_spot: list[list[int]] = [[] for _ in range(spots)]
     seen = np.flatnonzero(np.isfinite(modes.range_m) & (total > NEGLIGIBLE))
-    for spot, mode in zip(modes.spot[seen].tolist(), seen.tolist(), strict=True):
-        by_spot[spot].append(mode)
 
-    def of(here: list[int]) -> SpotPosterior:
-        if not here:
+    def of(spot: int) -> SpotPosterior:
+        here = seen[modes.spot[seen] == spot]
+        if not here.size:
             return SpotPosterior()
-        best = max(here, key=total.__getitem__)
+        best = here[total[here].argmax()]
         rows = found[here].tolist()
         return SpotPosterior(
             alternatives=joined(rows),
@@ -97,7 +95,7 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(spots=tuple(map(of, by_spot)), fog=prior.update(weight, beta))
+    return Posterior(spots=tuple(map(of, range(spots))), fog=prior.update(weight, beta))
 
 
 def _ranked(modes: Modes) -> tuple[Modes, Ranks]:
