@@ -164,9 +164,7 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
 def _refined(
     targets: Floats, readings: Floats, at: Floats
 ) -> tuple[Floats, Floats, Floats, Floats]:
-    """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4) of pairs of
-    indices, for whitened targets (n, R) and readings (n,).
-    """
+    """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4) of pairs."""
     max_index = targets.shape[1] - 2.0
     rho = np.zeros_like(at)
     for step in range(STEPS + 1):

@@ -19,9 +19,6 @@ GRID = np.geomspace(1e-6, 0.1, 96)
 FINE = 33
 NEGLIGIBLE = 1e-4
 """Fraction of the total below which a mode is dropped."""
-Ranks = list[tuple[slice, slice]]
-LOG_LEAST = -700.0
-"""Least logarithm of a mode's weight over the best one's; exp is slow at numbers that underflow."""
 SPREAD = 3.0
 """Modes whose ranges touch within so many standard deviations are merged."""
 
@@ -98,7 +95,7 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
     return Posterior(spots=tuple(map(of, range(spots))), fog=prior.update(weight, beta))
 
 
-def _ranked(modes: Modes) -> tuple[Modes, Ranks]:
+def _ranked(modes: Modes) -> tuple[Modes, list[tuple[slice, slice]]]:
     """Modes ordered such that the first ones of all pairs of spot and extinction come first.
 
     Also returns, for all first modes, all second ones and so on, their rows and those of the same
@@ -112,7 +109,9 @@ def _ranked(modes: Modes) -> tuple[Modes, Ranks]:
     return modes.only(np.lexsort((-np.repeat(count, count), rank))), ranks
 
 
-def _weighted(modes: Modes, ranks: Ranks, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:
+def _weighted(
+    modes: Modes, ranks: list[tuple[slice, slice]], prior: FogState, beta: Floats
+) -> tuple[Floats, Floats]:
     """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
     offset = beta - modes.backscatter[:, None]
     log = offset * (-modes.curvature[:, None] / 2)
@@ -124,7 +123,7 @@ def _weighted(modes: Modes, ranks: Ranks, prior: FogState, beta: Floats) -> tupl
         np.maximum(peak[pairs], log[rows], out=peak[pairs])
     summed = np.zeros_like(peak)
     for rows, pairs in ranks:
-        relative = np.maximum(log[rows] - peak[pairs], LOG_LEAST)
+        relative = np.maximum(log[rows] - peak[pairs], -700)  # exp is slow at underflow
         summed[pairs] += np.exp(relative, out=log[rows])
     # Every usable spot has modes at every extinction.
     spot, node = modes.spot[ranks[0][0]], modes.node[ranks[0][0]]
