@@ -15,6 +15,7 @@ from .numerics import RIDGE, cholesky, whitened
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
+Minima = tuple[Indices, ...]  # of spot, extinction and searched range
 
 BACKSCATTER_PER_SR = 0.035
 """Median of albedo times phase function at 180 degrees over fogs (Mie, 1550 nm),"""
@@ -90,8 +91,10 @@ def find_modes(
 
     ``scaled``: the templates are in units of the readings, so that reflectances have a prior.
     """
-    spot, node, position = _search(templates, readings, covariance, usable)
-    result = _refine(templates, readings, covariance, spot, node, position, scaled)
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(readings), BLOCK)]
+    is_minimum = [_is_minimum(templates, readings, covariance, block) for block in blocks]
+    minima = np.nonzero(np.concatenate(is_minimum) & usable[:, None, None])
+    result = _refine(templates, readings, covariance, minima, scaled)
     return result.joined_with(_without_target(templates, readings, covariance, usable))
 
 
@@ -113,16 +116,6 @@ def _without_target(
     log_weight = np.log(EMPTY * max_index) - misfit / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
-
-
-def _search(
-    templates: Templates, readings: Floats, covariance: Floats, usable: Mask
-) -> tuple[Indices, Indices, Indices]:
-    """Spot, extinction and range index of all minima."""
-    blocks = [slice(first, first + BLOCK) for first in range(0, len(readings), BLOCK)]
-    is_minimum = [_is_minimum(templates, readings, covariance, block) for block in blocks]
-    spot, node, position = np.nonzero(np.concatenate(is_minimum) & usable[:, None, None])
-    return spot, node, (position + 1) * SEARCH
 
 
 def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, block: slice) -> Mask:
@@ -147,23 +140,17 @@ def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, bloc
     range_m = templates.range_m[::SEARCH]
     misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
-    is_minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:])
-    is_minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
-    return is_minimum
+    likely = inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
+    return likely & (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:])
 
 
 def _refine(
-    templates: Templates,
-    readings: Floats,
-    covariance: Floats,
-    spot: Indices,
-    node: Indices,
-    position: Indices,
-    scaled: bool,
+    templates: Templates, readings: Floats, covariance: Floats, minima: Minima, scaled: bool
 ) -> Modes:
+    spot, node, minimum = minima
     guess = expected_backscatter(templates.extinction_per_m)[node]
     prior = 1 / (guess * LOG_SIGMA) ** 2
-    beta, at = guess, position.astype(np.float64)
+    beta, at = guess, SEARCH * (minimum + 1.0)
     max_index = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
     lower, rho = np.ones((readings.shape[1],) * 2 + spot.shape), np.zeros(spot.shape)
