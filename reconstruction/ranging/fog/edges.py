@@ -161,9 +161,7 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
     return near[best] + 1, far[best] + 1
 
 
-def _refined(
-    targets: Floats, readings: Floats, at: Floats
-) -> tuple[Floats, Floats, Floats, Floats]:
+def _refined(targets: Floats, y: Floats, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4) of pairs."""
     max_index = targets.shape[1] - 2.0
     rho = np.zeros_like(at)
@@ -173,10 +171,10 @@ def _refined(
         here, there = targets.T[low], targets.T[low + 1]
         value = here + fraction * (there - here)  # (P, 2, n)
         if step == 0:
-            rho = solved(value @ value.swapaxes(1, 2), value @ readings)
+            rho = solved(value @ value.swapaxes(1, 2), value @ y)
         slope = rho[..., None] * (there - here) / STEP_M
         jacobian = np.concatenate([slope, value], axis=1)  # (P, 4, n)
-        residual = readings - (rho[..., None] * value).sum(axis=1)
+        residual = y - (rho[..., None] * value).sum(axis=1)
         information = jacobian @ jacobian.swapaxes(1, 2)
         if step == STEPS:
             break

@@ -15,7 +15,6 @@ from .numerics import RIDGE, cholesky, whitened
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
-Minima = tuple[Indices, ...]  # of spot, extinction and searched range
 
 BACKSCATTER_PER_SR = 0.035
 """Median of albedo times phase function at 180 degrees over fogs (Mie, 1550 nm),"""
@@ -65,9 +64,8 @@ class Modes:
     def of_fog(cls, spot: Indices, node: Indices, *fitted: Floats, misfit: Floats) -> "Modes":
         """Modes without a target; ``fitted`` are the fields from backscatter to curvature."""
         beta, log_weight, slope, curvature = fitted
-        no = np.zeros(spot.size)
-        nowhere = no + np.nan
-        return cls(spot, node, nowhere, beta, log_weight, slope, curvature, no, no, no, no, misfit)
+        no, nan = np.zeros(spot.size), np.full(spot.size, np.nan)
+        return cls(spot, node, nan, beta, log_weight, slope, curvature, no, no, no, no, misfit)
 
     def only(self, chosen: Mask | Indices) -> "Modes":
         """A subset of the modes."""
@@ -102,18 +100,17 @@ def _without_target(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
 ) -> Modes:
     """Modes of fog alone: likely where the target is too weak."""
-    spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
-    retained = usable[spot]
-    spot, node = spot[retained], node[retained]
-    beta = expected_backscatter(templates.extinction_per_m)[node]
+    guess = expected_backscatter(templates.extinction_per_m)
+    spot, node = np.nonzero(np.repeat(usable[:, None], guess.size, axis=1))
+    beta = guess[node]
     uneven = templates.uneven[spot, node, -1]
     lower = cholesky(covariance[spot] + (beta**2)[:, None, None] * uneven)
     vectors = [readings[spot].T, templates.fog[spot, node, :, -1].T]
     y, g = whitened(lower, np.stack(vectors, axis=1)).swapaxes(0, 1)
     residual = y - beta * g
-    max_index = templates.range_m[-1]
     misfit = (residual**2).sum(axis=0)
-    log_weight = np.log(EMPTY * max_index) - misfit / 2 - np.log(np.diagonal(lower)).sum(axis=1)
+    root = np.log(np.diagonal(lower)).sum(axis=1)  # of the determinant
+    log_weight = np.log(EMPTY * templates.range_m[-1]) - misfit / 2 - root
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
 
@@ -137,15 +134,18 @@ def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, bloc
         beta = np.maximum(pull / (gg - shared * ag), 0)
         rho = alone - shared * beta
         misfit = (y**2).sum(axis=3) + (prior * guess**2)[:, None] - alone * ya - beta * pull
-    range_m = templates.range_m[::SEARCH]
-    misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
+    misfit = np.where((rho > 0) & (templates.range_m[::SEARCH] > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
     likely = inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
     return likely & (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:])
 
 
 def _refine(
-    templates: Templates, readings: Floats, covariance: Floats, minima: Minima, scaled: bool
+    templates: Templates,
+    readings: Floats,
+    covariance: Floats,
+    minima: tuple[Indices, ...],
+    scaled: bool,
 ) -> Modes:
     spot, node, minimum = minima
     guess = expected_backscatter(templates.extinction_per_m)[node]
@@ -153,11 +153,11 @@ def _refine(
     beta, at = guess, SEARCH * (minimum + 1.0)
     max_index = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
-    lower, rho = np.ones((readings.shape[1],) * 2 + spot.shape), np.zeros(spot.shape)
     for step in range(STEPS + 1):
         below = np.clip(at.astype(int), 0, int(max_index))
-        target, along = _between(templates.target, spot, node, below, at - below)
-        fog, _ = _between(templates.fog, spot, node, below, at - below)
+        row = (spot * templates.extinction_per_m.size + node) * templates.range_m.size + below
+        target, along = _between(templates.target, row, at - below)
+        fog, _ = _between(templates.fog, row, at - below)
         if step < UNEVEN_STEPS:
             uneven = templates.uneven[spot, node, np.minimum(below // PATCH_STEP, patches)]
             lower = cholesky(covariance[spot] + (beta**2)[:, None, None] * uneven)
@@ -206,11 +206,8 @@ def _refine(
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
 
 
-def _between(
-    table: Floats, spot: Indices, node: Indices, below: Indices, fraction: Floats
-) -> tuple[Floats, Floats]:
-    """Columns (n, C) of a table interpolated between ranges, and their slope per metre."""
+def _between(table: Floats, row: Indices, fraction: Floats) -> tuple[Floats, Floats]:
+    """Readings (n, C) of a table interpolated between ranges, and their slope per metre."""
     rows = np.moveaxis(table, 2, 3).reshape(-1, table.shape[2])
-    first = (spot * table.shape[1] + node) * table.shape[3] + below
-    here, there = (np.ascontiguousarray(rows.take(at, axis=0).T) for at in (first, first + 1))
+    here, there = (np.ascontiguousarray(rows.take(at, axis=0).T) for at in (row, row + 1))
     return here + fraction * (there - here), (there - here) / STEP_M

@@ -60,8 +60,7 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
     if not modes.spot.size:
         return Posterior((SpotPosterior(),) * spots, prior)
     modes, ranks = _ranked(modes)
-    beta = GRID
-    weight, by_mode = _weighted(modes, ranks, prior, beta)
+    weight, by_mode = _weighted(modes, ranks, prior, beta := GRID)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
@@ -127,9 +126,9 @@ def _weighted(
         summed[pairs] += np.exp(relative, out=log[rows])
     # Every usable spot has modes at every extinction.
     spot, node = modes.spot[ranks[0][0]], modes.node[ranks[0][0]]
-    fog = prior.log_density(beta)
     evidence = (peak + np.log(summed))[np.lexsort((node, spot))]
-    fog += evidence.reshape(-1, *fog.shape).sum(axis=0)
+    shared = evidence.reshape(-1, prior.probability.size, beta.size).sum(axis=0)
+    fog = prior.log_density(beta) + shared
     weight = np.exp(fog - fog.max())
     weight /= weight.sum()
     scale = weight[node] / summed
