@@ -22,7 +22,7 @@ class FlightRecord:
     def add(self, shot: Shot) -> None:
         """Record a frame."""
         self._motions.append(shot.motion)
-        self._recorder.add(shot)
+        self._recorder.add([shot])
 
     def write(self, provenance: Provenance) -> list[Path]:
         """Write capture and path, and return their names; none without a frame."""

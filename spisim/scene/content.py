@@ -1,6 +1,7 @@
 """Digests of meshes and surfaces: equal content has equal digests."""
 
 from collections.abc import Sequence
+from functools import cache
 from hashlib import blake2b
 
 import numpy as np
@@ -37,7 +38,13 @@ def material_content(material: Material) -> bytes:
 def _digest(*arrays: np.ndarray | None) -> bytes:
     result = blake2b()
     for array in arrays:
-        result.update(b"none" if array is None else f"{array.dtype} {array.shape}".encode())
+        result.update(b"none" if array is None else f"{_name(array.dtype)} {array.shape}".encode())
         if array is not None:
             result.update(np.ascontiguousarray(array).data)
     return result.digest()
+
+
+@cache
+def _name(dtype: np.dtype) -> str:
+    """Name of a type of numbers; NumPy takes longer to make it than a small mesh's digest."""
+    return str(dtype)

@@ -6,7 +6,7 @@ from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.path_bins import NEAR_PATH_M
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster
-from spisim.transport.truth import GroundTruth, ground_truth
+from spisim.transport.truth import GroundTruth, ground_truth, ground_truths
 
 __all__ = [
     "CAMERA_OFFSET_M",
@@ -19,4 +19,5 @@ __all__ = [
     "camera_view",
     "fine_view",
     "ground_truth",
+    "ground_truths",
 ]

@@ -85,13 +85,17 @@ class Meshes:
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         return dr.gather(mi.UInt32, self._first_of, shape, active) + si.prim_index
 
-    def object_ids(self, si: Hit) -> NDArray[np.int64]:
+    def owner(self, si: Hit) -> Int:
         """Index of the object that each ray meets, -1 for none."""
         shape: UInt = dr.reinterpret_array(mi.UInt32, si.shape)
         ours = shape < len(self._shapes)
         ours &= dr.gather(mi.Int32, self._number_of, shape, ours) >= 0
-        owner = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
-        return np.asarray(dr.select(ours, owner, -1).numpy(), dtype=np.int64)
+        owner: Int = dr.gather(mi.Int32, self._owners, self.triangle(si, ours), ours)
+        return dr.select(ours, owner, -1)
+
+    def object_ids(self, si: Hit) -> NDArray[np.int64]:
+        """The same as numbers."""
+        return np.asarray(self.owner(si).numpy(), dtype=np.int64)
 
     @cached_property
     def _number_of(self) -> Int:

@@ -141,8 +141,11 @@ def camera_view(
         if lamps is not None:
             Gather(world, camera, lamps, rest.add).run(seeds[1] ^ 1, max_vertices)
         lit, sunny = ours.read(1.0), rest.read(1.0)
-        radiance = total_w * lit.values["image"] + sunny.values["image"]
-        return Sums({"radiance": radiance}, lit.dropped + sunny.dropped)
+        values = [
+            {"radiance": total_w * one["image"] + other["image"]}
+            for one, other in zip(lit.values, sunny.values, strict=True)
+        ]
+        return Sums(values, lit.dropped + sunny.dropped)
 
     radiance = repeat(launch, PathBudget(spp), view.pixels, np.random.SeedSequence(seed), None)
     return radiance.mean["radiance"].reshape(height, width).astype(np.float32)

@@ -1,18 +1,22 @@
 """Ground truth from the projector's pinhole: what a perfect instrument would measure."""
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import groupby
+from typing import Any, NamedTuple
 
+import drjit as dr
 import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import CORRIDOR_M
 from spisim.instrument import Instrument
-from spisim.scene import Scene
+from spisim.scene import Scene, SceneObject
 from spisim.transport.backend import with_backend
 from spisim.transport.geometry import rays_of
-from spisim.transport.jit import Hit, Vector
+from spisim.transport.jit import Float
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.views import InstrumentView
@@ -93,83 +97,147 @@ def ground_truth(
     InputError
         If the scene was made for another wavelength.
     """
-    placed = InstrumentView.placed(scene, instrument)
-    meshes = Meshes.of(scene.objects)
-    height, width = placed.projector.shape
-    rows = max(1, RAYS_AT_A_TIME // (width * subpixels**2))
-    bands = [
-        _band(scene, meshes, placed, np.arange(top, min(top + rows, height)), subpixels)
-        for top in range(0, height, rows)
+    (truth,) = ground_truths([(scene, instrument)], subpixels=subpixels)
+    return truth
+
+
+@with_backend
+def ground_truths(
+    views: Sequence[tuple[Scene, Instrument]], *, subpixels: int = SUBPIXELS
+) -> list[GroundTruth]:
+    """`ground_truth` of several views, traced together where their objects are the same."""
+    result: list[GroundTruth] = []
+    for _, same in groupby(views, key=lambda view: id(view[0].objects)):
+        group = list(same)
+        rays = math.prod(InstrumentView.placed(*group[0]).projector.shape)
+        step = max(1, RAYS_AT_A_TIME // rays)
+        for start in range(0, len(group), step):
+            result += _of_the_same(group[start : start + step], subpixels)
+    return result
+
+
+def _of_the_same(views: Sequence[tuple[Scene, Instrument]], subpixels: int) -> list[GroundTruth]:
+    """Truths of views of the same objects."""
+    objects = views[0][0].objects
+    meshes = Meshes.of(objects)
+    placed = [InstrumentView.placed(*view) for view in views]
+    rays = [_rays(scene, each) for (scene, _), each in zip(views, placed, strict=True)]
+    origins, directions = (
+        np.concatenate([part for each in rays for part in each[end]]) for end in (0, 1)
+    )
+    parts = [len(part) for each in rays for part in each[0]]
+    met = _met(objects, meshes, origins, directions).split(parts)
+    return [
+        _truth(*view, each, meshes, met[3 * number : 3 * number + 3], subpixels)
+        for number, (view, each) in enumerate(zip(views, placed, strict=True))
     ]
-    names = tuple(thing.name for thing in scene.objects)
-    pictures: dict[str, Any] = {
-        name: np.concatenate([band[name] for band in bands]) for name in bands[0]
+
+
+def _rays(scene: Scene, placed: InstrumentView) -> tuple[list[Floats], list[Floats]]:
+    """Origins and directions of rays through pixels, of lasers, and along the corridor."""
+    pose = scene.drone_pose
+    pixels = _pixel_rays(placed, np.arange(placed.projector.shape[0]), 1) @ pose[:3, :3].T
+    across = np.linspace(-CORRIDOR_M / 2, CORRIDOR_M / 2, round(CORRIDOR_M / CORRIDOR_STEP_M) + 1)
+    offsets = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
+    ahead = pose[:3, 3] + offsets @ pose[:3, :2].T
+    return (
+        [np.broadcast_to(pose[:3, 3], pixels.shape), placed.beams.origins_m, ahead],
+        [pixels, placed.beams.directions, np.broadcast_to(pose[:3, 2], ahead.shape)],
+    )
+
+
+class _Met(NamedTuple):
+    """What rays meet, each (n, ...): distance, object, normal and reflectance; nan for nothing."""
+
+    distance_m: NDArray[np.float32]
+    identity: NDArray[np.int64]  # -1 for nothing
+    normal: NDArray[np.float32]
+    reflectance: Floats
+
+    def split(self, lengths: Sequence[int]) -> list["_Met"]:
+        """Parts of these lengths."""
+        ends = np.cumsum(lengths)[:-1]
+        return [_Met(*part) for part in zip(*(np.split(each, ends) for each in self), strict=True)]
+
+
+def _met(
+    objects: Sequence[SceneObject], meshes: Meshes, origins: Floats, directions: Floats
+) -> _Met:
+    si = meshes.scene.ray_intersect(rays_of(origins, directions))
+    local: Float = si.t
+    textured = [n for n, thing in enumerate(objects) if thing.material.texture is not None]
+    if textured:
+        local = si.bsdf().eval_diffuse_reflectance(si).x
+    values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, local
+    dr.eval(*values)  # at once
+    distance_m, owner, normal, pictured = (each.numpy() for each in values)
+    identity = owner.astype(np.int64)
+    reflectance = np.array([*(thing.material.reflectance for thing in objects), np.nan])[identity]
+    own = np.isin(identity, textured)
+    reflectance[own] = pictured[own]
+    return _Met(distance_m, identity, normal.T.reshape(-1, 3), reflectance)
+
+
+def _truth(
+    scene: Scene,
+    instrument: Instrument,
+    placed: InstrumentView,
+    meshes: Meshes,
+    met: Sequence[_Met],
+    subpixels: int,
+) -> GroundTruth:
+    """Truth of a view from what its rays meet."""
+    pixels, spots, corridor = met
+    shape, names = placed.projector.shape, tuple(thing.name for thing in scene.objects)
+    local = _pixel_rays(placed, np.arange(shape[0]), 1)
+    range_m = pixels.distance_m.reshape(shape)
+    normal = pixels.normal @ scene.drone_pose[:3, :3]
+    normal *= -np.sign(np.sum(normal * local, axis=1, keepdims=True))
+    normal[np.isnan(pixels.distance_m)] = np.nan
+    identity = pixels.identity.reshape(shape)
+    maps: dict[str, Any] = {
+        "range_m": range_m.astype(np.float32),
+        "depth_m": (range_m * local[:, 2].reshape(shape)).astype(np.float32),
+        "reflectance": pixels.reflectance.reshape(shape).astype(np.float32),
+        "normal": normal.reshape(*shape, 3).astype(np.float32),
+        "object_id": identity.astype(np.int32),
+        "coverage": _coverage(scene, meshes, placed, identity, subpixels).astype(np.float32),
     }
     if not instrument.images:  # the only pixel is a placeholder
-        pictures |= {name: np.full_like(pictures[name], np.nan) for name in MAPS}
+        maps |= {name: np.full_like(maps[name], np.nan) for name in MAPS}
+    distances = corridor.distance_m[np.isfinite(corridor.distance_m)]
     return GroundTruth(
-        **pictures,
+        **maps,
         object_names=names,
-        **_spots(scene, meshes, placed, names),
-        corridor_m=_corridor_m(meshes, scene.drone_pose),
+        spot_range_m=spots.distance_m.astype(np.float64),
+        spot_object=tuple(
+            names[number] if number >= 0 else None for number in spots.identity.tolist()
+        ),
+        corridor_m=float(distances.min()) if distances.size else np.nan,
         pose=scene.drone_pose,
     )
 
 
-def _spots(
-    scene: Scene, meshes: Meshes, placed: InstrumentView, names: tuple[str, ...]
-) -> dict[str, Any]:
-    """The fields of `GroundTruth` about the lasers."""
-    if not len(placed.beams.directions):
-        return {"spot_range_m": np.zeros(0), "spot_object": ()}
-    spots = meshes.scene.ray_intersect(rays_of(placed.beams.origins_m, placed.beams.directions))
-    met = np.where(spots.is_valid().numpy(), spots.t.numpy(), np.nan)
-    return {
-        "spot_range_m": met.astype(np.float64),
-        "spot_object": tuple(
-            names[number] if number >= 0 else None for number in meshes.object_ids(spots)
-        ),
-    }
-
-
-def _corridor_m(meshes: Meshes, pose: Floats) -> float:
-    """Distance to the first surface that rays along the corridor meet; nan for none."""
-    across = np.linspace(-CORRIDOR_M / 2, CORRIDOR_M / 2, round(CORRIDOR_M / CORRIDOR_STEP_M) + 1)
-    offsets = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
-    origins = pose[:3, 3] + offsets @ pose[:3, :2].T
-    met = meshes.scene.ray_intersect(rays_of(origins, np.broadcast_to(pose[:3, 2], origins.shape)))
-    distances = met.t.numpy()[met.is_valid().numpy()]
-    return float(distances.min()) if distances.size else np.nan
-
-
-def _band(
-    scene: Scene, meshes: Meshes, placed: InstrumentView, rows: NDArray[np.int64], subpixels: int
-) -> dict[str, NDArray[Any]]:
-    """The maps of `GroundTruth`, for some rows of pixels."""
-    shape = len(rows), placed.projector.shape[1]
+def _coverage(
+    scene: Scene,
+    meshes: Meshes,
+    placed: InstrumentView,
+    identity: NDArray[np.int64],
+    subpixels: int,
+) -> Floats:
+    """Fraction (H, W) of each pixel's parts that meet the object at its centre; nan for 1 part."""
+    if subpixels == 1:
+        return np.full(identity.shape, np.nan)
+    height, width = identity.shape
     rotation, origin = scene.drone_pose[:3, :3], scene.drone_pose[:3, 3]
-    local = _pixel_rays(placed, rows, 1)
-    si = meshes.scene.ray_intersect(rays_of(origin, local @ rotation.T))
-    hit = si.is_valid().numpy().reshape(shape)
-    identity = meshes.object_ids(si).reshape(shape)
-    ranges = np.where(hit, si.t.numpy().reshape(shape), np.nan)
-    normals = si.n.numpy().T.reshape(-1, 3) @ rotation
-    normals *= -np.sign(np.sum(normals * local, axis=1, keepdims=True))
-    coverage = np.full(shape, np.nan)
-    if subpixels > 1:
-        parts = meshes.scene.ray_intersect(
-            rays_of(origin, _pixel_rays(placed, rows, subpixels) @ rotation.T)
-        )
-        seen = meshes.object_ids(parts).reshape(shape[0], subpixels, shape[1], subpixels)
-        coverage = (seen == identity[:, None, :, None]).mean(axis=(1, 3))
-    return {
-        "range_m": ranges.astype(np.float32),
-        "depth_m": (ranges * local[:, 2].reshape(shape)).astype(np.float32),
-        "reflectance": _reflectance(scene, si, identity),
-        "normal": np.where(hit[..., None], normals.reshape(*shape, 3), np.nan).astype(np.float32),
-        "object_id": identity.astype(np.int32),
-        "coverage": coverage.astype(np.float32),
-    }
+    step = max(1, RAYS_AT_A_TIME // (width * subpixels**2))
+    bands = []
+    for rows in np.split(np.arange(height), range(step, height, step)):
+        local = _pixel_rays(placed, rows, subpixels)
+        parts = meshes.scene.ray_intersect(rays_of(origin, local @ rotation.T))
+        seen = meshes.object_ids(parts).reshape(len(rows), subpixels, width, subpixels)
+        bands.append((seen == identity[rows, None, :, None]).mean(axis=(1, 3)))
+    return np.concatenate(bands)
 
 
 def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> Floats:
@@ -180,15 +248,3 @@ def _pixel_rays(placed: InstrumentView, rows: NDArray[np.int64], parts: int) -> 
     y = (2 * (fine + 0.5) / height - 1) * placed.projector.tan_half_height
     grid = np.stack([*np.meshgrid(x, y), np.ones((len(fine), width))], axis=-1).reshape(-1, 3)
     return np.asarray(grid / np.linalg.norm(grid, axis=1, keepdims=True))
-
-
-def _reflectance(scene: Scene, si: Hit, identity: NDArray[np.int64]) -> NDArray[np.float32]:
-    """Reflectance of each pixel's material, its picture included."""
-    plain = np.array([*(thing.material.reflectance for thing in scene.objects), np.nan])
-    values = plain[identity]
-    textured = [n for n, thing in enumerate(scene.objects) if thing.material.texture is not None]
-    if textured:
-        local: Vector = si.bsdf().eval_diffuse_reflectance(si).x
-        pictured = np.isin(identity, textured)
-        values[pictured] = local.numpy().reshape(identity.shape)[pictured]
-    return values.astype(np.float32)

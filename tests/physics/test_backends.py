@@ -54,7 +54,8 @@ def test_the_engine_agrees_with_mitsuba_without_a_compiler() -> None:
     for seed in range(len(SEEDS)):
         tallies = Tallies(camera.pixels, [ImageTally])
         Walk(world, camera, lamp, False, alone, tallies.add).run(seed)
-        ours.append(tallies.read(1.0).values["image"].reshape(8, 8) * VIEW.pixels)
+        (sums,) = tallies.read(1.0).values
+        ours.append(sums["image"].reshape(8, 8) * VIEW.pixels)
     with variant("scalar_rgb"):
         film = {"width": 8, "height": 8, "pixel_format": "luminance", "rfilter": {"type": "box"}}
         scene = mi.load_dict(

@@ -41,7 +41,8 @@ def test_both_ends_see_what_the_camera_alone_sees(extinction: float, reference) 
             image_light(world, camera, lamp, [3 * seed, 3 * seed + 1, 3 * seed + 2], tallies.add)
         else:
             Walk(world, camera, lamp, False, alone, tallies.add).run(1000 + seed)
-        image = tallies.read(1.0).values["image"][0]
+        (sums,) = tallies.read(1.0).values
+        image = sums["image"]
         return np.append(image, image.sum())
 
     theirs = reference(

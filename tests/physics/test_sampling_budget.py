@@ -77,7 +77,7 @@ def test_launches_of_different_sizes_count_by_their_paths():
         rng = np.random.default_rng(number)
 
         def launch(samples, seeds, replicas, rng=rng):
-            return Sums({"image": rng.normal(1, 1 / np.sqrt(samples), (1, 8))})
+            return Sums([{"image": rng.normal(1, 1 / np.sqrt(samples), 8)}])
 
         budget = TargetError(0.05, RELATIVE)
         result = repeat(launch, budget, 8, np.random.SeedSequence(number), None)
@@ -119,7 +119,8 @@ def test_no_launch_has_more_lanes_than_fit(monkeypatch, replicas):
 
     def launch(samples, seeds, replicas):
         launched.append(samples)
-        return Sums({"image": np.random.default_rng(seeds[0]).normal(1, 0.5, (replicas, 30))})
+        rng = np.random.default_rng(seeds[0])
+        return Sums([{"image": rng.normal(1, 0.5, 30)} for _ in range(replicas)])
 
     budgets = [PathBudget(1), PathBudget(24), PathBudget(100), TargetError(0.05, RELATIVE)]
     for budget in budgets:

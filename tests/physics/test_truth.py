@@ -1,5 +1,6 @@
 """The ground truth against trimesh's ray casting, which shares no code with ours."""
 
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from raycast import Comparison, compare
 
 import spisim
 from spisim.scene import list_scenes, make_scene
-from spisim.transport import ground_truth
+from spisim.transport import GroundTruth, ground_truth, ground_truths
 from worlds import plane, scene, surface
 
 INSTRUMENT = spisim.load_instrument("paper")
@@ -58,3 +59,29 @@ def test_the_corridor_ends_at_the_first_surface_within_it() -> None:
     # A post beside the corridor, 0.3 m from its axis: the wall is next.
     assert corridor_m(WALL + POST.format(across_m=0.45), 5) == pytest.approx(5.0, rel=1e-5)
     assert np.isnan(corridor_m(WALL, -5))
+
+
+def test_views_traced_together_have_the_truth_of_each(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Three poses in one scene, two of which fit into a launch, and one of another scene."""
+    drone = "{position_m: [0, 0, 1], look_at_m: [5, 0, 1]}"
+    post = POST.format(across_m=0.45)
+    described = f"name: hall\ndrone: {drone}\nobjects:{WALL}{post}\n"
+    hall = make_scene(described, Path(), "test")
+    towards_x = hall.drone_pose
+    views = [(hall, INSTRUMENT)]
+    for across_m in (0.5, -1.0):
+        pose = towards_x.copy()
+        pose[1, 3] += across_m
+        views.append((replace(hall, drone_pose=pose), INSTRUMENT))
+    views.append((scene(plane(5)), INSTRUMENT))
+    rays = np.prod(INSTRUMENT.imaging.projector.shape)
+    monkeypatch.setattr("spisim.transport.truth.RAYS_AT_A_TIME", int(2 * rays))
+    results = ground_truths(views)
+    assert len({result.corridor_m for result in results}) > 1
+    for together, view in zip(results, views, strict=True):
+        alone = ground_truth(*view)
+        for field in fields(GroundTruth):
+            one, other = (getattr(each, field.name) for each in (together, alone))
+            np.testing.assert_array_equal(one, other, err_msg=field.name)

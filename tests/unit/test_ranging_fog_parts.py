@@ -7,6 +7,7 @@ from reconstruction.ranging import Alternative
 from reconstruction.ranging.fog.edges import disagreement, odd_spots
 from reconstruction.ranging.fog.fog_state import CHANGE, DRIFT, FogState
 from reconstruction.ranging.fog.modes import find_modes
+from reconstruction.ranging.fog.numerics import cholesky, whitened
 from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
 from reconstruction.ranging.fog.templates import STEP_M, Templates
 
@@ -27,6 +28,18 @@ def test_a_frame_later_the_fog_is_a_mixture_of_what_drifted_and_of_another() -> 
     squares = (weights * (variance + mean**2)).sum(axis=0)
     np.testing.assert_allclose(following.log_median, expected)
     np.testing.assert_allclose(following.log_sigma, np.sqrt(squares - expected**2))
+
+
+def test_whitened_vectors_have_the_chi_squared_of_their_covariance() -> None:
+    rng = np.random.default_rng(0)
+    roots, vectors = rng.normal(size=(50, 6, 6)), rng.normal(size=(50, 6, 3))
+    covariance = roots @ roots.swapaxes(1, 2) + 0.1 * np.eye(6)
+    lower = cholesky(covariance)
+    expected = np.einsum("cij,cij->cj", vectors, np.linalg.solve(covariance, vectors))
+    white = whitened(lower, np.ascontiguousarray(vectors.transpose(1, 2, 0)))
+    np.testing.assert_allclose((white**2).sum(axis=0).T, expected)
+    logs = 2 * np.log(np.diagonal(lower)).sum(axis=1)
+    np.testing.assert_allclose(logs, np.linalg.slogdet(covariance)[1])
 
 
 def templates() -> Templates:

@@ -122,8 +122,7 @@ def _two_targets(
     y = white @ (readings - backscatter * fog[:, -1])
     near, far = _best_pairs(a, y)
     at = np.stack([positions[near], positions[far]], axis=1).astype(np.float64)
-    pair = _Pairs(white @ target, y)
-    at, rho, misfit, information = pair.refined(at)
+    at, rho, misfit, information = _refined(white @ target, y, at)
     apart = np.abs(at[:, 1] - at[:, 0]) * STEP_M > MIN_SEPARATION_M
     variance = np.diagonal(inverse(information), axis1=1, axis2=2)[:, :2]
     localised = (variance < MIN_SEPARATION_M**2).all(axis=1)
@@ -138,7 +137,7 @@ def _two_targets(
     weight = np.exp(log_weight - log_weight.max())
     fraction = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at
-    return joined(range_m.ravel(), variance.ravel(), fraction.ravel())
+    return joined(np.stack([range_m, variance, fraction], axis=-1).reshape(-1, 3).tolist())
 
 
 def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
@@ -162,31 +161,24 @@ def _best_pairs(a: Floats, y: Floats) -> tuple[Indices, Indices]:
     return near[best] + 1, far[best] + 1
 
 
-class _Pairs:
-    """Whitened targets (n, R) and readings (n,), for the refinement of pairs of ranges."""
-
-    def __init__(self, target: Floats, readings: Floats) -> None:
-        self._target = target
-        self._readings = readings
-
-    def refined(self, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4)."""
-        max_index = self._target.shape[1] - 2.0
-        rho = np.zeros_like(at)
-        for step in range(STEPS + 1):
-            low = np.clip(at.astype(int), 0, int(max_index))
-            fraction = (at - low)[..., None]
-            here, there = self._target.T[low], self._target.T[low + 1]
-            value = here + fraction * (there - here)  # (P, 2, n)
-            if step == 0:
-                rho = solved(value @ value.swapaxes(1, 2), value @ self._readings)
-            slope = rho[..., None] * (there - here) / STEP_M
-            jacobian = np.concatenate([slope, value], axis=1)  # (P, 4, n)
-            residual = self._readings - (rho[..., None] * value).sum(axis=1)
-            information = jacobian @ jacobian.swapaxes(1, 2)
-            if step == STEPS:
-                break
-            move = solved(information, (jacobian @ residual[..., None])[..., 0])
-            at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
-            rho = rho + move[:, 2:]
-        return at, rho, (residual**2).sum(axis=1), information
+def _refined(targets: Floats, y: Floats, at: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Indices (P, 2), reflectances (P, 2), misfits (P,) and information (P, 4, 4) of pairs."""
+    max_index = targets.shape[1] - 2.0
+    rho = np.zeros_like(at)
+    for step in range(STEPS + 1):
+        low = np.clip(at.astype(int), 0, int(max_index))
+        fraction = (at - low)[..., None]
+        here, there = targets.T[low], targets.T[low + 1]
+        value = here + fraction * (there - here)  # (P, 2, n)
+        if step == 0:
+            rho = solved(value @ value.swapaxes(1, 2), value @ y)
+        slope = rho[..., None] * (there - here) / STEP_M
+        jacobian = np.concatenate([slope, value], axis=1)  # (P, 4, n)
+        residual = y - (rho[..., None] * value).sum(axis=1)
+        information = jacobian @ jacobian.swapaxes(1, 2)
+        if step == STEPS:
+            break
+        move = solved(information, (jacobian @ residual[..., None])[..., 0])
+        at = np.clip(at + np.clip(move[:, :2], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
+        rho = rho + move[:, 2:]
+    return at, rho, (residual**2).sum(axis=1), information

@@ -35,6 +35,7 @@ RATES = 1e-12, 500.0
 """Bounds of arrivals per bin and cycle, within which exp is finite."""
 SMOOTH_BINS = 21
 """Bins averaged for an initial variance of the counts."""
+Fitted = tuple[Floats, Floats, Floats]  # backscattering, background, variance
 MAX_EXCESS_SIGMAS = 4.0
 """Bins that exceed the fog by more standard deviations are not fog."""
 
@@ -102,14 +103,14 @@ def find_histogram_modes(
     """Modes of histograms (spots, B) of the ``usable`` ones (spots,); see `modes.find_modes`."""
     rate, watched = coates(counts, cycles)
     fitted = _without_target(templates, rate, watched, cycles)
-    spot, node, position = _search(templates, rate, watched, fitted, usable)
-    result = _refine(templates, counts, watched, fitted, spot, node, position, scaled)
+    peaks = _search(templates, rate, watched, fitted, usable)
+    result = _refine(templates, counts, watched, fitted, peaks, scaled)
     return result.joined_with(_empty(templates, counts, watched, fitted, usable))
 
 
 def _without_target(
     templates: HistogramTemplates, rate: Floats, watched: Floats, cycles: int
-) -> tuple[Floats, Floats, Floats]:
+) -> Fitted:
     """Backscattering and background (spots, K) without outlying bins; variance (spots, B)."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
@@ -132,12 +133,8 @@ def _without_target(
 
 
 def _search(
-    templates: HistogramTemplates,
-    rate: Floats,
-    watched: Floats,
-    fitted: tuple[Floats, Floats, Floats],
-    usable: Mask,
-) -> tuple[Indices, Indices, Indices]:
+    templates: HistogramTemplates, rate: Floats, watched: Floats, fitted: Fitted, usable: Mask
+) -> tuple[Indices, ...]:
     """Spot, extinction and bin of peaks above fog and background, by Poisson deviance."""
     from scipy.ndimage import uniform_filter1d  # slow to import
 
@@ -168,12 +165,11 @@ def _refine(
     templates: HistogramTemplates,
     counts: Floats,
     watched: Floats,
-    fitted: tuple[Floats, Floats, Floats],
-    spot: Indices,
-    node: Indices,
-    position: Indices,
+    fitted: Fitted,
+    peaks: tuple[Indices, ...],
     scaled: bool,
 ) -> Modes:
+    spot, node, position = peaks
     beta, background = fitted[0][spot, node], fitted[1][spot, node]
     seen, cycles, fog = counts[spot], watched[spot], templates.fog[spot, node]
     centres = np.arange(counts.shape[-1]) + 0.5
@@ -246,17 +242,11 @@ def _refine(
 
 
 def _empty(
-    templates: HistogramTemplates,
-    counts: Floats,
-    watched: Floats,
-    fitted: tuple[Floats, Floats, Floats],
-    usable: Mask,
+    templates: HistogramTemplates, counts: Floats, watched: Floats, fitted: Fitted, usable: Mask
 ) -> Modes:
     """Modes of fog and background alone."""
     beta, background, _ = fitted
-    spot, node = (each.ravel() for each in np.indices(beta.shape))
-    kept = usable[spot]
-    spot, node = spot[kept], node[kept]
+    spot, node = np.nonzero(np.repeat(usable[:, None], beta.shape[1], axis=1))
     fog, seen, cycles = templates.fog[spot, node], counts[spot], watched[spot]
     at, steady = beta[spot, node], background[spot, node]
     for number in range(STEPS + 1):
@@ -274,22 +264,11 @@ def _empty(
         steady = np.maximum(steady + move[:, 1], 0.2 * steady)
     likelihood = (seen * np.log(-np.expm1(-rate)) - (cycles - seen) * rate).sum(axis=-1)
     shape = information[:, 0, 1] / information[:, 1, 1]
-    zeros = np.zeros(len(spot))
     room = np.log(EMPTY * templates.range_m[-1]) + np.log(2 * np.pi) / 2
-    return Modes(
-        spot=spot,
-        node=node,
-        range_m=np.full(len(spot), np.nan),
-        backscatter=at,
-        log_weight=likelihood - np.log(information[:, 1, 1]) / 2 + room,
-        slope=gradient[:, 0] - shape * gradient[:, 1],
-        curvature=information[:, 0, 0] - shape * information[:, 0, 1],
-        drift=zeros,
-        variance_m2=zeros,
-        strength=zeros,
-        signal=zeros,
-        misfit=zeros,
-    )
+    log_weight = likelihood - np.log(information[:, 1, 1]) / 2 + room
+    slope = gradient[:, 0] - shape * gradient[:, 1]
+    curvature = information[:, 0, 0] - shape * information[:, 0, 1]
+    return Modes.of_fog(spot, node, at, log_weight, slope, curvature, misfit=np.zeros(len(spot)))
 
 
 def _mixed(table: Floats, low: Indices, fraction: Floats) -> Floats:

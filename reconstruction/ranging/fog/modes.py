@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
-from .numerics import inverse, solved
+from .numerics import RIDGE, cholesky, whitened
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -29,6 +29,8 @@ STEPS = 3
 UNEVEN_STEPS = 2
 """Steps that update the noise of uneven fog."""
 MAX_STEP_M = 0.05
+BLOCK = 8
+"""Spots searched at once, so that their tables stay in the processor's cache."""
 BRIGHT = 1.0
 """Reflectance beyond which the prior falls."""
 EMPTY = 0.5
@@ -58,6 +60,13 @@ class Modes:
     signal: Floats
     misfit: Floats
 
+    @classmethod
+    def of_fog(cls, spot: Indices, node: Indices, *fitted: Floats, misfit: Floats) -> "Modes":
+        """Modes without a target; ``fitted`` are the fields from backscatter to curvature."""
+        beta, log_weight, slope, curvature = fitted
+        no, nan = np.zeros(spot.size), np.full(spot.size, np.nan)
+        return cls(spot, node, nan, beta, log_weight, slope, curvature, no, no, no, no, misfit)
+
     def only(self, chosen: Mask | Indices) -> "Modes":
         """A subset of the modes."""
         return Modes(*(values[chosen] for values in vars(self).values()))
@@ -80,8 +89,10 @@ def find_modes(
 
     ``scaled``: the templates are in units of the readings, so that reflectances have a prior.
     """
-    spot, node, position = _search(templates, readings, covariance, usable)
-    result = _refine(templates, readings, covariance, spot, node, position, scaled)
+    blocks = [slice(first, first + BLOCK) for first in range(0, len(readings), BLOCK)]
+    is_minimum = [_is_minimum(templates, readings, covariance, block) for block in blocks]
+    minima = np.nonzero(np.concatenate(is_minimum) & usable[:, None, None])
+    result = _refine(templates, readings, covariance, minima, scaled)
     return result.joined_with(_without_target(templates, readings, covariance, usable))
 
 
@@ -89,117 +100,93 @@ def _without_target(
     templates: Templates, readings: Floats, covariance: Floats, usable: Mask
 ) -> Modes:
     """Modes of fog alone: likely where the target is too weak."""
-    spot, node = (each.ravel() for each in np.indices(templates.fog.shape[:2]))
-    retained = usable[spot]
-    spot, node = spot[retained], node[retained]
-    beta = expected_backscatter(templates.extinction_per_m)[node]
-    noise = covariance[spot] + (beta**2)[:, None, None] * templates.uneven[spot, node, -1]
-    white = np.linalg.inv(np.linalg.cholesky(noise))
-    y, g = (
-        np.einsum("cij,cj->ci", white, each)
-        for each in (readings[spot], templates.fog[spot, node, :, -1])
-    )
-    residual = y - beta[:, None] * g
-    max_index = templates.range_m[-1]
-    misfit, zeros = (residual**2).sum(axis=1), np.zeros(len(spot))
-    return Modes(
-        spot=spot,
-        node=node,
-        range_m=np.full(len(spot), np.nan),
-        backscatter=beta,
-        log_weight=np.log(EMPTY * max_index) - (misfit + np.linalg.slogdet(noise)[1]) / 2,
-        slope=(g * residual).sum(axis=1),
-        curvature=(g * g).sum(axis=1),
-        drift=zeros,
-        variance_m2=zeros,
-        strength=zeros,
-        signal=zeros,
-        misfit=misfit,
-    )
-
-
-def _search(
-    templates: Templates, readings: Floats, covariance: Floats, usable: Mask
-) -> tuple[Indices, Indices, Indices]:
-    """Spot, extinction and range index of all minima."""
     guess = expected_backscatter(templates.extinction_per_m)
-    typical = templates.uneven[:, :, templates.uneven.shape[2] // 2]
-    noise = covariance[:, None] + guess[:, None, None] ** 2 * typical
+    spot, node = np.nonzero(np.repeat(usable[:, None], guess.size, axis=1))
+    beta = guess[node]
+    uneven = templates.uneven[spot, node, -1]
+    lower = cholesky(covariance[spot] + (beta**2)[:, None, None] * uneven)
+    vectors = [readings[spot].T, templates.fog[spot, node, :, -1].T]
+    y, g = whitened(lower, np.stack(vectors, axis=1)).swapaxes(0, 1)
+    residual = y - beta * g
+    misfit = (residual**2).sum(axis=0)
+    root = np.log(np.diagonal(lower)).sum(axis=1)  # of the determinant
+    log_weight = np.log(EMPTY * templates.range_m[-1]) - misfit / 2 - root
+    slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
+    return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
+
+
+def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, block: slice) -> Mask:
+    """Minima (spots, K, R) of the misfit at the inner searched ranges, of a block of spots."""
+    guess = expected_backscatter(templates.extinction_per_m)
+    typical = templates.uneven[block, :, templates.uneven.shape[2] // 2]
+    noise = covariance[block, None] + guess[:, None, None] ** 2 * typical
     white = np.linalg.inv(np.linalg.cholesky(noise))  # (spots, K, n, n)
-    a, g = (white @ table for table in templates.searched)
-    y = white @ readings[:, None, :, None]
+    a, g = (white @ table[block] for table in templates.searched)
+    y = readings[block, None, None] @ white.swapaxes(2, 3)
     prior = 1 / (guess * LOG_SIGMA) ** 2
-    aa, ag = (a * a).sum(axis=2), (a * g).sum(axis=2)
-    gg = (g * g).sum(axis=2) + prior[:, None]
-    ya, yg = (y * a).sum(axis=2), (y * g).sum(axis=2) + (prior * guess)[:, None]
+    aa, ag, gg = (np.einsum("sknr,sknr->skr", *pair) for pair in ((a, a), (a, g), (g, g)))
+    gg += prior[:, None]
+    ya, yg = ((y @ each)[:, :, 0] for each in (a, g))
+    yg += (prior * guess)[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
-        determinant = aa * gg - ag**2
-        rho = (ya * gg - yg * ag) / determinant
-        beta = np.maximum((yg * aa - ya * ag) / determinant, 0)
-        rho = np.where(beta > 0, rho, ya / aa)
-        misfit = (y**2).sum(axis=2) + (prior * guess**2)[:, None] - rho * ya - beta * yg
-    range_m = templates.range_m[::SEARCH]
-    misfit = np.where((rho > 0) & (range_m > MIN_RANGE_M), misfit, np.inf)
+        shared, alone = ag / aa, ya / aa
+        pull = yg - shared * ya
+        beta = np.maximum(pull / (gg - shared * ag), 0)
+        rho = alone - shared * beta
+        misfit = (y**2).sum(axis=3) + (prior * guess**2)[:, None] - alone * ya - beta * pull
+    misfit = np.where((rho > 0) & (templates.range_m[::SEARCH] > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
-    is_minimum = (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:]) & np.isfinite(inner)
-    is_minimum &= inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
-    spot, node, position = np.nonzero(is_minimum & usable[:, None, None])
-    return spot, node, (position + 1) * SEARCH
+    likely = inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
+    return likely & (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:])
 
 
 def _refine(
     templates: Templates,
     readings: Floats,
     covariance: Floats,
-    spot: Indices,
-    node: Indices,
-    position: Indices,
+    minima: tuple[Indices, ...],
     scaled: bool,
 ) -> Modes:
+    spot, node, minimum = minima
     guess = expected_backscatter(templates.extinction_per_m)[node]
     prior = 1 / (guess * LOG_SIGMA) ** 2
-    beta, at = guess, position.astype(np.float64)
+    beta, at = guess, SEARCH * (minimum + 1.0)
     max_index = templates.range_m.size - 2.0
     patches = templates.uneven.shape[2] - 1
-    noise = np.zeros((len(spot), *covariance.shape[1:]))
     for step in range(STEPS + 1):
         below = np.clip(at.astype(int), 0, int(max_index))
-        fraction = (at - below)[:, None]
-        target, slope = _between(templates.target, spot, node, below, fraction)
-        fog, _ = _between(templates.fog, spot, node, below, fraction)
+        row = (spot * templates.extinction_per_m.size + node) * templates.range_m.size + below
+        target, along = _between(templates.target, row, at - below)
+        fog, _ = _between(templates.fog, row, at - below)
         if step < UNEVEN_STEPS:
-            patch = np.minimum(below // PATCH_STEP, patches)
-            uneven = templates.uneven[spot, node, patch]
-            noise = covariance[spot] + (beta**2)[:, None, None] * uneven
-            precision = np.linalg.inv(noise)
+            uneven = templates.uneven[spot, node, np.minimum(below // PATCH_STEP, patches)]
+            lower = cholesky(covariance[spot] + (beta**2)[:, None, None] * uneven)
+        vectors = np.stack([readings[spot].T, target, along, fog], axis=1)
+        y, t, d, f = whitened(lower, vectors).swapaxes(0, 1)
         if step == 0:
-            left = readings[spot] - beta[:, None] * fog
-            rho = np.maximum(
-                _product(target, precision, left) / _product(target, precision, target), 1e-6
-            )
-        along = rho[:, None] * slope + np.pi * beta[:, None] * target  # also more fog in front
-        jacobian = np.stack([along, target, fog], axis=-1)
-        residual = readings[spot] - rho[:, None] * target - beta[:, None] * fog
-        weighted = (precision @ jacobian).swapaxes(1, 2)
-        information = weighted @ jacobian
-        gradient = (weighted @ residual[..., None])[..., 0]
+            rho = np.maximum((t * (y - beta * f)).sum(axis=0) / (t * t).sum(axis=0), 1e-6)
+        along = rho * d + np.pi * beta * t  # also more fog in front
+        jacobian, residual = np.stack([along, t, f]), y - rho * t - beta * f
+        information = (jacobian[:, None] * jacobian).sum(axis=2)
+        gradient = (jacobian * residual).sum(axis=1)
+        inner, cross = information[:2, :2], information[:2, 2]
+        aa, bb = np.maximum(np.diagonal(inner).T, 1e-100) * (1 + RIDGE)
+        ab, determinant = inner[0, 1], aa * bb - inner[0, 1] ** 2
+        conditional = np.array([[bb, -ab], [-ab, aa]]) / determinant  # given the backscattering
+        across = (conditional * cross).sum(axis=1)
+        slope = gradient[2] - (across * gradient[:2]).sum(axis=0)
+        curvature = information[2, 2] - (across * cross).sum(axis=0)
         if step == STEPS:
             break
-        regular = information.copy()
-        regular[:, 2, 2] += prior
-        pull = gradient.copy()
-        pull[:, 2] += prior * (guess - beta)
-        move = solved(regular, pull)
-        at = np.clip(at + np.clip(move[:, 0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
-        rho = np.maximum(rho + move[:, 1], 1e-9)
-        beta = np.maximum(beta + move[:, 2], 0)
-    regular = information.copy()
-    regular[:, 2, 2] += prior
-    strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
-    inner, cross = information[:, :2, :2], information[:, :2, 2]
-    across = solved(inner, cross)
-    misfit = _product(residual, precision, residual)
-    log_weight = -(misfit + np.linalg.slogdet(noise)[1] + np.linalg.slogdet(inner)[1]) / 2
+        more = (slope + prior * (guess - beta)) / (curvature + prior)
+        move = (conditional * gradient[:2]).sum(axis=1) - across * more
+        at = np.clip(at + np.clip(move[0], -MAX_STEP_M, MAX_STEP_M) / STEP_M, 1, max_index)
+        rho = np.maximum(rho + move[1], 1e-9)
+        beta = np.maximum(beta + more, 0)
+    strength = rho / np.sqrt(conditional[1, 1] + across[1] ** 2 / (curvature + prior))
+    misfit = (residual**2).sum(axis=0)
+    determinant = np.maximum(inner[0, 0] * inner[1, 1] - ab**2, 1e-300)
+    log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     if scaled:
         log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
     result = Modes(
@@ -208,25 +195,19 @@ def _refine(
         range_m=templates.range_m[0] + STEP_M * at,
         backscatter=beta,
         log_weight=log_weight,
-        slope=gradient[:, 2] - (across * gradient[:, :2]).sum(axis=1),
-        curvature=information[:, 2, 2] - (across * cross).sum(axis=1),
-        drift=-across[:, 0],
-        variance_m2=inverse(inner)[:, 0, 0],
+        slope=slope,
+        curvature=curvature,
+        drift=-across[0],
+        variance_m2=conditional[0, 0],
         strength=strength,
-        signal=rho * np.linalg.norm(target, axis=1),
+        signal=rho * np.linalg.norm(target, axis=0),
         misfit=misfit,
     )
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
 
 
-def _product(left: Floats, matrix: Floats, right: Floats) -> Floats:
-    """Products (C,) of vectors (C, n) and matrices (C, n, n)."""
-    return np.asarray((left * (matrix @ right[..., None])[..., 0]).sum(axis=1))
-
-
-def _between(
-    table: Floats, spot: Indices, node: Indices, below: Indices, fraction: Floats
-) -> tuple[Floats, Floats]:
-    """Rows (C, n) of a table interpolated between ranges, and their slope per metre."""
-    here, there = table[spot, node, :, below], table[spot, node, :, below + 1]
+def _between(table: Floats, row: Indices, fraction: Floats) -> tuple[Floats, Floats]:
+    """Readings (n, C) of a table interpolated between ranges, and their slope per metre."""
+    rows = np.moveaxis(table, 2, 3).reshape(-1, table.shape[2])
+    here, there = (np.ascontiguousarray(rows.take(at, axis=0).T) for at in (row, row + 1))
     return here + fraction * (there - here), (there - here) / STEP_M

@@ -29,6 +29,25 @@ def _scale(matrix: Floats) -> Floats:
     return np.sqrt(np.maximum(np.diagonal(matrix, axis1=1, axis2=2), 1e-100))
 
 
+def cholesky(covariance: Floats) -> Floats:
+    """Lower factors (n, n, C) of many small matrices (C, n, n)."""
+    lower = np.ascontiguousarray(covariance.transpose(1, 2, 0))
+    for row in range(len(lower)):
+        lower[row:, row] /= np.sqrt(lower[row, row])
+        for later in range(row + 1, len(lower)):
+            lower[later:, later] -= lower[later, row] * lower[later:, row]
+    return lower
+
+
+def whitened(lower: Floats, vectors: Floats) -> Floats:
+    """Vectors (n, m, C) whose covariance has these factors, scaled to unit covariance."""
+    white = vectors.copy()
+    for row in range(len(lower)):
+        white[row] /= lower[row, row]
+        white[row + 1 :] -= lower[row + 1 :, row, None] * white[row]
+    return white
+
+
 def normal_cdf(sigmas: float) -> float:
     """Normal cumulative distribution; scipy.special takes longer to load than a frame."""
     return math.erfc(-sigmas / math.sqrt(2)) / 2

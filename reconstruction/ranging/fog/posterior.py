@@ -4,6 +4,7 @@ Extinction and backscattering are common to the spots and integrated out: the ex
 nodes of the tables, the backscattering over a grid on which the modes' parabolas are summed.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,30 +59,30 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
     """Posterior of the modes of so many spots, for a prior of the fog."""
     if not modes.spot.size:
         return Posterior((SpotPosterior(),) * spots, prior)
-    modes = modes.only(np.lexsort((modes.node, modes.spot)))
-    beta = GRID
-    weight, by_mode = _weighted(modes, prior, beta)
+    modes, ranks = _ranked(modes)
+    weight, by_mode = _weighted(modes, ranks, prior, beta := GRID)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
-        weight, by_mode = _weighted(modes, prior, beta)
+        weight, by_mode = _weighted(modes, ranks, prior, beta)
     total = by_mode.sum(axis=1)
     moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
         mean = (by_mode * moved).sum(axis=1) / total
         drift_variance = (by_mode * (moved - mean[:, None]) ** 2).sum(axis=1) / total
-    variance = modes.variance_m2 + drift_variance
-    seen = np.isfinite(modes.range_m) & (total > NEGLIGIBLE)
+    found = np.stack([mean, modes.variance_m2 + drift_variance, total], axis=1)
+    seen = np.flatnonzero(np.isfinite(modes.range_m) & (total > NEGLIGIBLE))
 
     def of(spot: int) -> SpotPosterior:
-        here = np.flatnonzero(seen & (modes.spot == spot))
+        here = seen[modes.spot[seen] == spot]
         if not here.size:
             return SpotPosterior()
-        best = here[np.argmax(total[here])]
+        best = here[total[here].argmax()]
+        rows = found[here].tolist()
         return SpotPosterior(
-            alternatives=joined(mean[here], variance[here], total[here]),
-            target=float(total[here].sum()),
+            alternatives=joined(rows),
+            target=sum(weight for _, _, weight in rows),
             strength=float(modes.strength[best]),
             signal=float(modes.signal[best]),
             misfit=float(modes.misfit[best]),
@@ -90,43 +91,70 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(spots=tuple(of(spot) for spot in range(spots)), fog=prior.update(weight, beta))
+    return Posterior(spots=tuple(map(of, range(spots))), fog=prior.update(weight, beta))
 
 
-def _weighted(modes: Modes, prior: FogState, beta: Floats) -> tuple[Floats, Floats]:
+def _ranked(modes: Modes) -> tuple[Modes, list[tuple[slice, slice]]]:
+    """Modes ordered such that the first ones of all pairs of spot and extinction come first.
+
+    Also returns, for all first modes, all second ones and so on, their rows and those of the same
+    pairs among the first ones, which begin with the pairs of the most modes.
+    """
+    modes = modes.only(np.lexsort((modes.node, modes.spot)))
+    count = np.bincount(modes.spot * (modes.node.max() + 1) + modes.node)
+    rank = np.arange(modes.spot.size) - np.repeat(np.cumsum(count) - count, count)
+    ends = np.cumsum(np.bincount(rank)).tolist()
+    ranks = [(slice(a, b), slice(b - a)) for a, b in zip([0, *ends], ends, strict=False)]
+    return modes.only(np.lexsort((-np.repeat(count, count), rank))), ranks
+
+
+def _weighted(
+    modes: Modes, ranks: list[tuple[slice, slice]], prior: FogState, beta: Floats
+) -> tuple[Floats, Floats]:
     """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
     offset = beta - modes.backscatter[:, None]
-    log = modes.log_weight[:, None] + modes.slope[:, None] * offset
-    log -= modes.curvature[:, None] * offset**2 / 2
-    fog = prior.log_density(beta)
-    # Every usable spot has modes at every extinction, in this order.
-    changes = np.diff(modes.node, prepend=-1) != 0
-    starts, group = np.flatnonzero(changes), np.cumsum(changes) - 1
-    peak = np.maximum.reduceat(log, starts, axis=0)
-    relative = np.exp(log - peak[group])
-    summed = np.add.reduceat(relative, starts, axis=0)
-    evidence = peak + np.log(summed)
-    fog = fog + evidence.reshape(-1, *fog.shape).sum(axis=0)
+    log = offset * (-modes.curvature[:, None] / 2)
+    log += modes.slope[:, None]
+    log *= offset
+    log += modes.log_weight[:, None]
+    peak = log[ranks[0][0]].copy()
+    for rows, pairs in ranks[1:]:
+        np.maximum(peak[pairs], log[rows], out=peak[pairs])
+    summed = np.zeros_like(peak)
+    for rows, pairs in ranks:
+        relative = np.maximum(log[rows] - peak[pairs], -700)  # exp is slow at underflow
+        summed[pairs] += np.exp(relative, out=log[rows])
+    # Every usable spot has modes at every extinction.
+    spot, node = modes.spot[ranks[0][0]], modes.node[ranks[0][0]]
+    evidence = (peak + np.log(summed))[np.lexsort((node, spot))]
+    shared = evidence.reshape(-1, prior.probability.size, beta.size).sum(axis=0)
+    fog = prior.log_density(beta) + shared
     weight = np.exp(fog - fog.max())
     weight /= weight.sum()
-    return weight, relative / summed[group] * weight[modes.node]
+    scale = weight[node] / summed
+    for rows, pairs in ranks:
+        log[rows] *= scale[pairs]
+    return weight, log
 
 
-def joined(mean: Floats, variance: Floats, weight: Floats) -> tuple[Alternative, ...]:
-    """Merge modes that touch, likeliest first."""
-    seen = np.flatnonzero(weight > NEGLIGIBLE**2 * weight.sum())
-    order = seen[np.argsort(mean[seen])]
-    mean, variance, weight = mean[order], variance[order], weight[order]
-    sigma = SPREAD * np.sqrt(variance)
-    max_reach = np.maximum.accumulate(mean + sigma)
-    starts = np.concatenate([[True], (mean - sigma)[1:] > max_reach[:-1]])
-    group = np.cumsum(starts) - 1
-    total = np.bincount(group, weight)
-    centre = np.bincount(group, weight * mean) / total
-    around = np.bincount(group, weight * (variance + (mean - centre[group]) ** 2)) / total
-    fraction = total / weight.sum()
-    return tuple(
-        Alternative(float(centre[k]), float(np.sqrt(around[k])), float(fraction[k]))
-        for k in np.argsort(-fraction)
-        if fraction[k] > NEGLIGIBLE
-    )
+def joined(modes: list[list[float]]) -> tuple[Alternative, ...]:
+    """Merge modes, each of mean, variance and weight, that touch; likeliest first."""
+    whole = sum(weight for _, _, weight in modes)
+    groups: list[list[list[float]]] = []
+    reach = -np.inf
+    for mode in sorted(modes):
+        if mode[2] > NEGLIGIBLE**2 * whole:
+            spread = SPREAD * math.sqrt(mode[1])
+            if mode[0] - spread > reach:
+                groups.append([])
+            groups[-1].append(mode)
+            reach = max(reach, mode[0] + spread)
+    merged = sorted((_merged(group, whole) for group in groups), key=lambda each: -each.weight)
+    return tuple(each for each in merged if each.weight > NEGLIGIBLE)
+
+
+def _merged(modes: list[list[float]], whole: float) -> Alternative:
+    total = sum(weight for _, _, weight in modes)
+    centre = sum(weight * mean for mean, _, weight in modes) / total
+    around = sum(weight * (variance + (mean - centre) ** 2) for mean, variance, weight in modes)
+    return Alternative(centre, math.sqrt(around / total), total / whole)

@@ -72,14 +72,15 @@ def make_templates(
     for extinction in extinctions_per_m:
         seen = (weight * np.exp(-extinction * path_m))[:, None] * kernel
         density = seen * (STEP_M / INTEGRATION_STEPS)
-        target.append(seen[..., keep] / np.pi)
-        fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep])
+        # The readings of a range are neighbours in memory, as they are used together.
+        target.append((seen[..., keep] / np.pi).swapaxes(1, 2))
+        fog.append((np.cumsum(density, axis=-1) - density / 2)[..., keep].swapaxes(1, 2))
         uneven.append(_uneven(density[..., : len(fine_m) // INTEGRATION_STEPS * INTEGRATION_STEPS]))
     return Templates(
         range_m=fine_m[keep],
         extinction_per_m=extinctions_per_m,
-        target=np.stack(target, axis=1),
-        fog=np.stack(fog, axis=1),
+        target=np.ascontiguousarray(np.stack(target, axis=1)).swapaxes(2, 3),
+        fog=np.ascontiguousarray(np.stack(fog, axis=1)).swapaxes(2, 3),
         uneven=np.stack(uneven, axis=1),
     )
 

@@ -110,7 +110,6 @@ def record_flight(
         progress(start / frames)
         numbers = range(start, min(start + SEGMENT, frames))
         motions = [Motion.along(path, number * frame_s, frame_s) for number in numbers]
-        for shot in camera.shoot([each for each in motions if each is not None], start):
-            recorder.add(shot)
+        recorder.add(camera.shoot([each for each in motions if each is not None], start))
     recorder.finish()
     return frames, kept

@@ -1,12 +1,20 @@
 """Joining of recordings that follow one another into one file."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import h5py
 
-from reconstruction.capture import PARTS, Provenance, Setup, datasets, hdf5, read_capture
+from reconstruction.capture import (
+    PARTS,
+    Capture,
+    Provenance,
+    Setup,
+    datasets,
+    hdf5,
+    read_capture,
+)
 from reconstruction.capture.file import KINDS, write_datasets
 from reconstruction.capture.schema import FRAMES, TRUTHS, present_fields
 
@@ -14,7 +22,7 @@ from reconstruction.capture.schema import FRAMES, TRUTHS, present_fields
 def join_captures(
     parts: Sequence[str | Path], path: str | Path, setup: Setup, provenance: Provenance
 ) -> None:
-    """Write recordings of successive frames as one, with one of them in memory at a time.
+    """Write recordings of successive frames as one, with two of them in memory at a time.
 
     Equal recordings give equal bytes.
 
@@ -37,9 +45,14 @@ def join_captures(
     OSError
         If the file cannot be written.
     """
+    first = read_capture(parts[0])
+
+    def captures() -> Iterator[Capture]:
+        yield first
+        yield from map(read_capture, parts[1:])
+
     rows = {FRAMES: 0, TRUTHS: 0}
-    for part in parts:
-        capture = read_capture(part)
+    for capture in captures():
         rows[FRAMES] += capture.frames
         rows[TRUTHS] += 0 if capture.truth is None else len(capture.truth.frame)
 
@@ -50,7 +63,6 @@ def join_captures(
         else:
             hdf5.put(file, name, value, units)
 
-    first = read_capture(parts[0])
     axes = {
         f"{group}/{name}": str(stored.axes[0])
         for group in PARTS
@@ -62,8 +74,8 @@ def join_captures(
     def write(file: h5py.File) -> None:
         write_datasets(file, setup.plans, first, provenance, create)
         begun = {FRAMES: 0, TRUTHS: 0}
-        for part in parts:
-            capture, added = read_capture(part), {}
+        for capture in captures():
+            added = {}
             for name, value, _ in datasets(setup.plans, capture):
                 if name in axes:
                     axis = axes[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -73,7 +74,7 @@ class Motion:
             placed, drone_velocity_m_s=_vector(velocity), drone_angular_velocity_rad_s=_vector(spin)
         )
 
-    @property
+    @cached_property
     def _turn_rad(self) -> Floats:
         """Rotation vector from start to stop, in the axes of the start."""
         return np.asarray((self.start.inv() * self.stop).as_rotvec())

@@ -29,7 +29,7 @@ from spisim.simulation.flight.camera import Camera, Shot
 from spisim.simulation.flight.joining import join_captures
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.measurement import Memory, frame_truth
-from spisim.transport import ground_truth
+from spisim.transport import ground_truths
 
 #: Frames of a segment: what is lost if the process is killed.
 SEGMENT = 64
@@ -99,17 +99,19 @@ class FlightRecorder:
         """Remove the segments."""
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def add(self, shot: Shot) -> None:
-        """Record a frame."""
-        if self.frames % self._every == 0:
-            truth = ground_truth(shot.motion.scene(self._scene, 0.5), shot.instrument, subpixels=1)
-            self._truths.append(
-                (len(self._shots), frame_truth(shot.image, shot.image_error, truth))
-            )
-        self._shots.append(shot)
-        self.frames += 1
-        if len(self._shots) == SEGMENT:
-            self._write_segment()
+    def add(self, shots: Sequence[Shot]) -> None:
+        """Record successive frames."""
+        due = [shot for number, shot in enumerate(shots, self.frames) if number % self._every == 0]
+        views = [(shot.motion.scene(self._scene, 0.5), shot.instrument) for shot in due]
+        truths = dict(zip(map(id, due), ground_truths(views, subpixels=1), strict=True))
+        for shot in shots:
+            if truth := truths.get(id(shot)):
+                known = frame_truth(shot.image, shot.image_error, truth)
+                self._truths.append((len(self._shots), known))
+            self._shots.append(shot)
+            self.frames += 1
+            if len(self._shots) == SEGMENT:
+                self._write_segment()
 
     def finish(self, provenance: Provenance | None = None) -> None:
         """Join all segments to the file; a provenance replaces that of the segments."""

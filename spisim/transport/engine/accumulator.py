@@ -1,8 +1,11 @@
 """Order-independent sums: the same seed gives the same bits, whatever the order of threads."""
 
+from functools import cached_property
+
 import drjit as dr
 import mitsuba as mi
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
@@ -29,9 +32,13 @@ class Accumulator:
         quanta = mi.Int64(dr.round(mi.Float64(value) * (1.0 / QUANTUM_PER_M2)))
         dr.scatter_reduce(dr.ReduceOp.Add, self._sums, quanta, cell, active)
 
-    def read(self) -> Floats:
-        """Evaluate the sums, (cells,), 1/m²."""
-        return np.asarray(self._sums.numpy(), dtype=np.float64) * QUANTUM_PER_M2
+    def read(self, part: int = 0, parts: int = 1) -> Floats:
+        """Evaluate the sums, (cells / parts,), 1/m², of one of so many equal parts."""
+        return np.asarray(self._quanta.reshape(parts, -1)[part], np.float64) * QUANTUM_PER_M2
+
+    @cached_property
+    def _quanta(self) -> NDArray[np.int64]:
+        return np.asarray(self._sums.numpy())
 
 
 class Check:

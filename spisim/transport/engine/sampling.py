@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
@@ -97,11 +97,16 @@ class _Running:
         self.count += 1
         self.weight += weight
         for name, value in values.items():
-            mean = self.mean.get(name, np.zeros(()))
-            step = value - mean
-            self.mean[name] = mean + step * (weight / self.weight)
-            before = self._squares.get(name, np.zeros(()))
-            self._squares[name] = before + weight * step * (value - self.mean[name])
+            if name not in self.mean:
+                self.mean[name], self._squares[name] = np.array(value), np.zeros_like(value)
+                continue
+            # In place, as values may be large.
+            mean = self.mean[name]
+            before = value - mean
+            mean += before * (weight / self.weight)
+            before *= weight
+            before *= value - mean
+            self._squares[name] += before
         if self._error_metric is not None and self._readings is not None:
             self._readings.add({"readings": self._error_metric.readings(values)}, weight)
 
@@ -131,8 +136,8 @@ def repeat(
 ) -> Estimate:
     """Repeat `launch(samples, seeds, replicas)` with fresh seeds until `budget` is met.
 
-    Each launch makes `replicas` independent estimates, the first axis of its values. They count as
-    that many launches but cost one. When fewer samples per cell than replicas are missing, the
+    Each launch makes `replicas` independent estimates. They count as that many launches but cost
+    one. When fewer samples per cell than replicas are missing, the
     launch makes fewer. Paths are launched from `ends` ends. A TransportWarning states how many
     contributions were left out.
     """
@@ -149,7 +154,7 @@ def repeat(
     for step in count():
         values, unsummed = launch(samples, _seeds(seed, step), estimates)
         dropped += unsummed
-        for each in _split(values, estimates):
+        for each in values:
             running.add(each, samples)
         if isinstance(budget, PathBudget):
             done = running.count / launches
@@ -192,11 +197,6 @@ def _fraction_done(budget: TargetError, running: _Running) -> float:
     if running.count < budget.min_launches:
         return float(min(fraction, running.count / budget.min_launches))
     return float(fraction)
-
-
-def _split(values: Mapping[str, Floats], replicas: int) -> Iterator[Mapping[str, Floats]]:
-    for number in range(replicas):
-        yield {name: value[number] for name, value in values.items()}
 
 
 def _seeds(seed: np.random.SeedSequence, step: int) -> list[int]:

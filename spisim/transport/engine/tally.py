@@ -1,6 +1,6 @@
 """Tallies that sum the light of paths: images, phasors, histograms, cubes."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol, Self
 
@@ -38,9 +38,9 @@ def carries_light(value: Float) -> Bool:
 
 
 class Sums(NamedTuple):
-    """Sums of one launch, (replicas, ...), of independent replicas."""
+    """Sums of one launch: those of each of its independent replicas, in turn."""
 
-    values: Mapping[str, Floats]
+    values: Iterable[Mapping[str, Floats]]
     dropped: int = 0  # contributions that were not finite and are left out
 
 
@@ -50,8 +50,8 @@ class Tally(Protocol):
     def add(self, light: Contribution) -> None:
         """Add one contribution per lane."""
 
-    def read(self, replicas: int) -> Mapping[str, Floats]:
-        """Named sums (replicas, cells, ...), per unit detector area."""
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        """Named sums (cells, ...), per unit detector area, of one of so many parts of the cells."""
 
 
 class ImageTally:
@@ -63,8 +63,8 @@ class ImageTally:
     def add(self, light: Contribution) -> None:
         self._sum.add(light.value, light.cell, light.active)
 
-    def read(self, replicas: int) -> Mapping[str, Floats]:
-        return {"image": self._sum.read().reshape(replicas, -1)}
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        return {"image": self._sum.read(part, parts)}
 
 
 class PhasorTally:
@@ -83,9 +83,8 @@ class PhasorTally:
             self._sum.add(light.value * cosine, index, light.active)
             self._sum.add(light.value * sine, index + 1, light.active)
 
-    def read(self, replicas: int) -> Mapping[str, Floats]:
-        shape = (replicas, -1, len(self._wave_numbers), 2)
-        return {"phasors": self._sum.read().reshape(shape)}
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        return {"phasors": self._sum.read(part, parts).reshape(-1, len(self._wave_numbers), 2)}
 
 
 @dataclass(frozen=True)
@@ -174,8 +173,8 @@ class HistogramTally:
         stop = dr.gather(mi.Float, self._starts, low + 1, active)
         return low + (self._bins.near - 1), dr.minimum((length_m - start) / (stop - start), 1)
 
-    def read(self, replicas: int) -> Mapping[str, Floats]:
-        return {"histogram": self._sum.read().reshape(replicas, -1, self._bins.count)}
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        return {"histogram": self._sum.read(part, parts).reshape(-1, self._bins.count)}
 
 
 class OrderTally:
@@ -193,12 +192,12 @@ class OrderTally:
         order = dr.minimum(light.scatterings, len(ORDERS) - 1)
         self._parts.add(light._replace(cell=order * self._cells + light.cell))
 
-    def read(self, replicas: int) -> Mapping[str, Floats]:
-        sums: dict[str, Floats] = {}
-        for name, values in self._parts.read(len(ORDERS) * replicas).items():
-            parts = values.reshape(len(ORDERS), replicas, *values.shape[1:]).swapaxes(0, 1)
-            sums |= {name: parts.sum(axis=1), f"{name}_orders": parts}
-        return sums
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        orders = range(len(ORDERS))
+        read = [self._parts.read(order * parts + part, len(ORDERS) * parts) for order in orders]
+        split = {name: np.stack([each[name] for each in read]) for name in read[0]}
+        whole = {name: values.sum(axis=0) for name, values in split.items()}
+        return whole | {f"{name}_orders": values for name, values in split.items()}
 
 
 class Tallies:
@@ -220,6 +219,13 @@ class Tallies:
     def read(self, area_m2: float) -> Sums:
         """Sums over detectors of this area; InputError if a sum is too large to be exact."""
         dropped = self._check.read()
-        sums = (tally.read(self._replicas) for tally in self._tallies)
-        values = {name: value * area_m2 for one in sums for name, value in one.items()}
-        return Sums(values, dropped)
+        return Sums(self._values(area_m2), dropped)
+
+    def _values(self, area_m2: float) -> Iterator[Mapping[str, Floats]]:
+        """Sums of each replica, one at a time: histograms of many detectors are large."""
+        for replica in range(self._replicas):
+            sums = (tally.read(replica, self._replicas) for tally in self._tallies)
+            values = {name: value for one in sums for name, value in one.items()}
+            for value in values.values():
+                value *= area_m2
+            yield values
