@@ -5,7 +5,7 @@ A flight is reconstructed once, frame by frame; its memory is run for every kind
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from flight_sets import POSE_ERRORS, Flight, load, with_error
@@ -15,10 +15,10 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
 from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
-from reconstruction.depth.memory import FlightMemory
+from reconstruction.depth.memory import FlightMemory, Met, Remembered, free_of_met
 from reconstruction.depth.methods.flight import ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
-from reconstruction.depth.methods.learned import FrameMap, decided
+from reconstruction.depth.methods.learned import FrameMap
 from reconstruction.depth.obstacle import corridor_prior
 
 WARM_UP_S = 0.35
@@ -76,7 +76,8 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = _watched(capture)
-    alone = [None if whole is None else whole.estimate for _, whole in made]
+    none = Met(np.zeros(0), np.zeros(0))
+    alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
     frames, taken_s = {SINGLE: list(_judged(capture, alone, "learned"))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
@@ -87,7 +88,7 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
-def maps_of(flight: Flight, kind: str) -> tuple[Capture, list[DepthEstimate | None]]:
+def maps_of(flight: Flight, kind: str) -> tuple[Capture, list[Remembered | None]]:
     """A flight, and its maps with the memory, by a kind of pose error."""
     capture = load(flight)
     stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
@@ -106,38 +107,40 @@ def _watched(capture: Capture) -> Made:
     return watched.made
 
 
-def _remembered(capture: Capture, made: Made) -> Iterator[DepthEstimate | None]:
+def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
     """Maps with the memory."""
     assert capture.optics is not None
     memory = FlightMemory(capture.optics, capture.plan.shape)
     for number, (view, whole) in enumerate(made):
         pose = pose_at(capture.poses, number)
         assert pose is not None
-        yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))[0]
+        yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))
 
 
-def _judged(capture: Capture, maps: Sequence[DepthEstimate | None], prior: str) -> Iterator[Judged]:
+def _judged(capture: Capture, maps: Sequence[Remembered | None], prior: str) -> Iterator[Judged]:
     truth, poses, optics = capture.truth, capture.poses, capture.optics
     assert truth is not None
     assert poses is not None
     assert optics is not None
     corridor = Corridor(pixel_rays(optics, capture.plan.shape))
     for number in truth.frame.tolist():
-        estimate, true = maps[number], truth.at(number)
-        if estimate is None or estimate.sigma is None:
+        remembered, true = maps[number], truth.at(number)
+        if remembered is None or remembered.estimate.sigma is None:
             continue
+        estimate = remembered.estimate
         there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
         if not there.any() or not np.isfinite(estimate.depth_m).all():
             continue
         off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
         deviations = off / estimate.sigma[there]
-        stated = decided(replace(estimate, free=None), corridor, corridor_prior(prior))
-        assert stated.free is not None
+        free = corridor.free(
+            estimate.depth_m, corridor_prior(prior), estimate.sigma, estimate.no_return
+        )
         yield Judged(
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),
             float(np.mean(np.abs(deviations) < 2)),
             float(true.corridor_m),
-            stated.free,
+            free * free_of_met(remembered.met),
             deviations[::16].astype(np.float32),
         )

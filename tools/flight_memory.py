@@ -10,18 +10,25 @@ tools/corridor_priors.py fits them. Both are judged by benchmarks/flight.py, on 
 
 import argparse
 import json
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
 from flight_judging import maps_of
-from flight_sets import flights
+from flight_sets import Flight, flights
+from scipy.optimize import brentq, minimize
+from scipy.special import expit
 
-from corridor_priors import Ahead, fitted, report
-from reconstruction.depth import Corridor, pixel_rays
+from corridor_priors import FROM_M, MIN, SCALES, Ahead, truly_free
+from reconstruction.base.arrays import Floats
+from reconstruction.depth import DISTANCES_M, Corridor, pixel_rays
 from reconstruction.depth.memory.correction import FITTED as KERNEL
+from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met
 from reconstruction.depth.obstacle import FITTED as CORRIDOR
+from reconstruction.depth.obstacle import CorridorPrior, free_of
 
+MAP_SIGMA = 0.3
 KIND = "correlated"
 WITHIN = 0.95
 FROM_S = 0.35
@@ -33,38 +40,76 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     parser.add_argument("--recorded", action="store_true", help="only flights that are there")
     asked = parser.parse_args()
-    deviations: list[float] = []
+    off: list[Floats] = []
     aheads: list[Ahead] = []
+    met: list[Met] = []
     for flight in flights(asked.folder, "learned", record=not asked.recorded):
-        capture, maps = maps_of(flight, KIND)
-        truth, poses = capture.truth, capture.poses
-        assert truth is not None
-        assert poses is not None
-        assert capture.optics is not None
-        corridor = Corridor(pixel_rays(capture.optics, capture.plan.shape))
-        off = []
-        for number in truth.frame.tolist():
-            estimate, true = maps[number], truth.at(number)
-            if estimate is None or estimate.sigma is None:
-                continue
-            if poses.time_s[number] - poses.time_s[0] < FROM_S:
-                continue
-            there = np.isfinite(true.depth_m)
-            log = np.log(estimate.depth_m[there] / true.depth_m[there])
-            off.append(np.abs(log) / estimate.sigma[there])
-            aheads.append(Ahead(flight.family, corridor, estimate, float(true.corridor_m)))
-        if off:
-            deviations.append(float(np.quantile(np.concatenate(off), WITHIN)) / 2)
-        print(flight.path.stem, f"{deviations[-1]:.2f}", flush=True)
+        of_flight = list(judged(flight))
+        if of_flight:
+            off.append(np.concatenate([each for each, _, _ in of_flight]))
+            aheads += [each for _, each, _ in of_flight]
+            met += [each for _, _, each in of_flight]
+            print(flight.path.stem, flush=True)
+    factor = brentq(lambda f: np.mean([np.mean(each < 2 * f) for each in off]) - WITHIN, 0.2, 5)
     kernel = json.loads(KERNEL.read_text())
-    kernel["kernel"]["sigma_factor"] *= round(float(np.mean(deviations)), 3)
-    kernel["flights"] = len(deviations)
+    kernel["kernel"]["sigma_factor"] = round(kernel["kernel"]["sigma_factor"] * factor, 3)
+    prior, obstacles = fit(aheads, met)
+    kernel |= {"obstacles": asdict(obstacles), "flights": len(off)}
     KERNEL.write_text(json.dumps(kernel, indent=2) + "\n")
     priors = json.loads(CORRIDOR.read_text())
-    prior = fitted(aheads, (0.3,))
-    priors["flight"] = {"prior": asdict(prior), "learn": report(aheads, prior)}
+    families = sorted({each.family for each in aheads})
+    priors["flight"] = {"prior": asdict(prior), "learn": {"families": families, "maps": len(met)}}
     CORRIDOR.write_text(json.dumps(priors, indent=2) + "\n")
     print(json.dumps({"kernel": kernel, "corridor": priors["flight"]}, indent=2))
+
+
+def judged(flight: Flight) -> Iterator[tuple[Floats, Ahead, Met]]:
+    """Deviations in sigmas, map and points of the frames of a flight that have truth."""
+    capture, maps = maps_of(flight, KIND)
+    truth, poses = capture.truth, capture.poses
+    assert truth is not None
+    assert poses is not None
+    assert capture.optics is not None
+    corridor = Corridor(pixel_rays(capture.optics, capture.plan.shape))
+    for number in truth.frame.tolist():
+        remembered, true = maps[number], truth.at(number)
+        late = poses.time_s[number] - poses.time_s[0] > FROM_S
+        if remembered is None or remembered.estimate.sigma is None or not late:
+            continue
+        estimate, there = remembered.estimate, np.isfinite(true.depth_m)
+        log = np.log(estimate.depth_m[there] / true.depth_m[there])
+        ahead = Ahead(flight.family, corridor, estimate, float(true.corridor_m))
+        yield np.abs(log) / estimate.sigma[there], ahead, remembered.met
+
+
+def fit(aheads: list[Ahead], met: list[Met]) -> tuple[CorridorPrior, MetObstacles]:
+    """Constants of least cross entropy of the probability that the corridor is free."""
+    free = truly_free(aheads)[:, DISTANCES_M >= FROM_M]
+    best: tuple[float, Floats, float] | None = None
+
+    def constants(x: Floats, scale: float) -> tuple[CorridorPrior, MetObstacles]:
+        prior = CorridorPrior(x[0], scale, np.exp(x[1]), float(expit(x[2])), MAP_SIGMA)
+        return prior, MetObstacles(float(expit(x[3])), float(np.exp(x[4])))
+
+    for scale in SCALES:
+        ensembles = np.array([each.ensemble_m(scale, MAP_SIGMA) for each in aheads])
+
+        def entropy(x: Floats, ensembles: Floats = ensembles, scale: float = scale) -> float:
+            prior, obstacles = constants(x, scale)
+            stated = free_of(ensembles, prior) * [free_of_met(each, obstacles) for each in met]
+            stated = stated[:, DISTANCES_M >= FROM_M].clip(MIN, 1 - MIN)
+            return -float((free * np.log(stated) + (1 - free) * np.log(1 - stated)).mean())
+
+        start = [0.0, -2.0, -3.0, 2.0, 0.5]
+        result = minimize(entropy, start, method="Nelder-Mead", options={"maxfev": 150})
+        if best is None or result.fun < best[0]:
+            best = result.fun, result.x, scale
+    assert best is not None
+    prior, obstacles = constants(best[1], best[2])
+    return (
+        CorridorPrior(**{n: float(f"{v:.3g}") for n, v in asdict(prior).items()}),
+        MetObstacles(**{n: float(f"{v:.3g}") for n, v in asdict(obstacles).items()}),
+    )
 
 
 if __name__ == "__main__":

@@ -16,9 +16,10 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Floats
 from .points import Seen
@@ -98,7 +99,9 @@ def correction(
     )
 
 
-def _to_pixels(log_depth: Floats, pixel: Floats, mean: Floats) -> tuple[Floats, Floats]:
+def _to_pixels(
+    log_depth: Floats, pixel: Floats, mean: Floats
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Distances of all pixels from the points, and contrasts of the map, (N, n) each, as single."""
     unit = ROWS / len(log_depth)
     rows, columns = (np.arange(side) for side in log_depth.shape)
@@ -108,14 +111,14 @@ def _to_pixels(log_depth: Floats, pixel: Floats, mean: Floats) -> tuple[Floats, 
     return apart, log_depth.astype(SINGLE).reshape(-1, 1) - mean.astype(SINGLE)
 
 
-def _likeness(apart: Floats, contrast: Floats, kernel: Kernel) -> Floats:
+def _likeness(apart: NDArray[Any], contrast: NDArray[Any], kernel: Kernel) -> NDArray[Any]:
     near = np.exp(apart * (-1 / kernel.sharp_px))
     near *= kernel.sharp
     wide = np.exp(apart * (-1 / kernel.smooth_px))
     wide *= kernel.smooth
     near += wide
     near *= np.exp(contrast**2 * (-0.5 / kernel.edge**2))
-    return np.asarray(near)
+    return near
 
 
 def spread_out(seen: Seen, shape: tuple[int, ...]) -> Seen:

@@ -1,6 +1,7 @@
 """What a flight remembers of the third dimension, and the depth map of a frame with it."""
 
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from ..method import DepthEstimate
 from ..pixels import pixel_of
 from .correction import correction, fitted_kernel
 from .maps import MapMemory
+from .obstacles import Met, met_in_corridor
 from .points import RangeMemory
 from .unwrap import Expected, unwrapped
 
@@ -31,6 +33,17 @@ class FrameRanges:
     max_range_m: float = np.inf
 
 
+class Remembered(NamedTuple):
+    """A frame's map with the memory, and why that was begun anew, if it was.
+
+    ``met`` are the remembered points that lie in the corridor ahead.
+    """
+
+    estimate: DepthEstimate
+    met: Met
+    begun_anew: str | None
+
+
 class FlightMemory:
     """Remembers the ranges and depth maps of frames with poses, in order of time."""
 
@@ -43,26 +56,23 @@ class FlightMemory:
         self.ranges = RangeMemory(self._optics, self._shape)
         self._maps = MapMemory(self._optics, self._shape)
 
-    def take(
-        self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges
-    ) -> tuple[DepthEstimate, str | None]:
-        """The map of a frame with what earlier ones have met, and why those were forgotten, if so.
+    def take(self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges) -> "Remembered":
+        """Add a frame: the ``estimate`` of its map alone, and its ranges.
 
-        ``estimate`` is the map of the frame alone. Without a standard deviation, or with pixels
-        that have no depth, it is returned as it is.
+        A map without a standard deviation, or with pixels that have no depth, stays as it is.
         """
         why = None if self._last is None else break_between(self._last, pose)
         self._last = pose
         if why is not None:
             self._begin()
-        log_depth = _log(estimate)
-        if log_depth is None or estimate.sigma is None:
-            self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m)
-            return estimate, why
-        range_m = self._unwrapped(ranges, log_depth, estimate.sigma)
+        range_m, log_depth = ranges.range_m, _log(estimate)
+        if log_depth is not None and estimate.sigma is not None:
+            range_m = self._unwrapped(ranges, log_depth, estimate.sigma)
         self.ranges.add(pose, ranges.directions, range_m, ranges.sigma_m)
-        log_depth = self._maps.take(pose, log_depth, estimate.sigma)
-        return self._corrected(pose, estimate, log_depth, estimate.sigma), why
+        if log_depth is not None and estimate.sigma is not None:
+            log_depth = self._maps.take(pose, log_depth, estimate.sigma)
+            estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
+        return Remembered(estimate, met_in_corridor(self.ranges.points, pose), why)
 
     def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
         if ranges.log_reflectance is None:

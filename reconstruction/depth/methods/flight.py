@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from ...capture.motion import pose_at
-from ..memory import FlightMemory, FrameRanges
+from ..memory import FlightMemory, FrameRanges, Remembered, free_of_met
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..obstacle import Corridor, corridor_prior
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
-from .learned import FrameMap, decided, without_depth
+from .learned import FrameMap, decided
 
 
 class Flight:
@@ -36,16 +36,12 @@ class Flight:
             whole, pose = alone.frame_map(view), pose_at(view.frame.poses)
             if whole is None:
                 return None
-            result: DepthEstimate = whole.estimate
-            note: str | None
             if pose is not None:
-                result, why = memory.take(pose, whole.estimate, ranges_of(view, whole))
-                note = None if why is None else f"begun anew: {why}"
-            elif whole.frame is not None and not whole.frame.ranged:
-                return without_depth(result)
-            else:
-                note = "of the frame alone, as it has no pose"
-            return _stated(result, whole, corridor, note)
+                remembered = memory.take(pose, whole.estimate, ranges_of(view, whole))
+                return stated(remembered, whole, corridor)
+            note = "of the frame alone, as it has no pose"
+            result = alone(view)
+            return result and replace(result, note=_joined(note, result.note))
 
         return solve
 
@@ -65,15 +61,20 @@ def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
     )
 
 
-def _stated(
-    result: DepthEstimate, whole: FrameMap, corridor: Corridor, note: str | None
-) -> DepthEstimate:
-    """The map with its corridor and a note."""
-    note = "; ".join(filter(None, (note, whole.estimate.note))) or None
+def stated(remembered: Remembered, whole: FrameMap, corridor: Corridor) -> DepthEstimate:
+    """A map with the memory, with its corridor and a note."""
+    result, anew = remembered.estimate, remembered.begun_anew
+    note = _joined(None if anew is None else f"begun anew: {anew}", whole.estimate.note)
     if not np.isfinite(result.depth_m).any():
         return replace(result, note=note)
     prior = corridor_prior("others" if whole.frame is None else "flight")
-    return replace(decided(result, corridor, prior), note=note)
+    result = decided(result, corridor, prior)
+    assert result.free is not None
+    return replace(result, free=result.free * free_of_met(remembered.met), note=note)
+
+
+def _joined(*notes: str | None) -> str | None:
+    return "; ".join(filter(None, notes)) or None
 
 
 METHOD = Flight()
