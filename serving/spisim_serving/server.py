@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Provenance, Setup
-from spisim.simulation.flight.camera import Camera, Shot
+from spisim.simulation.flight import Camera, Shot, true_poses
 from spisim_live import Kind, Message, Pose, Sender, pose_of
 from spisim_live.framing import VERSION
 from spisim_live.sending import SETUP_EVERY_S
@@ -57,7 +57,7 @@ class Server:
     camera, pilot, line
         Record the frames, decide the motions, and connect to the peer.
     setup, provenance
-        Sent before the frames.
+        Sent before the frames, which have their true poses if the setup has poses.
     maximum
         Number of frames after which the flight ends.
     record, say, states
@@ -86,6 +86,7 @@ class Server:
         self._pilot = pilot
         self._line = line
         self._sender = Sender(setup, provenance, run=1 + secrets.randbelow(2**16 - 1))
+        self._poses = setup.poses is not None
         self._period_s = camera.instrument.frame_time_s
         self._maximum = maximum
         self._record = record
@@ -182,7 +183,10 @@ class Server:
         self._trouble = trouble
         (shot,) = self.camera.shoot([motion], self._sender.number)
         self._record(shot)
-        message = self._sender.frame(shot.frame, self._stamp)
+        frame = shot.frame
+        if self._poses:
+            frame = replace(frame, poses=true_poses([motion]))
+        message = self._sender.frame(frame, self._stamp)
         self.tally.frames += 1
         self._state()
         return message

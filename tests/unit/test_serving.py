@@ -8,16 +8,17 @@ import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
+from reconstruction.capture import Poses
 from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim.simulation.flight import PathKeys, PoseKeys, flown
-from spisim_live import Kind, Message, Parser, Pose, command, pack
+from spisim_live import Kind, Message, Parser, Pose, Reception, command, pack
 from spisim_live.links import Ended, Outlet, Source
 from spisim_live.senders import QUIET_S
 from spisim_serving.drone import Drone, Follower, Gust
 from spisim_serving.line import Line
 from spisim_serving.server import Server
-from streams import Clock, film
+from streams import Clock, Script, film
 
 FRAME_S = 0.01
 
@@ -198,7 +199,7 @@ class Wire(Source, Outlet):
         return Parser().feed(self.sent)
 
 
-def serve(capture, wire, clock=None, costs_s=(), **options):
+def serve(capture, wire, clock=None, costs_s=(), setup=None, **options):
     """A server whose camera takes the frames of a film, each at some cost of time."""
     clock = clock or Clock()
     taken, costs = film(capture, 8), iter(costs_s)
@@ -221,7 +222,7 @@ def serve(capture, wire, clock=None, costs_s=(), **options):
         SimpleNamespace(instrument=instrument, shoot=shoot),
         pilot,
         line,
-        taken.setup,
+        setup or taken.setup,
         taken.provenance,
         say=said.append,
         clock=clock,
@@ -346,6 +347,21 @@ def test_at_rate_frames_leave_when_they_are_over(capture):
     assert kinds.count(Kind.SETUP) == 3  # once a second
     stamps = [each.time_ns for each in wire.messages if each.kind == Kind.FRAME]
     np.testing.assert_allclose(np.diff(stamps), 1e9 * FRAME_S)
+
+
+def test_frames_have_their_true_poses_if_the_setup_has_poses(capture, place):
+    wire = Wire(*[b""] * 9)
+    posed = replace(film(capture, 8).setup, poses=Poses.none(0))
+    server, pilot, _ = serve(capture, wire, setup=posed, maximum=3)
+    drone = Drone(place)
+    pilot.fly = lambda reported, time_s, period_s: drone.fly(Pose((1.0, 0, 0)), time_s, period_s)
+    server.run_at_rate()
+    clock, arrivals = Clock(), []
+    Reception(Script(wire.sent, clock=clock), clock=clock, recorders=[arrivals.append]).run()
+    poses = [each.frame.poses for each in arrivals]
+    np.testing.assert_allclose([each.time_s[0] for each in poses], [0.005, 0.015, 0.025])
+    np.testing.assert_allclose([each.position_m[0, 0] for each in poses], [0.025, 0.075, 0.125])
+    assert all(each.known.all() for each in poses)
 
 
 def test_late_frames_are_counted_and_not_made_up_for(capture):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
+from reconstruction.capture import Poses
 from spisim.cli import options as opt
 from spisim.cli.console import progress_bar, say
 from spisim.cli.inputs import instrument_with, scene_with
@@ -83,6 +84,9 @@ def command(
         float | None,
         opt.real_option("End after this time.", minimum=1e-6, maximum=1e6, metavar="SECONDS"),
     ] = None,
+    poses: Annotated[
+        bool, typer.Option("--poses", help="Send the true pose of every frame with it.")
+    ] = False,
     recorded: RecordOptions = NO_RECORD,
     weather: WeatherOfDrops = OWN_WEATHER_OF_DROPS,
     stated: opt.StatedWeather = None,
@@ -126,7 +130,7 @@ def command(
             camera,
             flight.pilot,
             line,
-            setup,
+            replace(setup, poses=Poses.none(0)) if poses else setup,
             source(settings=settings),
             maximum=None if duration is None else max(1, round(duration / carried.frame_time_s)),
             record=(lambda shot: None) if recording is None else recording.add,

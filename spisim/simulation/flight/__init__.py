@@ -5,7 +5,7 @@ from spisim.simulation.flight.flying import record_flight
 from spisim.simulation.flight.keys import Keys, PathKeys, PoseKeys
 from spisim.simulation.flight.motion import Motion
 from spisim.simulation.flight.pose_error import EXACT, PoseError, StatedPoses
-from spisim.simulation.flight.recording import FlightRecorder, flown
+from spisim.simulation.flight.recording import FlightRecorder, flown, true_poses
 
 __all__ = [
     "EXACT",
@@ -22,4 +22,5 @@ __all__ = [
     "provenance",
     "record_flight",
     "solver",
+    "true_poses",
 ]
