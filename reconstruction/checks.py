@@ -11,7 +11,7 @@ from .depth import DepthEstimate
 from .ranging import Ranges, Status
 
 
-def checked(who: str, values: Any, shape: tuple[int, int]) -> Floats:
+def checked(who: str, values: Any, shape: tuple[int, ...]) -> Floats:
     """Values as float64; InputError unless they are an array of real numbers of this shape."""
     array = np.asarray(values)
     if array.shape != shape or array.dtype.kind not in "iuf":
@@ -41,7 +41,14 @@ def checked_depths(who: str, estimate: Any, shape: tuple[int, int]) -> DepthEsti
         no_return = checked(f"{who}, as no_return,", no_return, shape)
         if not ((no_return >= 0) & (no_return <= 1)).all():
             raise InputError(f"{who} returned probabilities of no return outside 0..1")
-    return replace(estimate, depth_m=depth_m, sigma=sigma, no_return=no_return)
+    points_m = estimate.points_m
+    if points_m is not None:
+        points_m = checked(f"{who}, as points_m,", points_m, (*np.shape(points_m)[:1], 3))
+        if np.isnan(points_m).any():
+            raise InputError(f"{who}, as points_m, returned values that are not finite")
+    return replace(
+        estimate, depth_m=depth_m, sigma=sigma, no_return=no_return, points_m=points_m
+    )
 
 
 def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:

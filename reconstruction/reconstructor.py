@@ -231,6 +231,9 @@ class Reconstructor:
             frame=frame.first,
             patterns=readings.patterns,
             notes=notes,
+            points_m={
+                name: each.points_m for name, each in maps.items() if each.points_m is not None
+            },
         )
 
     @contextmanager

@@ -43,6 +43,9 @@ class Result:
         Length of each pixel's ray per unit of depth (H, W), None if the optics are unknown.
     spot_directions
         Unit vectors (spots, 3) of the ranges in this frame; None without time of flight.
+    points_m
+        Points (N, 3) in the optical frame that earlier ranges have met, for depth methods that
+        remember them.
     unit
         Unit of the images; counts if their scale is unknown.
     timings_s, notes
@@ -68,6 +71,7 @@ class Result:
     min_free: float = MIN_FREE
     notes: Mapping[str, str] = field(default_factory=dict)
     spot_directions: Floats | None = None
+    points_m: Mapping[str, Floats] = field(default_factory=dict)
 
     @property
     def warnings(self) -> list[str]:

@@ -59,6 +59,9 @@ class DepthEstimate:
     free
         Probability (K,) that the corridor ahead is free up to each of `DISTANCES_M`; None if it
         follows from the map (see `Corridor.free`).
+    points_m
+        Points (N, 3) in the optical frame that earlier frames' ranges have met; None for methods
+        that remember none.
     """
 
     depth_m: NDArray[Any]
@@ -66,6 +69,7 @@ class DepthEstimate:
     no_return: Floats | None = None
     note: str | None = None
     free: Floats | None = None
+    points_m: Floats | None = None
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]

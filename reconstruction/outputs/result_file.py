@@ -19,7 +19,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 7),
+    version=(3, 8),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -66,6 +66,7 @@ def read_result(path: str | Path) -> Result:
             no_returns=_maps(file, "nothings", names["depths"], "1", shape),
             **_corridor(file, names["depths"]),
             spot_directions=_directions(file),
+            points_m=_points(file, names["depths"]),
             notes={stage: file.text(f"notes/{stage}") for stage in file.names_in("notes")},
         )
 
@@ -147,6 +148,17 @@ def _directions(file: hdf5.Contents) -> NDArray[Any] | None:
     return file.numbers("spot_directions", "1")
 
 
+def _points(file: hdf5.Contents, methods: Iterable[str]) -> dict[str, NDArray[Any]]:
+    """Points of the depth methods that have some; files up to version 3.7 have none."""
+    names = {method: f"points_m/{method}" for method in methods}
+    present = {method: name for method, name in names.items() if name in file}
+    for name in present.values():
+        shape = file.shape(name, "m")
+        if len(shape) != 2 or shape[1] != 3:
+            raise InputError(f"dataset {name} has shape {shape}, expected (points, 3)")
+    return {method: file.numbers(name, "m") for method, name in present.items()}
+
+
 def _alternatives(
     file: hdf5.Contents, group: str, spots: int
 ) -> tuple[tuple[Alternative, ...], ...]:
@@ -175,6 +187,7 @@ def _write(file: h5py.File, result: Result) -> None:
         "depths": (result.depths, "m"),
         "depth_deviations": (result.log_depth_sigmas, "1"),
         "nothings": (result.no_returns, "1"),
+        "points_m": (result.points_m, "m"),
     }
     for group, (by_method, units) in maps.items():
         for name, values in by_method.items():

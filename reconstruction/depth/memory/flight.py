@@ -74,6 +74,10 @@ class FlightMemory:
             estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
         return Remembered(estimate, met_in_corridor(self.ranges.points, pose), why)
 
+    def points_m(self, pose: PoseAt) -> Floats:
+        """All points (N, 3) in the optical frame of a pose, in view or not."""
+        return np.asarray((self.ranges.points.position_m - pose.position_m) @ pose.axes)
+
     def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
         if ranges.log_reflectance is None:
             return ranges.range_m

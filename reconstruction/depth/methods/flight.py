@@ -38,10 +38,11 @@ class Flight:
                 return None
             if pose is not None:
                 remembered = memory.take(pose, whole.estimate, ranges_of(view, whole))
-                return stated(remembered, whole, corridor)
+                result = stated(remembered, whole, corridor)
+                return replace(result, points_m=memory.points_m(pose))
             note = "of the frame alone, as it has no pose"
-            result = alone(view)
-            return result and replace(result, note=_joined(note, result.note))
+            fallback = alone(view)
+            return fallback and replace(fallback, note=_joined(note, fallback.note))
 
         return solve
 

@@ -1,0 +1,167 @@
+"""Quality of a flight's frames against their truth: depth with memory beside that of each frame."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import t as student_t
+
+from ..base.errors import InputError
+from ..capture import Capture
+from ..chosen_methods import Methods, depth_methods
+from ..depth import MIN_FREE
+from ..reconstructor import Reconstructor
+from ..result import Result
+from .depths import CLOSE, Figures, number
+from .metrics import evaluate
+
+CONFIDENCE = 0.95
+
+Metrics = dict[str, Any]
+
+
+def is_flight(recording: Capture) -> bool:
+    """Whether a recording has poses, and the truth of several of its frames."""
+    truth = recording.truth
+    return recording.poses is not None and truth is not None and len(truth.frame) > 1
+
+
+def evaluate_flight(
+    recording: Capture,
+    *,
+    image: Methods = None,
+    ranging: Methods = None,
+    depth: Methods = None,
+    weather: str | float | None = None,
+    min_free: float = MIN_FREE,
+    judged: Callable[[Result, Metrics], None] = lambda result, metrics: None,
+    progress: Callable[[float], None] = lambda fraction: None,
+) -> Metrics:
+    """Reconstruct all frames of a flight in order, and compare those that have a truth with it.
+
+    Parameters
+    ----------
+    recording
+        Simulated flight; see `is_flight`.
+    image, ranging, depth, weather, min_free
+        As for `Reconstructor`. By default two depth methods, the usual one, which remembers earlier
+        frames, and the next, which does not.
+    judged
+        Called with result and metrics, as of `evaluate`, of each frame that has a truth.
+    progress
+        Called with the fraction that is done.
+
+    Returns
+    -------
+    dict
+        Plain numbers, ready for JSON; what does not exist is None. ``frames``: their number;
+        ``depth_methods``: names, the default one first. ``over_time``, for each frame with a truth:
+        ``frame``, ``time_s``, ``image_nrmse``, ``corridor_m`` (true distance of the nearest
+        obstacle ahead) and, by depth method, ``abs_rel``, ``coverage``, ``within_2_sigma`` (see
+        `depth_metrics`) and ``obstacle_m``. ``mean``: of these over the frames, and the fractions
+        of obstacles that are missed or false by more than 25 % of ``corridor_m``. ``ratio``: for
+        each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
+        its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
+        ``notes``: what results say of their depth, with the ``frames`` that say so.
+
+    Raises
+    ------
+    InputError
+        If the recording is not such a flight, and as `Reconstructor`.
+    """
+    if not is_flight(recording):
+        raise InputError("not a flight: it lacks poses, or the truth of at least two of its frames")
+    assert recording.truth is not None
+    setup = recording.setup
+    if depth is None:
+        usual = depth_methods("usual", setup, ranged=setup.spots is not None)
+        depth = list(usual)[:2]
+    reconstructor = Reconstructor(
+        setup, image=image, ranging=ranging, depth=depth, weather=weather, min_free=min_free
+    )
+    rows: list[Metrics] = []
+    notes: dict[str, list[int]] = {}
+    for frame in range(recording.frames):
+        try:
+            result = reconstructor(recording.frame(frame))
+        except InputError as error:  # saturated throughout
+            notes.setdefault(str(error).partition(": ")[2], []).append(frame)
+            continue
+        for stage, note in result.notes.items():
+            if stage.startswith("depth "):
+                notes.setdefault(f"{stage}: {note}", []).append(frame)
+        if recording.truth.knows(frame):
+            metrics = evaluate(result, recording)
+            rows.append(_row(recording, result, metrics))
+            judged(result, metrics)
+        progress((frame + 1) / recording.frames)
+    names = list(rows[0]["depths"]) if rows else []
+    return {
+        "frames": recording.frames,
+        "depth_methods": names,
+        "over_time": rows,
+        "mean": {name: _mean(rows, name) for name in names},
+        "ratio": {name: _ratio(rows, names[0], name) for name in names[1:]},
+        "notes": [{"note": note, "frames": frames} for note, frames in notes.items()],
+    }
+
+
+def _row(recording: Capture, result: Result, metrics: Metrics) -> Metrics:
+    """Figures of a frame."""
+    assert recording.truth is not None
+    assert recording.poses is not None
+    image: Figures = next(iter(metrics["images"].values()), {})
+    return {
+        "frame": result.frame,
+        "time_s": number(recording.poses.time_s[result.frame]),
+        "image_nrmse": image.get("nrmse"),
+        "corridor_m": number(recording.truth.at(result.frame).corridor_m),
+        "depths": {
+            name: {key: figures[key] for key in ("abs_rel", "coverage", "within_2_sigma")}
+            | {"obstacle_m": number(result.obstacles_m.get(name, np.nan))}
+            for name, figures in metrics["depths"].items()
+        },
+    }
+
+
+def _mean(rows: Sequence[Metrics], name: str) -> Figures:
+    """Means of a depth method over the frames; the obstacle is missed or false, see `CLOSE`."""
+    figures: Figures = {
+        key: _mean_of(row["depths"].get(name, {}).get(key) for row in rows)
+        for key in ("abs_rel", "coverage", "within_2_sigma")
+    }
+    pairs = [
+        [np.nan if each is None else each for each in (row["corridor_m"], obstacle_m)]
+        for row in rows
+        for obstacle_m in [row["depths"].get(name, {}).get("obstacle_m")]
+    ]
+    true_m, stated_m = np.array(pairs).T
+    there, stated = np.isfinite(true_m), np.isfinite(stated_m)
+    error = stated_m / true_m - 1
+    missed, false = there & ~(error <= CLOSE - 1), stated & ~(error >= 1 - CLOSE)
+    return figures | {
+        "obstacle_missed": number(missed.sum() / there.sum()) if there.any() else None,
+        "obstacle_false": number(false.mean()),
+    }
+
+
+def _mean_of(values: Iterable[float | None]) -> float | None:
+    present = [each for each in values if each is not None]
+    return float(np.mean(present)) if present else None
+
+
+def _ratio(rows: Sequence[Metrics], first: str, other: str) -> Mapping[str, float | int | None]:
+    """Geometric mean of the ratio of two methods' ``abs_rel``, paired by frame."""
+    pairs = [
+        [row["depths"].get(name, {}).get("abs_rel") for name in (first, other)] for row in rows
+    ]
+    logs = np.array([np.log(one / two) for one, two in pairs if one and two])
+    count = len(logs)
+    if not count:
+        return {"abs_rel": None, "low": None, "high": None, "frames": 0}
+    mean, half = float(logs.mean()), np.nan
+    if count > 1:
+        wide = float(student_t.ppf((1 + CONFIDENCE) / 2, count - 1))
+        half = wide * float(logs.std(ddof=1)) / np.sqrt(count)
+    low, high = number(np.exp(mean - half)), number(np.exp(mean + half))
+    return {"abs_rel": float(np.exp(mean)), "low": low, "high": high, "frames": count}
