@@ -46,9 +46,7 @@ def checked_depths(who: str, estimate: Any, shape: tuple[int, int]) -> DepthEsti
         points_m = checked(f"{who}, as points_m,", points_m, (*np.shape(points_m)[:1], 3))
         if np.isnan(points_m).any():
             raise InputError(f"{who}, as points_m, returned values that are not finite")
-    return replace(
-        estimate, depth_m=depth_m, sigma=sigma, no_return=no_return, points_m=points_m
-    )
+    return replace(estimate, depth_m=depth_m, sigma=sigma, no_return=no_return, points_m=points_m)
 
 
 def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..base.arrays import Floats
+from ..base.arrays import Floats, Mask
 from ..base.files import mark
 from ..capture import Optics
 
@@ -38,6 +38,11 @@ def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floa
     row = directions[:, 1] / directions[:, 2] / optics.tan_half_height
     column = directions[:, 0] / directions[:, 2] / optics.tan_half_width
     return np.stack([(row + 1) * height / 2 - 0.5, (column + 1) * width / 2 - 0.5], axis=1)
+
+
+def in_view(pixels: Floats, shape: tuple[int, ...]) -> Mask:
+    """Which rows and columns (K, 2) lie within an image (H, W)."""
+    return np.asarray(((pixels > -0.5) & (pixels < np.array(shape) - 0.5)).all(axis=1))
 
 
 def range_over_depth(optics: Optics, shape: tuple[int, int]) -> Floats:

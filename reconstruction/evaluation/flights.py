@@ -62,7 +62,7 @@ def evaluate_flight(
         of obstacles that are missed or false by more than 25 % of ``corridor_m``. ``ratio``: for
         each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
         its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
-        ``notes``: what results say of their depth, with the ``frames`` that say so.
+        ``notes``: what results say of their depth, as sentences that name the frames.
 
     Raises
     ------
@@ -89,7 +89,8 @@ def evaluate_flight(
             continue
         for stage, note in result.notes.items():
             if stage.startswith("depth "):
-                notes.setdefault(f"{stage}: {note}", []).append(frame)
+                name = stage.removeprefix("depth ")
+                notes.setdefault(f"depth {name!r} is {note}", []).append(frame)
         if recording.truth.knows(frame):
             metrics = evaluate(result, recording)
             rows.append(_row(recording, result, metrics))
@@ -102,8 +103,16 @@ def evaluate_flight(
         "over_time": rows,
         "mean": {name: _mean(rows, name) for name in names},
         "ratio": {name: _ratio(rows, names[0], name) for name in names[1:]},
-        "notes": [{"note": note, "frames": frames} for note, frames in notes.items()],
+        "notes": [f"{_written(frames)}: {note}" for note, frames in notes.items()],
     }
+
+
+def _written(frames: Sequence[int]) -> str:
+    first, last, count = frames[0], frames[-1], len(frames)
+    if count == 1:
+        return f"frame {first}"
+    in_a_row = last - first + 1 == count
+    return f"frames {first} to {last}" if in_a_row else f"{count} frames from {first} to {last}"
 
 
 def _row(recording: Capture, result: Result, metrics: Metrics) -> Metrics:

@@ -18,6 +18,8 @@ from .scale import GREY, VIRIDIS, Scale
 
 SIDE = 512
 """Longer side to which an image is enlarged by a whole factor, unless it is larger."""
+DOTTED_SIDE = 256
+"""The same for pictures with dots."""
 MIN_SIDE = 220
 """Minimum length of a colour scale."""
 MARGIN, BAR, GAP = 16, 18, 8
@@ -155,6 +157,17 @@ def draw_spot(picture: Canvas, row: int, column: int, text: str) -> None:
     top = max(min(row - height // 2, picture.shape[0] - height), 0)
     picture[top : top + height, left : left + width] //= 2
     _ink(picture, cover, top, left, 255)
+
+
+def dotted(colours: Canvas, pixels: Floats) -> Canvas:
+    """A picture (H, W, C), enlarged by a whole factor, with white dots at pixels (N, 2)."""
+    factor = max(1, DOTTED_SIDE // max(colours.shape[:2]))
+    canvas = colours.repeat(factor, axis=0).repeat(factor, axis=1)
+    for half, grey in ((2, 0), (1, 255)):
+        for row, column in np.round((pixels + 0.5) * factor).astype(int):
+            part = canvas[max(row - half, 0) : row + half, max(column - half, 0) : column + half]
+            part[:] = (*(grey,) * 3, 255)[: colours.shape[2]]
+    return canvas
 
 
 def _ink(canvas: Canvas, cover: Floats, top: int, left: int, colour: int = 0) -> None:

@@ -212,7 +212,7 @@ def _record_captures(
                 advance(done + fraction)
         write_animation(animation, frames, rate)
         write_flight(page, loaded.name, frames, rate)
-        write_table(table, frames)
+        write_table(table, frames, flight)
     warnings = _warnings(frames)
     warn(warnings)
     written = [*(output / instant.file for instant in flight), animation, page, table]
@@ -263,7 +263,8 @@ def _evaluated(instant: Instant, folder: Path) -> EvaluatedFrame:
     with naming(folder / instant.file):
         result = reconstruct(capture)
     warnings = result_warnings(result, capture)
-    return EvaluatedFrame(instant, capture, result, evaluate(result, capture), warnings)
+    metrics = evaluate(result, capture)
+    return EvaluatedFrame.of_instant(instant, capture, result, metrics, warnings)
 
 
 def _warnings(frames: list[EvaluatedFrame]) -> list[str]:
@@ -271,5 +272,5 @@ def _warnings(frames: list[EvaluatedFrame]) -> list[str]:
     first: dict[str, str] = {}
     for frame in frames:
         for warning in frame.warnings:
-            first.setdefault(warning, frame.instant.file)
+            first.setdefault(warning, frame.name)
     return [f"{file}: {warning}" for warning, file in first.items()]

@@ -18,6 +18,14 @@ if TYPE_CHECKING:
 
 #: Minimum width of a text column.
 MIN_WORDS = 8
+#: Maximum number of frames of a flight in a table.
+MAX_ROWS = 20
+#: Heading, factor and format of their figures.
+OVER_TIME = {
+    "abs_rel": ("error", 100, "{:.1f} %"),
+    "within_2_sigma": ("in 2 sigma", 100, "{:.1f} %"),
+    "obstacle_m": ("obstacle", 1, "{:.2f} m"),
+}
 #: More than any table needs.
 WIDEST = 10_000
 
@@ -70,6 +78,38 @@ def print_recording(recording: Mapping[str, Any]) -> None:
         )
     else:
         results.print(f"of {recording['frames']} frames, assuming a static scene", style="dim")
+
+
+def print_flight(comparison: Mapping[str, Any]) -> None:
+    """Print the comparison of a flight's frames, as returned by `evaluate_flight`."""
+    from spisim.report.comparison import written
+    from spisim.report.contact_sheet import evenly
+
+    names = comparison["depth_methods"]
+    columns = [f"{head}, {name}" for head, *_ in OVER_TIME.values() for name in names]
+
+    def figures(depths: Mapping[str, Any]) -> list[str]:
+        return [
+            written(depths.get(name, {}).get(key), factor, form)
+            for key, (_, factor, form) in OVER_TIME.items()
+            for name in names
+        ]
+
+    table = plain_table("time", "image", *columns, "true obstacle", minimum=8)
+    rows = comparison["over_time"]
+    for row in (rows[k] for k in evenly(len(rows), MAX_ROWS)):
+        time, image = written(row["time_s"], 1, "{:.2f} s"), written(row["image_nrmse"])
+        true = written(row["corridor_m"], 1, "{:.2f} m")
+        table.add_row(time, image, *figures(row["depths"]), true)
+    table.add_row("mean", "", *figures(comparison["mean"]), "")
+    print_table(table)
+    for name, ratio in comparison["ratio"].items():
+        low, high, value = (written(ratio[key], 1, "{:.3f}") for key in ("low", "high", "abs_rel"))
+        results.print(
+            f"error of {names[0]} over that of {name}: {value}, 95 % interval {low} to {high}, of "
+            f"{ratio['frames']} frames as if independent",
+            soft_wrap=True,
+        )
 
 
 def _print_all(comparisons: Iterable[Comparison]) -> None:

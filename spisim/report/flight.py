@@ -1,4 +1,4 @@
-"""The animation and the table of a flight."""
+"""The animation and the table of a flight, and its frames as pictures."""
 
 from __future__ import annotations
 
@@ -6,21 +6,27 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 from PIL import Image
 
 from reconstruction import Capture, Result
+from reconstruction.base.arrays import Floats
 from reconstruction.base.files import Output, mark, write_atomically
 from reconstruction.capture import FrameTruth
+from reconstruction.depth.pixels import in_view, pixel_of
+from reconstruction.evaluation import method_title
+from reconstruction.outputs.pictures import dotted
 from spisim.base.config.files import csv_table
 from spisim.dataset.flight import Instant
+from spisim.dataset.poses import placed
 
-from .pictures import Scale, depth_scale, intensity_scale, show
+from .pictures import Scale, depth_scale, intensity_scale, png_address, show
 from .style import plot_style, spot_looks
 
 #: Duration of the animation's last image.
@@ -43,13 +49,45 @@ def flight_outputs(folder: Path) -> list[Output]:
 
 @dataclass(frozen=True, eq=False)
 class EvaluatedFrame:
-    """One capture of a flight, its reconstruction and its errors."""
+    """One frame of a flight, its reconstruction and its errors.
 
-    instant: Instant
+    ``pose`` (4, 4) is world from optical frame; ``methods`` are the depth methods to show, the
+    default one first.
+    """
+
+    name: str
+    time_s: float
+    pose: Floats
     capture: Capture
     result: Result
     metrics: dict[str, Any]
     warnings: Sequence[str] = ()
+    methods: Sequence[str] = ()
+
+    @classmethod
+    def of_instant(
+        cls,
+        instant: Instant,
+        capture: Capture,
+        result: Result,
+        metrics: dict[str, Any],
+        warnings: Sequence[str] = (),
+    ) -> EvaluatedFrame:
+        """A flight's capture, with its default depth method."""
+        pose, first = instant.scene.drone_pose, list(result.depths)[:1]
+        return cls(instant.file, instant.time_s, pose, capture, result, metrics, warnings, first)
+
+    @classmethod
+    def of_recording(
+        cls, capture: Capture, result: Result, metrics: dict[str, Any]
+    ) -> EvaluatedFrame:
+        """A frame of a recorded flight, with all depth methods; at the origin without a pose."""
+        assert capture.poses is not None
+        frame, at = result.frame, placed(capture, result.frame)
+        time_s = float(capture.poses.time_s[frame])
+        pose = np.eye(4) if at is None else at.pose
+        name, notes, methods = f"frame {frame}", result.warnings, list(result.depths)
+        return cls(name, time_s, pose, capture, result, metrics, notes, methods)
 
     @property
     def truth(self) -> FrameTruth:
@@ -57,10 +95,14 @@ class EvaluatedFrame:
         assert self.capture.truth is not None
         return self.capture.truth.at(self.result.frame)
 
-    @property
-    def pose(self) -> np.ndarray:
-        """World from optical frame, (4, 4)."""
-        return self.instant.scene.drone_pose
+    def point_pixels(self, method: str) -> Floats | None:
+        """Rows and columns (N, 2) of the points in view that a depth method remembers, if any."""
+        points_m, optics = self.result.points_m.get(method), self.capture.optics
+        if points_m is None or optics is None:
+            return None
+        shape = self.capture.plan.shape
+        pixels = pixel_of(points_m[points_m[:, 2] > 0], optics, shape)
+        return np.asarray(pixels[in_view(pixels, shape)])
 
     @property
     def measured_m(self) -> np.ndarray:
@@ -70,6 +112,26 @@ class EvaluatedFrame:
             return np.full((len(self.truth.spot_range_m), 3), np.nan)
         rays = spots.directions @ self.pose[:3, :3].T
         return np.asarray(self.pose[:3, 3] + self.result.ranges.range_m[:, None] * rays)
+
+
+class Panel(NamedTuple):
+    """A picture of a frame; remembered points are dots at ``pixels`` (N, 2)."""
+
+    title: str
+    image: NDArray[Any]
+    scale: Scale
+    pixels: Floats | None = None
+
+    @property
+    def address(self) -> str:
+        """It as a data URL."""
+        return png_address(self.rgba)
+
+    @property
+    def rgba(self) -> NDArray[np.uint8]:
+        """Its colours."""
+        rgba = self.scale.rgba(self.image)
+        return rgba if self.pixels is None else dotted(rgba, self.pixels)
 
 
 @dataclass(frozen=True)
@@ -87,21 +149,26 @@ class Scales:
             depth_scale(*(frame.truth.depth_m for frame in flight)),
         )
 
-    def panels(self, frame: EvaluatedFrame) -> list[tuple[str, np.ndarray, Scale]]:
-        """Return image, depth map and true depth with their titles and scales."""
-        depth_m = frame.result.depth_m
-        if depth_m is None:
-            depth_m = np.full_like(frame.truth.depth_m, np.nan)
-        return [
-            ("image", frame.result.image, self.image),
-            ("depth", depth_m, self.depth),
-            ("true depth", frame.truth.depth_m, self.depth),
+    def panels(self, frame: EvaluatedFrame) -> list[Panel]:
+        """Return image, depth maps, the default one last, and true depth."""
+        depths, true_m = frame.result.depths, frame.truth.depth_m
+        several = len(frame.methods) > 1
+        maps = [
+            Panel(
+                f"depth, {method_title('depths', method)}" if several else "depth",
+                depths.get(method, np.full_like(true_m, np.nan)),
+                self.depth,
+                frame.point_pixels(method),
+            )
+            for method in reversed(frame.methods or [""])
         ]
+        image = Panel("image", frame.result.image, self.image)
+        return [image, *maps, Panel("true depth", true_m, self.depth)]
 
 
 @plot_style()
 def write_animation(path: Path, flight: Sequence[EvaluatedFrame], rate_hz: float) -> None:
-    """Write a GIF in real time: image, depth map, true depth, and the path from above.
+    """Write a GIF in real time: image, depth maps, true depth, and the path from above.
 
     Raises OSError if it cannot be written.
     """
@@ -125,20 +192,20 @@ def write_animation(path: Path, flight: Sequence[EvaluatedFrame], rate_hz: float
     write_atomically(path, buffer.getvalue())
 
 
-def write_table(path: Path, flight: Sequence[EvaluatedFrame]) -> None:
+def write_table(path: Path, flight: Sequence[EvaluatedFrame], instants: Sequence[Instant]) -> None:
     """Write a CSV with one row per capture: pose, motion, spots, errors and warnings.
 
     Raises OSError if it cannot be written.
     """
-    rows = [_row(frame) for frame in flight]
+    rows = [_row(*each) for each in zip(flight, instants, strict=True)]
     table = csv_table([list(rows[0]), *(list(row.values()) for row in rows)])
     write_atomically(path, table.encode())
 
 
-def _row(frame: EvaluatedFrame) -> dict[str, Any]:
-    scene = frame.instant.scene
+def _row(frame: EvaluatedFrame, instant: Instant) -> dict[str, Any]:
+    scene = instant.scene
     spots, image, depth = (_default(frame.metrics[each]) for each in ("spots", "images", "depths"))
-    row: dict[str, Any] = {"capture": frame.instant.file, "time_s": f"{frame.instant.time_s:.6g}"}
+    row: dict[str, Any] = {"capture": frame.name, "time_s": f"{frame.time_s:.6g}"}
     vectors: dict[str, Any] = {
         "position_{}_m": frame.pose[:3, 3],
         "forward_{}": frame.pose[:3, 2],
@@ -172,15 +239,21 @@ def _number(value: float | None) -> str:
 def _frame(flown: Sequence[EvaluatedFrame], scales: Scales, limits: tuple[float, ...]) -> Figure:
     """Draw one image of the animation, after all of `flown`."""
     now = flown[-1]
-    picture = Figure(figsize=(9.6, 3.05), dpi=100)
-    for k, (title, image, scale) in enumerate(scales.panels(now)):
-        axis = picture.add_axes((0.008 + 0.232 * k, 0.12, 0.224, 0.224 * 9.6 / 3.05))
-        show(axis, image, scale)
-        axis.set_title(title, fontsize=9)
-    _colour_bar(picture.add_axes((0.242, 0.085, 0.454, 0.025)), scales.depth)
-    picture.text(0.702, 0.075, "m", fontsize=7, ha="left")
-    picture.text(0.008, 0.03, f"{now.instant.time_s:.2f} s", fontsize=9, weight="bold")
-    plan = picture.add_axes((0.768, 0.12, 0.224, 0.224 * 9.6 / 3.05))
+    panels = scales.panels(now)
+    count, height_in = len(panels) + 1, 3.05
+    width_in = 2.4 * count
+    step, side = 2.2272 / width_in, 2.1504 / width_in  # of panels, from the left
+    square = 0.12, side, side * width_in / height_in
+    picture = Figure(figsize=(width_in, height_in), dpi=100)
+    for k, panel in enumerate(panels):
+        axis = picture.add_axes((0.008 + step * k, *square))
+        show(axis, panel.rgba)
+        axis.set_title(panel.title, fontsize=9)
+    bar = 0.008 + step + 0.002, 0.085, step * (count - 2) - 0.01, 0.025
+    _colour_bar(picture.add_axes(bar), scales.depth)
+    picture.text(bar[0] + bar[2] + 0.006, 0.075, "m", fontsize=7, ha="left")
+    picture.text(0.008, 0.03, f"{now.time_s:.2f} s", fontsize=9, weight="bold")
+    plan = picture.add_axes((0.992 - side, *square))
     plan.set_title("path and measured spots, m", fontsize=9)
     path = np.array([frame.pose[:3, 3] for frame in flown])
     spots = np.array([frame.measured_m for frame in flown])

@@ -40,7 +40,7 @@ def write_overview(
     sheet = Figure(figsize=(13, 3.0 * height / width + 0.3), layout="constrained")
     axes = sheet.subplots(1, 4)
     for axis, (title, image, scale) in zip(axes, panels, strict=True):
-        show(axis, image, scale, (height, width))
+        show(axis, scale.rgba(image), (height, width))
         axis.set_title(title)
     depth_bar(sheet, axes, depth, shrink=0.75, aspect=16)
     write_atomically(path, file_of(sheet, "overview"))

@@ -61,7 +61,7 @@ class Scale:
 
     def address(self, image: ArrayLike, no_return: ArrayLike | None = None) -> str:
         """Return an image as a data URL."""
-        return data_address(_png(self.rgba(image, no_return)), "image/png")
+        return png_address(self.rgba(image, no_return))
 
     @property
     def gradient(self) -> str:
@@ -139,12 +139,17 @@ def spot_marks(setup: Setup) -> list[tuple[int, float, float]]:
     ]
 
 
-def show(axes: Axes, image: ArrayLike, scale: Scale, shape: tuple[int, int] | None = None) -> None:
-    """Draw an image alone in its axes, stretched to the shape (rows, columns) of another."""
-    height, width = np.shape(image) if shape is None else shape
-    axes.imshow(scale.rgba(image), extent=(0, width, height, 0), interpolation="nearest")
+def show(axes: Axes, rgba: NDArray[np.uint8], shape: tuple[int, int] | None = None) -> None:
+    """Draw a picture alone in its axes, stretched to the shape (rows, columns) of another."""
+    height, width = rgba.shape[:2] if shape is None else shape
+    axes.imshow(rgba, extent=(0, width, height, 0), interpolation="nearest")
     axes.set(xticks=[], yticks=[])
     axes.spines[:].set_visible(False)
+
+
+def png_address(rgba: NDArray[np.uint8]) -> str:
+    """Return colours (H, W, 4) as a data URL."""
+    return data_address(_png(rgba), "image/png")
 
 
 def data_address(content: bytes, kind: str) -> str:

@@ -99,7 +99,9 @@ def _flight(path: Path, capture: Capture) -> None:
         pose[:3] = [[1, 0, 0, 0.3 * number], [0, 0, 1, 0], [0, -1, 0, 1]]
         scene = SimpleNamespace(drone_pose=pose)
         instant = SimpleNamespace(file=f"capture-{number:04}.h5", time_s=0.5 * number, scene=scene)
-        flight.append(EvaluatedFrame(instant, capture, result, evaluate(result, capture)))
+        flight.append(
+            EvaluatedFrame.of_instant(instant, capture, result, evaluate(result, capture))
+        )
     write_flight(path, "wall", flight, 2.0)
 
 

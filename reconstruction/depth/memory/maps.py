@@ -10,7 +10,7 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt
-from ..pixels import pixel_of, pixel_rays
+from ..pixels import in_view, pixel_of, pixel_rays
 
 NEW = 0.12
 """Fraction that the new map has in the average."""
@@ -41,7 +41,7 @@ class MapMemory:
         local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
         depth_m = np.maximum(local_m[..., 2], MIN_DEPTH_M)
         pixel = pixel_of(local_m.reshape(-1, 3), self._optics, last.shape)
-        inside = ((pixel > -0.5) & (pixel < np.array(last.shape) - 0.5)).all(axis=1)
+        inside = in_view(pixel, last.shape)
         carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(depth_m)
         agrees = np.abs(carried - log_depth) < MAX_SIGMAS * sigma
         agrees &= inside.reshape(last.shape)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats, Mask
 from ...capture import Optics
 from ...capture.motion import PoseAt
-from ..pixels import pixel_of
+from ..pixels import in_view, pixel_of
 
 MAX_POINTS = 400
 NEAREST_M = 0.1
@@ -144,7 +144,7 @@ class RangeMemory:
         local_m = (points.position_m - pose.position_m) @ pose.axes
         index = np.flatnonzero(local_m[:, 2] > NEAREST_M)
         pixel = pixel_of(local_m[index], self._optics, self._shape)
-        inside = ((pixel > -0.5) & (pixel < np.array(self._shape) - 0.5)).all(axis=1)
+        inside = in_view(pixel, self._shape)
         index, pixel = index[inside], pixel[inside]
         depth_m = local_m[index, 2]
         between_m2, between_rad2 = pose.since(

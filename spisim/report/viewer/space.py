@@ -16,8 +16,8 @@ from spisim.report.style import spot_looks
 from spisim.report.viewer.views import View
 from spisim.scene import Scene, SceneObject
 
-DRONE = "world/drone"
-CLOUD, TRUTH = (255, 140, 40), (90, 200, 120)
+DRONE, POINTS = "world/drone", "world/points"
+CLOUD, TRUTH, REMEMBERED = (255, 140, 40), (90, 200, 120), (250, 250, 250)
 POINT_PX, SPOT_PX = 2.0, 6.0
 #: Length of the drawn field of the projector.
 FIELD_M = 1.0
@@ -40,6 +40,7 @@ class Space:
             self._draw_scene(view.scene, view.since_s)
         self._draw_drone(view)
         self._draw_clouds(view)
+        self._draw_points(view)
         if view.shot.ranges is not None and view.shot.spots is not None:
             self._draw_spots(view)
 
@@ -105,6 +106,20 @@ class Space:
                 radii=self._rr.Radius.ui_points(POINT_PX),
             )
             self._stream.log(f"{DRONE}/{name}", points)
+
+    def _draw_points(self, view: View) -> None:
+        """Draw the points that the default depth method remembers, in the world."""
+        points_m = view.result.points_m.get(next(iter(view.result.depths), ""))
+        if points_m is None or view.shot.pose is None:
+            self._stream.log(POINTS, self._rr.Clear(recursive=False))
+            return
+        pose = view.shot.pose
+        points = self._rr.Points3D(
+            (points_m @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32),
+            colors=[REMEMBERED],
+            radii=self._rr.Radius.ui_points(SPOT_PX),
+        )
+        self._stream.log(POINTS, points)
 
     def _draw_spots(self, view: View) -> None:
         """Draw beams up to the measured ranges, bars of three sigma, and the true ends."""
