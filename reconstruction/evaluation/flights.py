@@ -1,5 +1,6 @@
 """Quality of a flight's frames against their truth: depth with memory beside that of each frame."""
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
@@ -16,6 +17,7 @@ from .depths import CLOSE, Figures, number
 from .metrics import evaluate
 
 CONFIDENCE = 0.95
+NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 Metrics = dict[str, Any]
 
@@ -62,7 +64,7 @@ def evaluate_flight(
         of obstacles that are missed or false by more than 25 % of ``corridor_m``. ``ratio``: for
         each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
         its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
-        ``notes``: what results say of their depth, as sentences that name the frames.
+        ``notes``: what results say of the default method's depth, as sentences that name frames.
 
     Raises
     ------
@@ -80,17 +82,16 @@ def evaluate_flight(
         setup, image=image, ranging=ranging, depth=depth, weather=weather, min_free=min_free
     )
     rows: list[Metrics] = []
-    notes: dict[str, list[int]] = {}
+    notes = _Notes()
     for frame in range(recording.frames):
         try:
             result = reconstructor(recording.frame(frame))
         except InputError as error:  # saturated throughout
-            notes.setdefault(str(error).partition(": ")[2], []).append(frame)
+            notes.add(frame, str(error).partition(": ")[2])
             continue
-        for stage, note in result.notes.items():
-            if stage.startswith("depth "):
-                name = stage.removeprefix("depth ")
-                notes.setdefault(f"depth {name!r} is {note}", []).append(frame)
+        first = next(iter(result.depths), "")
+        if note := result.notes.get(f"depth {first}"):
+            notes.add(frame, f"depth {first!r} is {note}")
         if recording.truth.knows(frame):
             metrics = evaluate(result, recording)
             rows.append(_row(recording, result, metrics))
@@ -103,8 +104,24 @@ def evaluate_flight(
         "over_time": rows,
         "mean": {name: _mean(rows, name) for name in names},
         "ratio": {name: _ratio(rows, names[0], name) for name in names[1:]},
-        "notes": [f"{_written(frames)}: {note}" for note, frames in notes.items()],
+        "notes": notes.lines,
     }
+
+
+class _Notes:
+    """Notes on frames; those that differ in numbers alone are one, with the first one's numbers."""
+
+    def __init__(self) -> None:
+        self._frames: dict[str, tuple[str, list[int]]] = {}
+
+    def add(self, frame: int, note: str) -> None:
+        """Add the note on a frame."""
+        self._frames.setdefault(NUMBER.sub("", note), (note, []))[1].append(frame)
+
+    @property
+    def lines(self) -> list[str]:
+        """Notes as sentences that name their frames."""
+        return [f"{_written(frames)}: {note}" for note, frames in self._frames.values()]
 
 
 def _written(frames: Sequence[int]) -> str:
