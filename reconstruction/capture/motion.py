@@ -7,7 +7,6 @@ estimate is: two poses close in time share most of it.
 from typing import NamedTuple
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ..base.arrays import Floats
 from .poses import Poses
@@ -49,6 +48,8 @@ def pose_at(poses: Poses | None, row: int = 0) -> PoseAt | None:
         return None
     if not poses.known[row]:
         return None
+    from scipy.spatial.transform import Rotation  # slow to load
+
     variances = np.diagonal(poses.covariance[row])
     metres2, rad2 = variances[:3].mean(), variances[3:].mean()
     return PoseAt(
@@ -67,6 +68,8 @@ def break_between(before: PoseAt, pose: PoseAt) -> str | None:
         return f"time {pose.time_s:.6g} s is not after {before.time_s:.6g} s, of the frame before"
     if step_s > MAX_GAP_S:
         return f"{step_s:.3g} s without a pose"
+    from scipy.spatial.transform import Rotation
+
     moved_m = float(np.linalg.norm(pose.position_m - before.position_m))
     turned_rad = Rotation.from_matrix(before.axes.T @ pose.axes).magnitude()
     allowed_s = max(step_s, MIN_STEP_S)

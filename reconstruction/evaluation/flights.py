@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import t as student_t
 
 from ..base.errors import InputError
 from ..capture import Capture
@@ -187,7 +186,9 @@ def _ratio(rows: Sequence[Metrics], first: str, other: str) -> Mapping[str, floa
         return {"abs_rel": None, "low": None, "high": None, "frames": 0}
     mean, half = float(logs.mean()), np.nan
     if count > 1:
-        wide = float(student_t.ppf((1 + CONFIDENCE) / 2, count - 1))
+        from scipy.special import stdtrit  # slow to load
+
+        wide = float(stdtrit(count - 1, (1 + CONFIDENCE) / 2))  # of Student's t
         half = wide * float(logs.std(ddof=1)) / np.sqrt(count)
     low, high = number(np.exp(mean - half)), number(np.exp(mean + half))
     return {"abs_rel": float(np.exp(mean)), "low": low, "high": high, "frames": count}

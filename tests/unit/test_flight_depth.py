@@ -186,7 +186,7 @@ def test_one_frame_of_a_flight_is_compared_if_named(flown, tmp_path):
     assert run.exit_code == 0, run.output
     metrics = json.loads(run.stdout)
     assert metrics["frame"] == 2
-    assert list(metrics["depths"])[0] == "flight"
+    assert next(iter(metrics["depths"])) == "flight"
 
 
 def test_files_are_refused_before_any_work(capture, flown, tmp_path):

@@ -24,7 +24,7 @@ WHOLE = KERNEL.sharp + KERNEL.smooth + KERNEL.nugget
 
 
 def echo(true_m, reflectance):
-    """What a spot states of a surface: its range within R, and ln reflectance as if it lay there."""
+    """What a spot states of a surface: range within R, ln reflectance as if it lay there."""
     range_m = true_m % R_M
     return np.array([range_m]), np.log([reflectance * (range_m / true_m) ** 2])
 
