@@ -10,6 +10,7 @@ from ..base.errors import InputError
 from ..capture import Capture
 from ..chosen_methods import Methods, depth_methods
 from ..depth import MIN_FREE
+from ..diagnostics import NOT_TRACED
 from ..reconstructor import Reconstructor
 from ..result import Result
 from .depths import CLOSE, Figures, number
@@ -63,12 +64,14 @@ def evaluate_flight(
         of obstacles that are missed or false by more than 25 % of ``corridor_m``. ``ratio``: for
         each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
         its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
-        ``notes``: what results say of the default method's depth, as sentences that name frames.
+        ``notes``: what results say of the default method's depth, as sentences that name frames,
+        and whether the light is a surrogate.
 
     Raises
     ------
     InputError
-        If the recording is not such a flight, and as `Reconstructor`.
+        If the recording is not such a flight or none of the frames with a truth can be
+        reconstructed, and as `Reconstructor`.
     """
     if not is_flight(recording):
         raise InputError("not a flight: it lacks poses, or the truth of at least two of its frames")
@@ -96,14 +99,16 @@ def evaluate_flight(
             rows.append(_row(recording, result, metrics))
             judged(result, metrics)
         progress((frame + 1) / recording.frames)
-    names = list(rows[0]["depths"]) if rows else []
+    if not rows:
+        raise InputError(f"no frame with a truth could be reconstructed: {notes.lines[0]}")
+    names = list(rows[0]["depths"])
     return {
         "frames": recording.frames,
         "depth_methods": names,
         "over_time": rows,
         "mean": {name: _mean(rows, name) for name in names},
         "ratio": {name: _ratio(rows, names[0], name) for name in names[1:]},
-        "notes": notes.lines,
+        "notes": [*([NOT_TRACED] if recording.provenance.is_surrogate else []), *notes.lines],
     }
 
 

@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from reconstruction.base.files import Output
     from spisim.report.flight import EvaluatedFrame
 
+#: Pictures of a film per second, about.
+MAX_FILM_HZ = 10.0
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
 
 
@@ -166,14 +168,16 @@ def _flight(
     frames: list[EvaluatedFrame] = []
 
     def judged(*given: Any) -> None:
-        frames.append(EvaluatedFrame.of_recording(recording, *given))
+        if outputs:
+            frames.append(EvaluatedFrame.of_recording(recording, *given))
 
     with naming(capture), progress_bar("Evaluating", None) as advance:
         comparison = evaluate_flight(recording, **choice, judged=judged, progress=advance)
     if files.page is not None:
         write_flight(files.page, capture.stem, frames, _rate_hz(frames), comparison)
     if files.film is not None:
-        write_animation(files.film, frames, _rate_hz(frames))
+        step = max(1, round(_rate_hz(frames) / MAX_FILM_HZ))
+        write_animation(files.film, frames[::step], _rate_hz(frames) / step)
     warn(comparison["notes"])
     if json:
         print_json(comparison | {"written": [each.path for each in outputs]})

@@ -250,3 +250,18 @@ def test_a_viewer_shows_points_in_the_world(capture, tmp_path):
         expected = view.result.points_m["flight"] + view.shot.pose[:3, 3]
         np.testing.assert_allclose(points, expected, atol=1e-5)
     assert len(points)
+
+
+def test_saturated_frames_and_surrogate_light_are_noted(flown):
+    saturated = np.zeros_like(flown.buckets.saturated)
+    saturated[[2, 3]] = True
+    dark = replace(flown, buckets=replace(flown.buckets, saturated=saturated))
+    software = replace(flown.provenance, software="spisim 0, surrogate light")
+    assert software.is_surrogate
+    result = evaluate_flight(replace(dark, provenance=software))
+    assert [row["frame"] for row in result["over_time"]] == [0, 5]
+    assert result["notes"][0].startswith("the light of this simulation is a fast surrogate")
+    assert "frames 2 to 3: no image, because every pattern" in " ".join(result["notes"])
+    nothing = replace(flown.buckets, saturated=np.ones_like(saturated))
+    with pytest.raises(InputError, match="no frame with a truth could be reconstructed: frames 0"):
+        evaluate_flight(replace(flown, buckets=nothing))
