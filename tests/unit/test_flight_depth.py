@@ -156,12 +156,13 @@ def evaluated(*words):
     return CliRunner().invoke(app, ["evaluate", *map(str, words)], env={"COLUMNS": "200"})
 
 
-def test_the_command_prints_frames_over_time_and_writes_page_and_film(flown, tmp_path):
-    write_capture(flown, tmp_path / "flight.h5")
+def test_the_command_prints_frames_over_time_and_writes_page_and_film(capture, flown, tmp_path):
+    slow = flight(capture, FRAMES, time_s=0.1 * (1 + np.arange(FRAMES)))
+    write_capture(replace(flown, poses=slow.poses), tmp_path / "flight.h5")
     page, film = tmp_path / "page.html", tmp_path / "film.gif"
     run = evaluated(tmp_path / "flight.h5", "--page", page, "--film", film)
     assert run.exit_code == 0, run.output
-    for words in ("error, flight", "error, anchored", "0.03 s", "4.50 m", "95 % interval"):
+    for words in ("error, flight", "error, anchored", "0.30 s", "4.50 m", "95 % interval"):
         assert words in run.output
     text = page.read_text(encoding="utf-8")
     assert text.count('<section class="sample"') == 3
