@@ -45,6 +45,12 @@ def in_view(pixels: Floats, shape: tuple[int, ...]) -> Mask:
     return np.asarray(((pixels > -0.5) & (pixels < np.array(shape) - 0.5)).all(axis=1))
 
 
+def pixels_in_view(points_m: Floats, optics: Optics, shape: tuple[int, int]) -> Floats:
+    """Rows and columns (N, 2) of those of some points (K, 3) that are in view."""
+    pixels = pixel_of(points_m[points_m[:, 2] > 0], optics, shape)
+    return np.asarray(pixels[in_view(pixels, shape)])
+
+
 def range_over_depth(optics: Optics, shape: tuple[int, int]) -> Floats:
     """Length of each pixel's ray per unit of depth, (H, W)."""
     return np.asarray(np.linalg.norm(pixel_rays(optics, shape), axis=-1))

@@ -10,24 +10,18 @@ import typer
 
 from reconstruction.base.errors import InputError, naming
 
+from . import options as opt
 from .console import print_json, progress_bar, say, warn
-from .options import (
-    CaptureArgument,
-    Json,
-    Methods,
-    MinFree,
-    Overwrite,
-    StatedWeather,
-    number_option,
-    with_options,
-)
 from .tables import print_errors, print_flight, print_recording
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from reconstruction import Capture
     from reconstruction.base.files import Output
     from spisim.report.flight import EvaluatedFrame
 
+    Evaluation = tuple[dict[str, Any], list[str], Callable[[Any], None]]
 #: Pictures of a film per second, about.
 MAX_FILM_HZ = 10.0
 EXAMPLE = "spisim evaluate out/demo/capture.h5 out/demo"
@@ -43,7 +37,7 @@ class FlightFiles:
     film: Annotated[
         Path | None, typer.Option(metavar="GIF", help="Write an animation of a flight.")
     ] = None
-    overwrite: Overwrite = False
+    overwrite: opt.Overwrite = False
 
     @property
     def outputs(self) -> list[Output]:
@@ -58,22 +52,23 @@ class FlightFiles:
 NO_FILES = FlightFiles()
 
 
-@with_options
+@opt.with_options
 def command(
-    capture: CaptureArgument,
+    capture: opt.CaptureArgument,
     folder: Annotated[
         Path | None, typer.Argument(metavar="[DIR]", help="What `reconstruct` wrote.")
     ] = None,
     frame: Annotated[
-        int | None, number_option(0, 2**31, "Frame of the capture; of a flight, by default all.")
+        int | None,
+        opt.number_option(0, 2**31, "Frame of the capture; of a flight, by default all."),
     ] = None,
-    image: Methods = None,
-    ranging: Methods = None,
-    depth: Methods = None,
-    weather: StatedWeather = None,
-    min_free: MinFree = None,
+    image: opt.Methods = None,
+    ranging: opt.Methods = None,
+    depth: opt.Methods = None,
+    weather: opt.StatedWeather = None,
+    min_free: opt.MinFree = None,
     files: FlightFiles = NO_FILES,
-    json: Json = False,
+    json: opt.Json = False,
 ) -> None:
     """Compare image, ranges and depth map with the truth of a simulated capture.
 
@@ -94,41 +89,38 @@ def command(
         check_min_free(min_free)
         frames["min_free"] = min_free
     if folder is None and frame is None and is_flight(recording):
-        _flight(capture, recording, choice | frames, files, json=json)
+        figures, warnings, show = _flight(capture, recording, choice | frames, files)
     elif files != NO_FILES:
         raise InputError("--page, --film and --overwrite are for all frames of a flight with truth")
     elif folder is None and recording.truth is None:
-        _repeatability(capture, recording, frame or 0, choice, json=json)
+        figures, warnings, show = _repeatability(capture, recording, frame or 0, choice)
     else:
-        _frame(capture, recording, folder, frame or 0, choice | frames, json=json)
+        every = choice | frames
+        figures, warnings, show = _frame(capture, recording, folder, frame or 0, every)
+    warn(warnings)
+    if json:
+        print_json(figures | {"warnings": warnings})
+        return
+    show(figures)
+    for each in files.outputs:
+        say(f"Wrote {each.path}.")
 
 
 def _repeatability(
-    capture: Path, recording: Capture, frame: int, choice: dict[str, Any], *, json: bool
-) -> None:
-    """Report the noise of a recording without truth."""
+    capture: Path, recording: Capture, frame: int, choice: dict[str, Any]
+) -> Evaluation:
+    """Measure the noise of a recording without truth."""
     from reconstruction import capture_warnings
     from reconstruction.evaluation import evaluate_recording
 
     with naming(capture):
         repeatability = evaluate_recording(recording, **choice)
-    warnings = capture_warnings(recording, frame)
-    warn(warnings)
-    if json:
-        print_json(repeatability | {"warnings": warnings})
-    else:
-        print_recording(repeatability)
+    return repeatability, capture_warnings(recording, frame), print_recording
 
 
 def _frame(
-    capture: Path,
-    recording: Capture,
-    folder: Path | None,
-    frame: int,
-    choice: dict[str, Any],
-    *,
-    json: bool,
-) -> None:
+    capture: Path, recording: Capture, folder: Path | None, frame: int, choice: dict[str, Any]
+) -> Evaluation:
     """Compare a frame, or the result in a folder, with the truth."""
     from dataclasses import replace
 
@@ -146,17 +138,12 @@ def _frame(
             result = replace(result, min_free=choice["min_free"])
     with naming(capture if folder is None else f"{folder / 'result.h5'} for {capture}"):
         metrics = evaluate(result, recording)
-    warnings = result_warnings(result, recording)
-    warn(warnings)
-    if json:
-        print_json(metrics | {"warnings": warnings})
-    else:
-        print_errors(metrics)
+    return metrics, result_warnings(result, recording), print_errors
 
 
 def _flight(
-    capture: Path, recording: Capture, choice: dict[str, Any], files: FlightFiles, *, json: bool
-) -> None:
+    capture: Path, recording: Capture, choice: dict[str, Any], files: FlightFiles
+) -> Evaluation:
     """Compare the frames of a flight, and write its page and film."""
     from reconstruction.base.files import require_outputs
     from reconstruction.evaluation import evaluate_flight
@@ -173,21 +160,13 @@ def _flight(
 
     with naming(capture), progress_bar("Evaluating", None) as advance:
         comparison = evaluate_flight(recording, **choice, judged=judged, progress=advance)
+    if outputs:
+        seconds = frames[-1].time_s - frames[0].time_s
+        rate_hz = (len(frames) - 1) / seconds if seconds > 0 else 1.0
     if files.page is not None:
-        write_flight(files.page, capture.stem, frames, _rate_hz(frames), comparison)
+        write_flight(files.page, capture.stem, frames, rate_hz, comparison)
     if files.film is not None:
-        step = max(1, round(_rate_hz(frames) / MAX_FILM_HZ))
-        write_animation(files.film, frames[::step], _rate_hz(frames) / step)
-    warn(comparison["notes"])
-    if json:
-        print_json(comparison | {"written": [each.path for each in outputs]})
-        return
-    print_flight(comparison)
-    for each in outputs:
-        say(f"Wrote {each.path}.")
-
-
-def _rate_hz(frames: list[EvaluatedFrame]) -> float:
-    """Return how many of these frames there are a second, 1 if unknown."""
-    seconds = frames[-1].time_s - frames[0].time_s
-    return (len(frames) - 1) / seconds if seconds > 0 else 1.0
+        step = max(1, round(rate_hz / MAX_FILM_HZ))
+        write_animation(files.film, frames[::step], rate_hz / step)
+    written = {"written": [each.path for each in outputs]}
+    return comparison | written, comparison["notes"], print_flight

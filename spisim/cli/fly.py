@@ -263,8 +263,8 @@ def _evaluated(instant: Instant, folder: Path) -> EvaluatedFrame:
     with naming(folder / instant.file):
         result = reconstruct(capture)
     warnings = result_warnings(result, capture)
-    metrics = evaluate(result, capture)
-    return EvaluatedFrame.of_instant(instant, capture, result, metrics, warnings)
+    at = instant.file, instant.time_s, instant.scene.drone_pose
+    return EvaluatedFrame(*at, capture, result, evaluate(result, capture), warnings)
 
 
 def _warnings(frames: list[EvaluatedFrame]) -> list[str]:

@@ -13,26 +13,18 @@ from rich.table import Table
 from .console import results
 
 if TYPE_CHECKING:
+    from reconstruction.evaluation.comparison import Comparison
     from spisim.atmosphere.report import ReportTable
-    from spisim.report.comparison import Comparison
 
 #: Minimum width of a text column.
 MIN_WORDS = 8
-#: Maximum number of frames of a flight in a table.
-MAX_ROWS = 20
-#: Heading, factor and format of their figures.
-OVER_TIME = {
-    "abs_rel": ("error", 100, "{:.1f} %"),
-    "within_2_sigma": ("in 2 sigma", 100, "{:.1f} %"),
-    "obstacle_m": ("obstacle", 1, "{:.2f} m"),
-}
 #: More than any table needs.
 WIDEST = 10_000
 
 
 def print_errors(metrics: Mapping[str, Any]) -> None:
     """Print image, range and depth errors, as `reconstruction.evaluate` returns them."""
-    from spisim.report.comparison import compared_methods, compared_spots, written
+    from reconstruction.evaluation.comparison import compared_methods, compared_spots, written
 
     _print_all([*compared_methods(metrics), *compared_spots(metrics)])
     if not metrics["images"]:
@@ -43,14 +35,14 @@ def print_errors(metrics: Mapping[str, Any]) -> None:
 
 def print_spots(metrics: Mapping[str, Any], of: str) -> None:
     """Print only range errors, of a named instrument."""
-    from spisim.report.comparison import compared_spots
+    from reconstruction.evaluation.comparison import compared_spots
 
     _print_all(compared_spots(metrics, of))
 
 
 def print_recording(recording: Mapping[str, Any]) -> None:
     """Print the repeatability of a recording, as returned by `evaluate_recording`."""
-    from spisim.report.comparison import written
+    from reconstruction.evaluation.comparison import written
 
     table = plain_table("", "saturated", "noise", "expected", "noise ratio")
     for name in ("readings", "taps"):
@@ -82,34 +74,11 @@ def print_recording(recording: Mapping[str, Any]) -> None:
 
 def print_flight(comparison: Mapping[str, Any]) -> None:
     """Print the comparison of a flight's frames, as returned by `evaluate_flight`."""
-    from spisim.report.comparison import written
-    from spisim.report.contact_sheet import evenly
+    from reconstruction.evaluation.comparison import compared_flight, ratio_sentences
 
-    names = comparison["depth_methods"]
-    columns = [f"{head}, {name}" for head, *_ in OVER_TIME.values() for name in names]
-
-    def figures(depths: Mapping[str, Any]) -> list[str]:
-        return [
-            written(depths.get(name, {}).get(key), factor, form)
-            for key, (_, factor, form) in OVER_TIME.items()
-            for name in names
-        ]
-
-    table = plain_table("time", "image", *columns, "true obstacle", minimum=8)
-    rows = comparison["over_time"]
-    for row in (rows[k] for k in evenly(len(rows), MAX_ROWS)):
-        time, image = written(row["time_s"], 1, "{:.2f} s"), written(row["image_nrmse"])
-        true = written(row["corridor_m"], 1, "{:.2f} m")
-        table.add_row(time, image, *figures(row["depths"]), true)
-    table.add_row("mean", "", *figures(comparison["mean"]), "")
-    print_table(table)
-    for name, ratio in comparison["ratio"].items():
-        low, high, value = (written(ratio[key], 1, "{:.3f}") for key in ("low", "high", "abs_rel"))
-        results.print(
-            f"error of {names[0]} over that of {name}: {value}, 95 % interval {low} to {high}, of "
-            f"{ratio['frames']} frames as if independent",
-            soft_wrap=True,
-        )
+    _print_all([compared_flight(comparison)])
+    for sentence in ratio_sentences(comparison):
+        results.print(sentence, soft_wrap=True)
 
 
 def _print_all(comparisons: Iterable[Comparison]) -> None:

@@ -14,10 +14,10 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import MAX_RANGE_M, Corridor, pixel_rays
 from reconstruction.diagnostics import result_warnings
 from reconstruction.evaluation import method_title
+from reconstruction.evaluation.comparison import compared_methods, compared_spots
 
 from .buildup import build_up
 from .capture_plots import SpotHistograms, arrival_figure, corridor_figure, light_figure
-from .comparison import compared_methods, compared_spots
 from .facts import Metrics, cards_of, facts_of, media_of, quality_of
 from .page import duration, write_page
 from .pictures import (

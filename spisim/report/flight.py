@@ -6,7 +6,7 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ from reconstruction import Capture, Result
 from reconstruction.base.arrays import Floats
 from reconstruction.base.files import Output, mark, write_atomically
 from reconstruction.capture import FrameTruth
-from reconstruction.depth.pixels import in_view, pixel_of
+from reconstruction.depth.pixels import pixels_in_view
 from reconstruction.evaluation import method_title
 from reconstruction.outputs.pictures import dotted
 from spisim.base.config.files import csv_table
@@ -51,8 +51,7 @@ def flight_outputs(folder: Path) -> list[Output]:
 class EvaluatedFrame:
     """One frame of a flight, its reconstruction and its errors.
 
-    ``pose`` (4, 4) is world from optical frame; ``methods`` are the depth methods to show, the
-    default one first.
+    ``pose`` (4, 4) is world from optical frame; ``compared`` if all depth methods are shown.
     """
 
     name: str
@@ -62,32 +61,20 @@ class EvaluatedFrame:
     result: Result
     metrics: dict[str, Any]
     warnings: Sequence[str] = ()
-    methods: Sequence[str] = ()
+    compared: bool = False
 
     @classmethod
-    def of_instant(
-        cls,
-        instant: Instant,
-        capture: Capture,
-        result: Result,
-        metrics: dict[str, Any],
-        warnings: Sequence[str] = (),
-    ) -> EvaluatedFrame:
-        """A flight's capture, with its default depth method."""
-        pose, first = instant.scene.drone_pose, list(result.depths)[:1]
-        return cls(instant.file, instant.time_s, pose, capture, result, metrics, warnings, first)
-
-    @classmethod
-    def of_recording(
-        cls, capture: Capture, result: Result, metrics: dict[str, Any]
-    ) -> EvaluatedFrame:
-        """A frame of a recorded flight, with all depth methods; at the origin without a pose."""
+    def of_recording(cls, capture: Capture, result: Result, metrics: dict[str, Any]) -> Self:
+        """A frame of a recorded flight; at the origin without a pose."""
         assert capture.poses is not None
-        frame, at = result.frame, placed(capture, result.frame)
-        time_s = float(capture.poses.time_s[frame])
-        pose = np.eye(4) if at is None else at.pose
-        name, notes, methods = f"frame {frame}", result.warnings, list(result.depths)
-        return cls(name, time_s, pose, capture, result, metrics, notes, methods)
+        at, time_s = placed(capture, result.frame), float(capture.poses.time_s[result.frame])
+        pose, name = np.eye(4) if at is None else at.pose, f"frame {result.frame}"
+        return cls(name, time_s, pose, capture, result, metrics, result.warnings, compared=True)
+
+    @property
+    def methods(self) -> list[str]:
+        """Depth methods to show, the default one first."""
+        return list(self.result.depths)[: None if self.compared else 1]
 
     @property
     def truth(self) -> FrameTruth:
@@ -100,9 +87,7 @@ class EvaluatedFrame:
         points_m, optics = self.result.points_m.get(method), self.capture.optics
         if points_m is None or optics is None:
             return None
-        shape = self.capture.plan.shape
-        pixels = pixel_of(points_m[points_m[:, 2] > 0], optics, shape)
-        return np.asarray(pixels[in_view(pixels, shape)])
+        return pixels_in_view(points_m, optics, self.capture.plan.shape)
 
     @property
     def measured_m(self) -> np.ndarray:

@@ -14,7 +14,7 @@ from spisim import __version__
 from .contact_sheet import evenly
 from .facts import in_all
 from .flight import KIND, EvaluatedFrame, Scales, map_limits
-from .page import duration, length, write_page
+from .page import duration, length, number, write_page
 from .style import CURVE_COLOURS, WIDE_IN, plot_in_page, plot_style, spot_looks
 from .units import engineering, prefix_axis
 
@@ -65,17 +65,12 @@ def write_flight(
 
 def ratio_cards(comparison: Mapping[str, Any]) -> list[tuple[str, str, str]]:
     """Return the depth error of the first method over that of others, with its interval."""
-    return [
-        (
-            f"{ratio['abs_rel']:.2f}",
-            f"times the relative depth error of {method_title('depths', name)}",
-            ""
-            if ratio["low"] is None
-            else f"95 % interval {ratio['low']:.2f} to {ratio['high']:.2f}",
-        )
-        for name, ratio in comparison.get("ratio", {}).items()
-        if ratio["abs_rel"] is not None
-    ]
+    cards = []
+    for name, ratio in comparison.get("ratio", {}).items():
+        value, low, high = (number(ratio[key], 2) for key in ("abs_rel", "low", "high"))
+        label = f"times the relative depth error of {method_title('depths', name)}"
+        cards.append((value, label, f"95 % interval {low} to {high}"))
+    return cards
 
 
 def _cards(

@@ -97,11 +97,8 @@ def _flight(path: Path, capture: Capture) -> None:
     for number in range(3):
         pose = np.eye(4)
         pose[:3] = [[1, 0, 0, 0.3 * number], [0, 0, 1, 0], [0, -1, 0, 1]]
-        scene = SimpleNamespace(drone_pose=pose)
-        instant = SimpleNamespace(file=f"capture-{number:04}.h5", time_s=0.5 * number, scene=scene)
-        flight.append(
-            EvaluatedFrame.of_instant(instant, capture, result, evaluate(result, capture))
-        )
+        at = f"capture-{number:04}.h5", 0.5 * number, pose
+        flight.append(EvaluatedFrame(*at, capture, result, evaluate(result, capture)))
     write_flight(path, "wall", flight, 2.0)
 
 

@@ -109,16 +109,12 @@ class Space:
 
     def _draw_points(self, view: View) -> None:
         """Draw the points that the default depth method remembers, in the world."""
-        points_m = view.result.points_m.get(next(iter(view.result.depths), ""))
-        if points_m is None or view.shot.pose is None:
-            self._stream.log(POINTS, self._rr.Clear(recursive=False))
-            return
-        pose = view.shot.pose
-        points = self._rr.Points3D(
-            (points_m @ pose[:3, :3].T + pose[:3, 3]).astype(np.float32),
-            colors=[REMEMBERED],
-            radii=self._rr.Radius.ui_points(SPOT_PX),
-        )
+        name, pose = next(iter(view.result.depths), ""), view.shot.pose
+        points_m = view.result.points_m.get(name, np.zeros((0, 3)))
+        if pose is not None:
+            points_m = points_m @ pose[:3, :3].T + pose[:3, 3]
+        radii = self._rr.Radius.ui_points(SPOT_PX)
+        points = self._rr.Points3D(points_m.astype(np.float32), colors=[REMEMBERED], radii=radii)
         self._stream.log(POINTS, points)
 
     def _draw_spots(self, view: View) -> None:

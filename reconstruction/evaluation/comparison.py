@@ -1,12 +1,14 @@
-"""Results of `reconstruction.evaluate` as tables."""
+"""Results of `evaluate` and `evaluate_flight` as tables of text."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import count
 from typing import Any
 
-from reconstruction.evaluation import method_title, no_range
-from reconstruction.ranging import RANGED, Alternative
+import numpy as np
+
+from ..ranging import RANGED, Alternative
+from .methods import method_title, no_range
 
 
 @dataclass(frozen=True)
@@ -18,7 +20,6 @@ class Comparison:
     rows: Sequence[Sequence[str]]
 
 
-#: Label, factor and format of each figure of image and depth.
 FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
     "images": {
         "correlation": ("correlation", 1, "{:.3f}"),
@@ -46,6 +47,15 @@ FIGURES: Mapping[str, Mapping[str, tuple[str, float, str]]] = {
         "free_recall": ("recall of free space", 100, "{:.1f} %"),
     },
 }
+"""Label, factor and format of each figure of image and depth."""
+OVER_TIME = {
+    "abs_rel": ("error", 100, "{:.1f} %"),
+    "within_2_sigma": ("in 2 sigma", 100, "{:.1f} %"),
+    "obstacle_m": ("obstacle", 1, "{:.2f} m"),
+}
+"""The same for a frame of a flight, by depth method."""
+MAX_ROWS = 20
+"""Maximum number of frames of a flight in a table, evenly chosen from more."""
 
 
 def written(value: float | None, factor: float = 1, pattern: str = "{:.3f}") -> str:
@@ -54,7 +64,7 @@ def written(value: float | None, factor: float = 1, pattern: str = "{:.3f}") -> 
 
 
 def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
-    """Return figures of images and depth maps in rows and methods in columns."""
+    """Figures of images and depth maps in rows and methods in columns."""
     return [
         Comparison(
             name,
@@ -71,7 +81,7 @@ def compared_methods(metrics: Mapping[str, Any]) -> list[Comparison]:
 
 
 def compared_spots(metrics: Mapping[str, Any], of: str = "") -> list[Comparison]:
-    """Return spots in rows for each ranging method; ``of`` names the instrument."""
+    """Spots in rows for each ranging method; ``of`` names the instrument."""
     columns = ("true, m", "measured, m", "error, cm", "sigma, cm", "status")
     return [
         Comparison(
@@ -89,3 +99,41 @@ def _spot(number: int, spot: Mapping[str, Any]) -> tuple[str, ...]:
     measured = written(spot["range_m"]) if valid else no_range(spot["status"], alternatives)
     errors = (written(spot[key], 100, "{:.1f}") for key in ("error_m", "sigma_m"))
     return f"spot {number}", written(spot["true_m"]), measured, *errors, spot["status"]
+
+
+def compared_flight(comparison: Mapping[str, Any]) -> Comparison:
+    """Frames of a flight in rows, the last of means, and figures by depth method in columns."""
+    names, frames = comparison["depth_methods"], comparison["over_time"]
+
+    def figures(depths: Mapping[str, Any]) -> list[str]:
+        return [
+            written(depths.get(name, {}).get(key), factor, how)
+            for key, (_, factor, how) in OVER_TIME.items()
+            for name in names
+        ]
+
+    heads = [f"{head}, {name}" for head, *_ in OVER_TIME.values() for name in names]
+    chosen = np.linspace(0, len(frames) - 1, min(len(frames), MAX_ROWS)).round().astype(int)
+    rows = [
+        [
+            written(frame["time_s"], 1, "{:.2f} s"),
+            written(frame["image_nrmse"]),
+            *figures(frame["depths"]),
+            written(frame["corridor_m"], 1, "{:.2f} m"),
+        ]
+        for frame in (frames[k] for k in chosen)
+    ]
+    rows.append(["mean", "", *figures(comparison["mean"]), ""])
+    return Comparison("time", ["image", *heads, "true obstacle"], rows)
+
+
+def ratio_sentences(comparison: Mapping[str, Any]) -> list[str]:
+    """The default depth method's error over that of each other one, with its interval."""
+    first, sentences = comparison["depth_methods"][0], []
+    for name, ratio in comparison["ratio"].items():
+        value, low, high = (written(ratio[key]) for key in ("abs_rel", "low", "high"))
+        sentences.append(
+            f"error of {first} over that of {name}: {value}, 95 % interval {low} to {high}, of "
+            f"{ratio['frames']} frames as if independent"
+        )
+    return sentences
