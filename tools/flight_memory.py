@@ -22,7 +22,7 @@ from scipy.special import expit
 
 from corridor_priors import FROM_M, MIN, SCALES, Ahead, truly_free
 from reconstruction.base.arrays import Floats
-from reconstruction.depth import DISTANCES_M, Corridor, pixel_rays
+from reconstruction.depth import DISTANCES_M, MAX_RANGE_M, Corridor, pixel_rays
 from reconstruction.depth.memory.correction import FITTED as KERNEL
 from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met
 from reconstruction.depth.obstacle import FITTED as CORRIDOR
@@ -76,7 +76,7 @@ def judged(flight: Flight) -> Iterator[tuple[Floats, Ahead, Met]]:
         late = poses.time_s[number] - poses.time_s[0] > FROM_S
         if remembered is None or remembered.estimate.sigma is None or not late:
             continue
-        estimate, there = remembered.estimate, np.isfinite(true.depth_m)
+        estimate, there = remembered.estimate, true.depth_m < MAX_RANGE_M
         log = np.log(estimate.depth_m[there] / true.depth_m[there])
         ahead = Ahead(flight.family, corridor, estimate, float(true.corridor_m))
         yield np.abs(log) / estimate.sigma[there], ahead, remembered.met

@@ -117,7 +117,8 @@ def seen(pixels, log_depth, log_variance=1e-8):
 def test_an_exact_point_corrects_the_map_there_and_not_across_an_edge():
     log_depth, sigma = np.full(SHAPE, np.log(4)), np.full(SHAPE, 0.2)
     log_depth[:, 36:] = np.log(16)
-    result = correction(log_depth, sigma, seen([(30, 33)], np.log(4) + 0.1))
+    gaussian = replace(KERNEL, freedom=1e9)
+    result = correction(log_depth, sigma, seen([(30, 33)], np.log(4) + 0.1), gaussian)
     kept = KERNEL.sharp + KERNEL.smooth
     assert result.error[30, 33] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
     assert result.remaining[30, 33] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
@@ -139,12 +140,13 @@ def test_the_unit_of_length_is_a_pixel_of_64_rows():
     np.testing.assert_allclose(means[~near], small.error[~near], rtol=0.01)
 
 
-def test_an_outlier_among_points_that_agree_has_less_weight():
+@pytest.mark.parametrize("log_variance", [1e-4, 1e-2])
+def test_an_outlier_among_points_that_agree_has_less_weight(log_variance):
     log_depth, sigma = np.full(SHAPE, np.log(5)), np.full(SHAPE, 0.2)
     pixels = [(row, column) for row in (28, 32, 36) for column in (28, 32, 36)]
     stated = np.full(9, np.log(5))
     stated[4] += 1.5
-    points = seen(pixels, stated, log_variance=0.01)
+    points = seen(pixels, stated, log_variance=log_variance)
     robust = correction(log_depth, sigma, points).error[32, 32]
     gaussian = correction(log_depth, sigma, points, replace(KERNEL, freedom=1e9)).error[32, 32]
     assert gaussian > 0.3

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats
 from .points import Seen
 
-MAX_ANCHORS = 80
+MAX_ANCHORS = 120
 ROUNDS = 3
 """Iterations of the weights."""
 ROWS = 64
@@ -87,7 +87,7 @@ def correction(
     covariance = _likeness(apart, mean[:, None] - mean, kernel)
     target, weights = (seen.log_depth - mean) / spread, np.ones(len(row))
     for _ in range(ROUNDS):
-        inverse = np.linalg.inv(covariance + np.diag(kernel.nugget + noise / weights))
+        inverse = np.linalg.inv(covariance + np.diag((kernel.nugget + noise) / weights))
         solved, precision = inverse @ target, np.diagonal(inverse)
         weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
     to_pixels = _likeness(*_to_pixels(log_depth, seen.pixel, mean), kernel)

@@ -12,7 +12,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt
 from ..pixels import in_view, pixel_of, pixel_rays
 
-NEW = 0.12
+NEW = 0.15
 """Fraction that the new map has in the average."""
 MAX_SIGMAS = 3.0
 """Maximum difference between average and map, in standard deviations of the map."""

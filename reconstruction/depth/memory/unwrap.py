@@ -17,8 +17,8 @@ LOG_REFLECTANCE, SPREAD = -1.2, 0.9
 MULTIPLES = np.arange(3)[:, None]
 LOG_PRIOR = np.log(0.1)
 """Of each multiple relative to the one before: most of what is met is near."""
-MAP_WEIGHT, MAX_SIGMAS = 0.5, 4.0
-"""Weight of the map's log-likelihood, and the deviation beyond which it grows no more."""
+MAX_SIGMAS = 4.0
+"""Deviation from the map beyond which it speaks no louder."""
 MIN_PROBABILITY = 0.8
 """Of the multiple that is taken; with less, there is no range."""
 
@@ -42,7 +42,7 @@ def unwrapped(
     log = log_reflectance + 2 * np.log(possible_m / range_m)
     off = np.abs(np.log(possible_m) - expected.log_range) / expected.sigma
     evidence = MULTIPLES * LOG_PRIOR - 0.5 * ((log - LOG_REFLECTANCE) / SPREAD) ** 2
-    evidence -= 0.5 * MAP_WEIGHT * np.minimum(off, MAX_SIGMAS) ** 2
+    evidence -= 0.5 * np.minimum(off, MAX_SIGMAS) ** 2
     weights = np.exp(evidence - evidence.max(axis=0))
     weights /= weights.sum(axis=0)
     best = weights.argmax(axis=0)

@@ -1,0 +1,77 @@
+"""Remembered points in the corridor, and the ranges that remembered points predict."""
+
+import numpy as np
+import pytest
+
+from reconstruction.capture import Optics
+from reconstruction.capture.motion import PoseAt
+from reconstruction.depth import DISTANCES_M
+from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met, met_in_corridor
+from reconstruction.depth.memory.points import Points, RangeMemory
+from reconstruction.depth.memory.prediction import RangePrediction
+from reconstruction.depth.pixels import pixel_rays
+
+OPTICS = Optics(tan_half_width=0.4, tan_half_height=0.4)
+SHAPE = (8, 8)
+RAYS = pixel_rays(OPTICS, SHAPE).reshape(-1, 3)
+UNIT = RAYS / np.linalg.norm(RAYS, axis=1, keepdims=True)
+
+
+def pose(time_s=0.0, position_m=(0.0, 0.0, 0.0)):
+    return PoseAt(time_s, np.array(position_m), np.eye(3), 1e-6, 1e-6)
+
+
+def points(position_m, time_s):
+    position_m, time_s = np.array(position_m, float), np.array(time_s, float)
+    return Points(position_m, *(np.full(len(time_s), 1e-4),), time_s, *(np.zeros((2, len(time_s)))))
+
+
+def test_points_in_the_corridor_are_met_also_where_the_view_does_not_reach():
+    ahead = points([(0.29, -0.29, 0.3), (0.31, 0, 2), (0, 0, -1), (0.1, 0, 4)], [0, 0, 0, 1])
+    met = met_in_corridor(ahead, pose(time_s=2.0))
+    np.testing.assert_allclose(met.depth_m, [0.3, 4.0])
+    np.testing.assert_allclose(met.age_s, [2.0, 1.0])
+    moved = met_in_corridor(ahead, pose(time_s=2.0, position_m=(0.1, 0, 1)))
+    np.testing.assert_allclose(moved.depth_m, [1.0, 3.0])
+
+
+def test_beyond_what_was_met_the_corridor_is_blocked_as_surely_as_it_is_recent():
+    constants = MetObstacles(certainty=0.8, lasting_s=2.0)
+    free = free_of_met(Met(np.array([3.0, 5.0]), np.array([2.0, 0.0])), constants)
+    near, between, far = DISTANCES_M <= 3, (DISTANCES_M > 3) & (DISTANCES_M <= 5), DISTANCES_M > 5
+    assert (free[near] == 1).all()
+    np.testing.assert_allclose(free[between], 1 - 0.8 * np.exp(-1))
+    np.testing.assert_allclose(free[far], 0.2)
+    assert (free_of_met(Met(np.zeros(0), np.zeros(0)), constants) == 1).all()
+
+
+def wall(distance_m, offset_m=0.0):
+    """Ranges of a wall across the optical axis, with an error of the sensor."""
+    return distance_m / UNIT[:, 2] + offset_m
+
+
+@pytest.mark.parametrize("offset_m", [0.0, 0.1])
+def test_the_next_ranges_follow_from_points_and_the_sensors_own_error(offset_m):
+    rng = np.random.default_rng(5)
+    of_zone = offset_m * rng.standard_normal(len(UNIT))
+    prediction = RangePrediction(RangeMemory(OPTICS, SHAPE), UNIT)
+    assert np.isnan(prediction.at(pose())).all()
+    errors, last = [], []
+    before = None
+    for frame in range(40):
+        at = pose(0.05 * frame, (0, 0, 0.05 * frame))
+        range_m = wall(4 - 0.05 * frame, of_zone) + 0.005 * rng.standard_normal(len(UNIT))
+        if frame > 10:
+            errors.append(np.abs(prediction.at(at) - range_m))
+            last.append(np.abs(before - range_m))
+        prediction.take(at, range_m, np.full(len(UNIT), 0.02))
+        before = range_m
+    assert np.nanmedian(errors) < 0.4 * np.median(last)
+
+
+def test_a_zone_without_a_range_is_predicted_by_its_neighbours_points():
+    prediction = RangePrediction(RangeMemory(OPTICS, SHAPE), UNIT)
+    range_m = wall(3.0)
+    range_m[::2] = np.nan
+    prediction.take(pose(), range_m, np.full(len(UNIT), 0.01))
+    np.testing.assert_allclose(prediction.at(pose(0.1)), wall(3.0), rtol=0.01)
