@@ -104,11 +104,13 @@ def _record(flight: Flight) -> None:
     )
 
 
-def clear_path(scene: Scene, motion: str, speed_m_s: float) -> Trajectory:
+def clear_path(
+    scene: Scene, motion: str, speed_m_s: float, duration_s: float = DURATION_S + 0.01
+) -> Trajectory:
     """A path that ends in the scene's pose; slower where something is in the way."""
-    times_s = np.linspace(0, DURATION_S + 0.01, 35)
+    times_s = np.linspace(0, duration_s, round(20 * duration_s) + 1)
     ago_s, pose = times_s - times_s[-1], scene.drone_pose
-    for slower in (1.0, 0.7, 0.4, 0.2):
+    for slower in (1.0, 0.7, 0.4, 0.2, 0.0):
         way_m = {
             "forward": np.outer(speed_m_s * slower * ago_s, pose[:3, 2]),
             "sideways": np.outer(0.6 * slower * np.sin(2.6 * ago_s), pose[:3, 0]),

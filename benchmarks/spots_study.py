@@ -12,17 +12,16 @@ from pathlib import Path
 
 import numpy as np
 from depth_sets import JUDGED_BY
+from flight_sets import MOTIONS, clear_path
 from intervals import of_figure
-from scipy.spatial.transform import Rotation
 
 import spisim
 from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
-from reconstruction.base.errors import InputError
 from reconstruction.depth import pixel_of
 from spisim.instrument import Instrument
 from spisim.instrument.steering import PLASTIC, directions
-from spisim.scene import Scene, Trajectory, check_clear_path, draw_scene
+from spisim.scene import Scene, Trajectory, draw_scene
 from spisim.simulation.flight.motion import scene_at
 from spisim.transport.backend import with_backend
 from spisim.transport.geometry import rays_of
@@ -32,7 +31,7 @@ from spisim_paper.checks import Check, Table
 SPOTS, TIMES_S = (1, 4, 16, 64), (0.1, 0.3, 1.0, 3.0)
 MODES = ("fixed", "raster", "random", "adaptive")
 WEATHERS = {"clear": None, "fog 70 m": {"kind": "moderate-radiation", "visibility_m": 70}}
-MOTIONS = ("forward", "sideways", "hover")
+SPEED_M_S = 1.5
 HALF_DEG, RANGE_ERROR, MAX_ANCHORS, CANDIDATES, REMEMBERED = 9.0, 0.01, 300, 32, 64
 #: Variance fractions and lengths in pixels of 64 × 64, and the scale of differences of ln depth.
 SHARP, SMOOTH, NUGGET, EDGE = (0.35, 3.0), (0.58, 22.0), 0.07, 0.45
@@ -59,7 +58,7 @@ def views(weather: str, seeds: int) -> Iterator[View]:
         if family == "targets":
             continue
         scene = draw_scene(family, 700 + seed, changes={"fog": fog, "rain": None})
-        path = _path(scene, MOTIONS[number % len(MOTIONS)])
+        path = clear_path(scene, MOTIONS[number % len(MOTIONS)], SPEED_M_S, TIMES_S[-1])
         last = scene_at(scene, path.duration_s, path.pose(path.duration_s))
         capture = spisim.simulate(last, instrument, light="surrogate", seed=seed).capture
         result = Reconstructor(capture.setup, depth="learned")(capture.frame(0))
@@ -71,30 +70,6 @@ def views(weather: str, seeds: int) -> Iterator[View]:
         true_m = capture.truth.depth_m[0].astype(np.float64)
         sigma = np.nan_to_num(sigma, nan=1.0)
         yield View(f"{family} {seed}", instrument, scene, path, np.log(filled), sigma, true_m)
-
-
-def _path(scene: Scene, motion: str) -> Trajectory:
-    """A clear path of three seconds that ends in the scene's pose."""
-    times_s = np.linspace(0, TIMES_S[-1], 31)
-    ago = times_s - TIMES_S[-1]
-    pose = scene.drone_pose
-    for size in (1.0, 0.5, 0.2, 0.0):
-        way = {
-            "forward": np.outer(1.5 * size * ago, pose[:3, 2]),
-            "sideways": np.outer(0.6 * size * np.sin(2.6 * ago), pose[:3, 0]),
-            "hover": np.outer(0.03 * size * np.sin(4 * ago), pose[:3, 1]),
-        }[motion]
-        yaw = np.radians(7) * np.sin(2.6 * ago) * (motion == "hover")
-        turns = Rotation.from_matrix(pose[:3, :3]) * Rotation.from_rotvec(
-            np.stack([0 * yaw, yaw, 0 * yaw], axis=1)
-        )
-        path = Trajectory.through(times_s, pose[:3, 3] + way, turns)
-        try:
-            check_clear_path(scene, path)
-        except InputError:
-            continue
-        return path
-    raise InputError(f"{scene.name}: no clear path")
 
 
 def aims(mode: str, spots: int, frames: int, view: View) -> Floats:
