@@ -40,13 +40,16 @@ SKY_KLX = 2.0
 
 @dataclass(frozen=True)
 class Cell:
-    """Conditions from which scenes are drawn: clear without a visibility."""
+    """Conditions from which scenes are drawn: clear without a visibility.
+
+    ``air`` may name a kind of fog, too; "natural" draws one of `NATURAL`.
+    """
 
     name: str  # for people
     visibility_m: float | None
     nearest_m: float
     farthest_m: float
-    air: Literal["natural", "unseen", "patchy"] = "natural"
+    air: str = "natural"
     seed: int = 0
 
 
@@ -123,6 +126,8 @@ def _medium(cell: Cell, rng: np.random.Generator) -> Atmosphere:
     if cell.visibility_m is None:
         return CLEAR
     kind: str | Particles = str(rng.choice(NATURAL))
+    if cell.air in NATURAL:
+        kind = cell.air
     if cell.air == "unseen":
         others: list[str | Particles] = [
             Particles(GammaSizes(rng.uniform(1, 8), 1, rng.uniform(1, 8))),

@@ -65,8 +65,7 @@ def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:
 
 
 def _are_of(ranges: Ranges, spots: int) -> bool:
-    values = dict(vars(ranges))
-    values.pop("fog")
+    values = {name: v for name, v in vars(ranges).items() if name not in ("fog", "visibility")}
     lists = values.pop("status"), values.pop("alternatives")
     shapes = {np.shape(v) for v in values.values()} | {(len(v),) for v in lists}
     return shapes == {(spots,)}

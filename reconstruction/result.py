@@ -11,7 +11,7 @@ from .base.arrays import Floats
 from .base.display import draw_map, html_summary, panels, picture, text_summary
 from .capture import Setup, Unit
 from .depth import MIN_FREE, nearest_obstacle_m
-from .ranging import RANGED, Ranges
+from .ranging import RANGED, Ranges, Visibility
 
 Image = NDArray[np.float32]
 
@@ -108,6 +108,8 @@ class Result:
                 given = f"{range_m:.3f} ± {sigma_m:.2g} m"
                 given += "" if status == "ok" else f" ({status})"
                 facts[f"spot {spot}"] = given if status in RANGED else status
+        if self.visibility is not None:
+            facts["visibility"] = str(self.visibility)
         return facts | {f"note {number}": each for number, each in enumerate(self.warnings, 1)}
 
     def plot(self) -> Any:
@@ -149,6 +151,12 @@ class Result:
     def ranges(self) -> Ranges | None:
         """Ranges of the spots by the default method, None without time of flight."""
         return next(iter(self.rangings.values()), None)
+
+    @property
+    def visibility(self) -> Visibility | None:
+        """Visibility by the first ranging method that states it, None if none does."""
+        stated = (ranges.visibility for ranges in self.rangings.values())
+        return next((each for each in stated if each is not None), None)
 
     @property
     def depth_m(self) -> Image | None:

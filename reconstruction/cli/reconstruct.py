@@ -121,6 +121,7 @@ def _report(result: Result, capture: Capture) -> dict[str, Any]:
         "sampling_ratio": plan.sampling_ratio,
         "images": list(result.images),
         "spots": {name: _spots(ranges) for name, ranges in result.rangings.items()},
+        "visibility": None if result.visibility is None else result.visibility.numbers,
         "depth_coverage": _coverage(result),
         "obstacles_m": {
             name: None if np.isnan(each) else each for name, each in result.obstacles_m.items()
@@ -166,6 +167,8 @@ def _lines(
         yield f"ranges alone, {capture.provenance.source}: no patterns, no image"
     for name, ranges in result.rangings.items():
         yield from _range_lines(name, ranges)
+    if result.visibility is not None:
+        yield f"visibility (5 % contrast): {result.visibility}"
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:

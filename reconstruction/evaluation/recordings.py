@@ -11,7 +11,7 @@ from ..base.arrays import Floats
 from ..base.errors import InputError
 from ..capture import Buckets, CwSpots, HistogramSpots, PulsedSpots, Recording, Spots
 from ..chosen_methods import Methods
-from ..ranging import RANGED, Ranges
+from ..ranging import RANGED, Ranges, pooled
 from ..reconstructor import Reconstructor
 from ..result import BASELINE, Result
 from .depths import number
@@ -45,7 +45,8 @@ def evaluate_recording(
         zero-filled images: ``noise``, ``contrast`` (standard deviation over the pixels of their
         mean) and ``signal_over_noise``. ``spots``, by method, for each spot: ``range_m`` (mean),
         ``spread_m`` (measured), ``sigma_m`` (rms of those stated), ``spread_ratio``, the one over
-        the other, and ``ranged`` (fraction of the frames).
+        the other, and ``ranged`` (fraction of the frames). ``visibility``: that of all frames by
+        `reconstruction.ranging.pooled`, None if unknown.
 
     Raises
     ------
@@ -59,6 +60,7 @@ def evaluate_recording(
     for frame in range(count):
         with suppress(InputError):  # saturated throughout
             results.append(reconstructor(every.between(frame, frame + 1)))
+    visibility = pooled(result.visibility for result in results)
     in_turn = bool(results) and (period == 1 or len(results) == count)
     return {
         "frames": count,
@@ -69,6 +71,7 @@ def evaluate_recording(
             name: _spots([result.rangings[name] for result in results])
             for name in (results[0].rangings if results else ())
         },
+        "visibility": None if visibility is None else visibility.numbers,
     }
 
 

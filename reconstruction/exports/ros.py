@@ -219,6 +219,9 @@ def ranging_status(shot: Shot) -> dict[str, Any]:
         values |= {f"spot {k}": status for k, status in enumerate(shot.ranges.status)}
         if shot.ranges.fog is not None:
             values["fog: extinction, 1/m"] = f"{shot.ranges.fog.extinction_per_m:.6g}"
+        if shot.ranges.visibility is not None:
+            for name, each in shot.ranges.visibility._asdict().items():
+                values[f"visibility: {name}"] = f"{each:.6g}"
     if shot.warnings:
         level = max(level, WARN)
         values |= {f"warning {k}": text for k, text in enumerate(shot.warnings, 1)}

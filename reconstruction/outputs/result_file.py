@@ -12,7 +12,7 @@ from ..base.errors import InputError
 from ..capture import Unit, hdf5
 from ..capture.spots import MAX_SPOTS
 from ..depth import DISTANCES_M
-from ..ranging import Alternative, Ranges, Status
+from ..ranging import Alternative, Ranges, Status, Visibility
 from ..result import Result
 
 FORMAT = hdf5.Format(
@@ -30,6 +30,8 @@ RANGES = {
 }
 ALTERNATIVES = {"range_m": "m", "sigma_m": "m", "weight": "1"}
 """A row per spot, likeliest first, padded with nan; missing if no spot has any."""
+VISIBILITY = {"visibility_m": "m", "log_sigma": "1", "at_least_m": "m"}
+"""Missing if unknown."""
 GROUPS = ("images", "rangings", "depths")
 
 
@@ -133,7 +135,15 @@ def _ranges(file: hdf5.Contents, group: str) -> Ranges:
     if unknown:
         raise InputError(f"dataset {group}/status holds {', '.join(map(repr, unknown))}")
     alternatives = _alternatives(file, f"{group}/alternatives", len(status))
-    return Ranges(**values, status=status, alternatives=alternatives)  # type: ignore[arg-type]
+    visibility = _visibility(file, f"{group}/visibility")
+    return Ranges(**values, status=status, alternatives=alternatives, visibility=visibility)  # type: ignore[arg-type]
+
+
+def _visibility(file: hdf5.Contents, group: str) -> Visibility | None:
+    """Visibility of a method; files up to version 3.7 have none."""
+    if group not in file:
+        return None
+    return Visibility(*(file.number(f"{group}/{name}", units) for name, units in VISIBILITY.items()))
 
 
 def _directions(file: hdf5.Contents) -> NDArray[Any] | None:
@@ -218,6 +228,9 @@ def _write_ranges(file: h5py.File, group: str, ranges: Ranges) -> None:
     for quantity, units in RANGES.items():
         hdf5.put(file, f"{group}/{quantity}", getattr(ranges, quantity), units)
     hdf5.put(file, f"{group}/status", np.array(ranges.status, dtype="S"), "1")
+    if ranges.visibility is not None:
+        for name, units in VISIBILITY.items():
+            hdf5.put(file, f"{group}/visibility/{name}", getattr(ranges.visibility, name), units)
     if any(ranges.alternatives):
         _write_alternatives(file, f"{group}/alternatives", ranges)
 

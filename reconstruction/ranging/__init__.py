@@ -16,6 +16,7 @@ from .ranges import (
     ranges_from_paths,
 )
 from .unwrap import path_from_phases, unambiguous_path_m
+from .visibility import Visibility, pooled
 from .weather import Weather, with_weather
 
 __all__ = [
@@ -30,10 +31,12 @@ __all__ = [
     "RangingMethod",
     "RangingSolver",
     "Status",
+    "Visibility",
     "Weather",
     "brightness_at",
     "measure_ranges",
     "path_from_phases",
+    "pooled",
     "range_consistency",
     "range_from_path",
     "ranges_from_paths",

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..capture import Spots
+from .visibility import Visibility
 
 Status = Literal[
     "ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak", "weather prior"
@@ -74,7 +75,8 @@ class Ranges:
     arrivals per bin (dtof).
 
     ``alternatives`` are all possible ranges of a spot, likeliest first, whatever its ``status``;
-    empty for methods that only find one. ``fog`` is None if a method does not estimate it.
+    empty for methods that only find one. ``fog`` is None if a method does not estimate it,
+    ``visibility`` if the readings and their scale do not show it.
     """
 
     range_m: Floats
@@ -84,6 +86,7 @@ class Ranges:
     status: tuple[Status, ...]
     alternatives: tuple[tuple[Alternative, ...], ...] = ()
     fog: FogOptics | None = None
+    visibility: Visibility | None = None
 
     def __post_init__(self) -> None:
         if not self.alternatives:

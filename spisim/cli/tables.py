@@ -64,6 +64,11 @@ def print_recording(recording: Mapping[str, Any]) -> None:
             ratio = written(each["spread_ratio"], 1, "{:.2f}")
             table.add_row(f"spot {spot}", *lengths, ratio, written(each["ranged"], 100, "{:.0f} %"))
         print_table(table)
+    if (visibility := recording["visibility"]) is not None:
+        median, bound = (
+            written(visibility[key], 1, "{:.3g} m") for key in ("visibility_m", "at_least_m")
+        )
+        results.print(f"visibility (5 % contrast): {median}, at least {bound}")
     if recording["frames"] < 2:
         results.print(
             "one frame: noise and spread need at least two of a static scene", style="dim"

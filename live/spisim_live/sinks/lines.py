@@ -52,6 +52,8 @@ def result_report(outcome: Outcome) -> dict[str, Any]:
         report["range_m"] = [_number(value) for value in result.ranges.range_m]
         report["range_sigma_m"] = [_number(value) for value in result.ranges.sigma_m]
         report["range_status"] = list(result.ranges.status)
+    if result.visibility is not None:
+        report["visibility"] = result.visibility.numbers
     depth_m = result.depth_m
     if depth_m is not None and np.isfinite(depth_m).any():
         report["nearest_m"] = float(np.nanmin(depth_m))

@@ -6,6 +6,7 @@ import numpy as np
 
 from ...base.arrays import Floats, Mask
 from ..ranges import RANGED, Alternative, FogOptics, Ranges, Status
+from ..visibility import Visibility
 from .modes import LOG_SIGMA
 from .numerics import normal_cdf
 from .posterior import Posterior, SpotPosterior
@@ -27,6 +28,7 @@ def ranges_of(
     statuses: tuple[Status, ...],
     background: Floats,
     fog: FogOptics | None,
+    visibility: Visibility | None = None,
 ) -> Ranges:
     """The likeliest range of each spot whose status allows one."""
     best = [
@@ -41,6 +43,7 @@ def ranges_of(
         status=statuses,
         alternatives=tuple(spot.alternatives for spot in spots),
         fog=fog,
+        visibility=visibility,
     )
 
 

@@ -16,6 +16,7 @@ from ..weather import weather_of
 from .answer import TOLERANCE_M, ranges_of, statuses
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
 from .fog_state import FogSolver, FogState
+from .fog_visibility import visibility_of
 from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
@@ -75,6 +76,7 @@ def charge_solver(
             statuses(estimate, saturated, dark),
             readings.mean(axis=1),
             estimate.fog.optics(EXTINCTIONS_PER_M),
+            visibility_of(estimate.fog, EXTINCTIONS_PER_M) if scaled else None,
         )
         return ranges, estimate.fog
 

@@ -16,6 +16,7 @@ from ..weather import weather_of
 from .answer import ranges_of, statuses
 from .echoes import with_echoes
 from .fog_state import FogSolver, FogState
+from .fog_visibility import visibility_of
 from .histograms import find_histogram_modes, make_histogram_templates
 from .posterior import posterior
 from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE
@@ -59,6 +60,7 @@ def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
             statuses(estimate, saturated, dark),
             median,
             estimate.fog.optics(EXTINCTIONS_PER_M),
+            visibility_of(estimate.fog, EXTINCTIONS_PER_M) if scaled else None,
         )
         return ranges, estimate.fog
 
