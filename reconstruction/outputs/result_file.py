@@ -19,7 +19,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 8),
+    version=(3, 9),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -140,10 +140,11 @@ def _ranges(file: hdf5.Contents, group: str) -> Ranges:
 
 
 def _visibility(file: hdf5.Contents, group: str) -> Visibility | None:
-    """Visibility of a method; files up to version 3.7 have none."""
+    """Visibility of a method; files up to version 3.8 have none."""
     if group not in file:
         return None
-    return Visibility(*(file.number(f"{group}/{name}", units) for name, units in VISIBILITY.items()))
+    values = (file.number(f"{group}/{name}", units) for name, units in VISIBILITY.items())
+    return Visibility(*values)
 
 
 def _directions(file: hdf5.Contents) -> NDArray[Any] | None:

@@ -62,9 +62,9 @@ def pooled(visibilities: Iterable[Visibility | None]) -> Visibility | None:
         return Visibility(math.nan, math.nan, float(np.median(given[:, 2])))
     log_m, variance = np.log(known[:, 0]), known[:, 1] ** 2
     weight = 1 / variance / (1 / variance).sum()
-    prior = BACKSCATTER_LOG_SIGMA**2
-    of_droplets = np.minimum(variance - RATIO_LOG_SIGMA**2, prior)
-    common = math.hypot(weight @ of_droplets / math.sqrt(prior), RATIO_LOG_SIGMA, MODEL_LOG_SIGMA)
-    own = weight**2 @ np.maximum(variance - of_droplets**2 / prior, 0.0)
-    sigma, median_m = math.sqrt(common**2 + own), math.exp(weight @ log_m)
+    prior, shared = BACKSCATTER_LOG_SIGMA**2, RATIO_LOG_SIGMA**2 + MODEL_LOG_SIGMA**2
+    of_prior = np.minimum(variance - RATIO_LOG_SIGMA**2, prior) / math.sqrt(prior)
+    own = np.maximum(variance - shared - of_prior**2, 0.0)
+    sigma = math.sqrt(shared + (weight @ of_prior) ** 2 + weight**2 @ own)
+    median_m = math.exp(weight @ log_m)
     return Visibility(median_m, sigma, median_m * math.exp(-ONE_SIDED * sigma))
