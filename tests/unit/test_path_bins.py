@@ -23,7 +23,7 @@ def histogram(bins: PathLengthBins, lengths_m: list[float]) -> np.ndarray:
     tallies.add(
         Contribution(mi.Float(1), mi.UInt32(0), lengths, mi.UInt32(0), mi.Bool(True), mi.UInt32(0))
     )
-    return tallies.read(1.0).values["histogram"][0, 0]
+    return next(tallies.read(1.0).values)["histogram"][0]
 
 
 @pytest.mark.parametrize("ranges_m", [NO_RETURN, np.array([3.0, np.nan, 34.0, 9.0])])

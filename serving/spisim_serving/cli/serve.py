@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
-from reconstruction.capture import Poses
 from spisim.cli import options as opt
 from spisim.cli.console import progress_bar, say
 from spisim.cli.inputs import instrument_with, scene_with
@@ -98,6 +97,7 @@ def command(
     Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
     the messages.
     """
+    from reconstruction.capture import Poses
     from spisim.simulation.flight import Camera, FlightRecorder, Motion, provenance, solver
     from spisim_serving.record import FlightRecord
     from spisim_serving.server import Server
