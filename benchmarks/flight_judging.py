@@ -16,7 +16,7 @@ from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
 from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
 from reconstruction.depth.memory import FlightMemory, Met, Remembered, free_of_met
-from reconstruction.depth.methods.flight import ranges_of
+from reconstruction.depth.methods.flight import flight_prior, ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
 from reconstruction.depth.methods.learned import FrameMap
 from reconstruction.depth.obstacle import corridor_prior
@@ -78,21 +78,23 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     made = _watched(capture)
     none = Met(np.zeros(0), np.zeros(0))
     alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(_judged(capture, alone, "learned"))}, []
+    frames, taken_s = {SINGLE: list(_judged(capture, alone, alone, with_memory=False))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
         maps = list(_remembered(stated, made))
         taken_s.append((time.process_time() - begun_s) / capture.frames)
-        frames[kind] = list(_judged(capture, maps, "flight"))
+        frames[kind] = list(_judged(capture, maps, alone, with_memory=True))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
-def maps_of(flight: Flight, kind: str) -> tuple[Capture, list[Remembered | None]]:
-    """A flight, and its maps with the memory, by a kind of pose error."""
+def maps_of(
+    flight: Flight, kind: str
+) -> tuple[Capture, list[Remembered | None], list[FrameMap | None]]:
+    """A flight, its maps with the memory by a kind of pose error, and those of its frames alone."""
     capture = load(flight)
-    stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
-    return capture, list(_remembered(stated, _watched(capture)))
+    stated, made = with_error(capture, POSE_ERRORS[kind], flight.seed), _watched(capture)
+    return capture, list(_remembered(stated, made)), [whole for _, whole in made]
 
 
 Made = list[tuple[View, FrameMap | None]]
@@ -117,15 +119,21 @@ def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
         yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))
 
 
-def _judged(capture: Capture, maps: Sequence[Remembered | None], prior: str) -> Iterator[Judged]:
+def _judged(
+    capture: Capture,
+    maps: Sequence[Remembered | None],
+    alone: Sequence[Remembered | None],
+    *,
+    with_memory: bool,
+) -> Iterator[Judged]:
     truth, poses, optics = capture.truth, capture.poses, capture.optics
     assert truth is not None
     assert poses is not None
     assert optics is not None
     corridor = Corridor(pixel_rays(optics, capture.plan.shape))
     for number in truth.frame.tolist():
-        remembered, true = maps[number], truth.at(number)
-        if remembered is None or remembered.estimate.sigma is None:
+        remembered, single, true = maps[number], alone[number], truth.at(number)
+        if remembered is None or single is None or remembered.estimate.sigma is None:
             continue
         estimate = remembered.estimate
         there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
@@ -133,9 +141,10 @@ def _judged(capture: Capture, maps: Sequence[Remembered | None], prior: str) -> 
             continue
         off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
         deviations = off / estimate.sigma[there]
-        free = corridor.free(
-            estimate.depth_m, corridor_prior(prior), estimate.sigma, estimate.no_return
-        )
+        constants = corridor_prior("learned")
+        if with_memory:
+            constants = flight_prior(estimate, single.estimate, corridor)
+        free = corridor.free(estimate.depth_m, constants, estimate.sigma, estimate.no_return)
         yield Judged(
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),

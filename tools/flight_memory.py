@@ -11,7 +11,7 @@ tools/corridor_priors.py fits them. Both are judged by benchmarks/flight.py, on 
 import argparse
 import json
 from collections.abc import Iterator
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,10 +25,13 @@ from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, MAX_RANGE_M, Corridor, pixel_rays
 from reconstruction.depth.memory.correction import FITTED as KERNEL
 from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met
+from reconstruction.depth.methods.flight import flight_prior
 from reconstruction.depth.obstacle import FITTED as CORRIDOR
 from reconstruction.depth.obstacle import CorridorPrior, free_of
 
 MAP_SIGMA = 0.3
+ONE = CorridorPrior(0, 1, 1, 0, MAP_SIGMA)
+"""Its sigma is the fraction that is left."""
 KIND = "correlated"
 WITHIN = 0.95
 FROM_S = 0.35
@@ -43,17 +46,19 @@ def main() -> None:
     off: list[Floats] = []
     aheads: list[Ahead] = []
     met: list[Met] = []
+    left: list[float] = []
     for flight in flights(asked.folder, "learned", record=not asked.recorded):
         of_flight = list(judged(flight))
         if of_flight:
-            off.append(np.concatenate([each for each, _, _ in of_flight]))
-            aheads += [each for _, each, _ in of_flight]
-            met += [each for _, _, each in of_flight]
+            off.append(np.concatenate([each[0] for each in of_flight]))
+            aheads += [each[1] for each in of_flight]
+            met += [each[2] for each in of_flight]
+            left += [each[3] for each in of_flight]
             print(flight.path.stem, flush=True)
     factor = brentq(lambda f: np.mean([np.mean(each < 2 * f) for each in off]) - WITHIN, 0.2, 5)
     kernel = json.loads(KERNEL.read_text())
     kernel["kernel"]["sigma_factor"] = round(kernel["kernel"]["sigma_factor"] * factor, 3)
-    prior, obstacles = fit(aheads, met)
+    prior, obstacles = fit(aheads, met, np.array(left))
     kernel |= {"obstacles": asdict(obstacles), "flights": len(off)}
     KERNEL.write_text(json.dumps(kernel, indent=2) + "\n")
     priors = json.loads(CORRIDOR.read_text())
@@ -63,26 +68,27 @@ def main() -> None:
     print(json.dumps({"kernel": kernel, "corridor": priors["flight"]}, indent=2))
 
 
-def judged(flight: Flight) -> Iterator[tuple[Floats, Ahead, Met]]:
-    """Deviations in sigmas, map and points of the frames of a flight that have truth."""
-    capture, maps = maps_of(flight, KIND)
+def judged(flight: Flight) -> Iterator[tuple[Floats, Ahead, Met, float]]:
+    """Deviations in sigmas, map, points and sigma left of a flight's frames that have truth."""
+    capture, maps, alone = maps_of(flight, KIND)
     truth, poses = capture.truth, capture.poses
     assert truth is not None
     assert poses is not None
     assert capture.optics is not None
     corridor = Corridor(pixel_rays(capture.optics, capture.plan.shape))
     for number in truth.frame.tolist():
-        remembered, true = maps[number], truth.at(number)
+        remembered, single, true = maps[number], alone[number], truth.at(number)
         late = poses.time_s[number] - poses.time_s[0] > FROM_S
-        if remembered is None or remembered.estimate.sigma is None or not late:
+        if remembered is None or single is None or remembered.estimate.sigma is None or not late:
             continue
         estimate, there = remembered.estimate, true.depth_m < MAX_RANGE_M
         log = np.log(estimate.depth_m[there] / true.depth_m[there])
         ahead = Ahead(flight.family, corridor, estimate, float(true.corridor_m))
-        yield np.abs(log) / estimate.sigma[there], ahead, remembered.met
+        left = flight_prior(estimate, single.estimate, corridor, ONE).sigma
+        yield np.abs(log) / estimate.sigma[there], ahead, remembered.met, left
 
 
-def fit(aheads: list[Ahead], met: list[Met]) -> tuple[CorridorPrior, MetObstacles]:
+def fit(aheads: list[Ahead], met: list[Met], left: Floats) -> tuple[CorridorPrior, MetObstacles]:
     """Constants of least cross entropy of the probability that the corridor is free."""
     free = truly_free(aheads)[:, DISTANCES_M >= FROM_M]
     best: tuple[float, Floats, float] | None = None
@@ -96,7 +102,11 @@ def fit(aheads: list[Ahead], met: list[Met]) -> tuple[CorridorPrior, MetObstacle
 
         def entropy(x: Floats, ensembles: Floats = ensembles, scale: float = scale) -> float:
             prior, obstacles = constants(x, scale)
-            stated = free_of(ensembles, prior) * [free_of_met(each, obstacles) for each in met]
+            of_maps = [
+                free_of(each, replace(prior, sigma=prior.sigma * some))
+                for each, some in zip(ensembles, left, strict=True)
+            ]
+            stated = of_maps * np.array([free_of_met(each, obstacles) for each in met])
             stated = stated[:, DISTANCES_M >= FROM_M].clip(MIN, 1 - MIN)
             return -float((free * np.log(stated) + (1 - free) * np.log(1 - stated)).mean())
 

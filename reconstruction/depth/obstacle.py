@@ -86,6 +86,11 @@ class Corridor:
         first = np.zeros(depth_m.size)
         return float(self._nearest_m(depth_m.reshape(1, -1), self._slope.ravel(), first, 1)[0])
 
+    def mean_inside(self, depth_m: Floats, values: Floats) -> float:
+        """Mean of ``values`` (H, W) over the pixels in the corridor, nan without any."""
+        inside = self._slope * depth_m <= CORRIDOR_M / 2
+        return float(values[inside].mean()) if inside.any() else float("nan")
+
     def stated(self, estimate: DepthEstimate) -> Floats | None:
         """Probability that an estimate states, else that of its map; None without depths."""
         if estimate.free is not None or not np.isfinite(estimate.depth_m).any():

@@ -1,14 +1,18 @@
 """Remembered points in the corridor, and the ranges that remembered points predict."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from reconstruction.capture import Optics
 from reconstruction.capture.motion import PoseAt
-from reconstruction.depth import DISTANCES_M
+from reconstruction.depth import DISTANCES_M, Corridor, DepthEstimate
 from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met, met_in_corridor
 from reconstruction.depth.memory.points import Points, RangeMemory
 from reconstruction.depth.memory.prediction import RangePrediction
+from reconstruction.depth.methods.flight import flight_prior
+from reconstruction.depth.obstacle import CorridorPrior
 from reconstruction.depth.pixels import pixel_rays
 
 OPTICS = Optics(tan_half_width=0.4, tan_half_height=0.4)
@@ -75,3 +79,17 @@ def test_a_zone_without_a_range_is_predicted_by_its_neighbours_points():
     range_m[::2] = np.nan
     prediction.take(pose(), range_m, np.full(len(UNIT), 0.01))
     np.testing.assert_allclose(prediction.at(pose(0.1)), wall(3.0), rtol=0.01)
+
+
+def test_the_spread_of_obstacles_shrinks_with_the_variance_left_in_the_corridor():
+    corridor = Corridor(pixel_rays(OPTICS, SHAPE))
+    alone = DepthEstimate(np.full(SHAPE, 3.0), np.full(SHAPE, 0.2))
+    prior = CorridorPrior(0.0, 0.5, 0.4, 0.0, 0.3)
+    assert flight_prior(alone, alone, corridor, prior).sigma == 0.4
+    half = replace(alone, sigma=np.full(SHAPE, 0.1))
+    assert flight_prior(half, alone, corridor, prior).sigma == pytest.approx(0.2)
+    beside = np.full(SHAPE, 0.2)
+    beside[:, 0] = 0.001  # 0.9 m from the axis
+    assert flight_prior(replace(alone, sigma=beside), alone, corridor, prior).sigma == 0.4
+    far = replace(alone, depth_m=np.full(SHAPE, 39.0))
+    assert flight_prior(far, far, corridor, prior).sigma == 0.4

@@ -12,7 +12,7 @@ import numpy as np
 from ...capture.motion import pose_at
 from ..memory import FlightMemory, FrameRanges, Remembered, free_of_met
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..obstacle import Corridor, corridor_prior
+from ..obstacle import Corridor, CorridorPrior, corridor_prior
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
 from .learned import FrameMap, decided
@@ -68,10 +68,24 @@ def stated(remembered: Remembered, whole: FrameMap, corridor: Corridor) -> Depth
     note = _joined(None if anew is None else f"begun anew: {anew}", whole.estimate.note)
     if not np.isfinite(result.depth_m).any():
         return replace(result, note=note)
-    prior = corridor_prior("others" if whole.frame is None else "flight")
-    result = decided(result, corridor, prior)
+    prior = flight_prior(result, whole.estimate, corridor)
+    result = decided(result, corridor, prior if whole.frame else corridor_prior("others"))
     assert result.free is not None
     return replace(result, free=result.free * free_of_met(remembered.met), note=note)
+
+
+def flight_prior(
+    estimate: DepthEstimate,
+    alone: DepthEstimate,
+    corridor: Corridor,
+    prior: CorridorPrior | None = None,
+) -> CorridorPrior:
+    """Error model of a map with the memory, which is the surer the more of its corridor was met."""
+    prior = prior or corridor_prior("flight")
+    if estimate.sigma is None or alone.sigma is None:
+        return prior
+    left = corridor.mean_inside(estimate.depth_m, estimate.sigma / alone.sigma)
+    return replace(prior, sigma=prior.sigma * min(left, 1.0)) if left > 0 else prior
 
 
 def _joined(*notes: str | None) -> str | None:
