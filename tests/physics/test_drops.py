@@ -9,6 +9,7 @@ from scipy.constants import c
 
 import spisim
 import worlds
+from reconstruction.operators import illumination
 from spisim.atmosphere.precipitation import rain
 from spisim.instrument import Instrument
 from spisim.simulation.light import LightSequence, Transport
@@ -218,6 +219,21 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
         image = np.zeros((16, 16))
         image[where] = 1.0
         assert one_exposure(one, falling, [image], dark)[0] == pytest.approx(-fraction, rel=1e-6)
+
+
+def test_pixels_that_are_off_light_drops_by_the_dark_level():
+    one = instrument(dark_level=0.1)
+    falling = one_drop(one, 1.5 * pixel_rays(one)[5 * 16 + 9], 1.0)
+    still = LightSequence(np.zeros(1), ()).between(np.zeros((1, one.pattern_plan.exposures)))
+    power = np.zeros((16, 16))
+    power[5, 9] = 1.0
+    (changes,) = on_buckets(
+        falling, np.zeros((1, 1, 16, 16)), still, power, lambda length: np.ones((1, len(length)))
+    )[:, 0]
+    exposures = range(one.pattern_plan.exposures)
+    lit = np.array([illumination(one.pattern_plan, k)[5, 9] for k in exposures], float)
+    assert {0.0, 1.0} <= set(lit)
+    np.testing.assert_allclose(changes / changes[0], 0.1 + 0.9 * lit, rtol=1e-12)
 
 
 def test_fog_takes_light_of_a_drops_echo_out_and_back():
