@@ -222,7 +222,7 @@ def test_a_drop_hides_its_disc_and_sends_its_echo():
 
 
 def test_pixels_that_are_off_light_drops_by_the_dark_level():
-    one = instrument(dark_level=0.1)
+    one = instrument(on_off_contrast=10)
     falling = one_drop(one, 1.5 * pixel_rays(one)[5 * 16 + 9], 1.0)
     still = LightSequence(np.zeros(1), ()).between(np.zeros((1, one.pattern_plan.exposures)))
     power = np.zeros((16, 16))
@@ -233,7 +233,9 @@ def test_pixels_that_are_off_light_drops_by_the_dark_level():
     exposures = range(one.pattern_plan.exposures)
     lit = np.array([illumination(one.pattern_plan, k)[5, 9] for k in exposures], float)
     assert {0.0, 1.0} <= set(lit)
-    np.testing.assert_allclose(changes / changes[0], 0.1 + 0.9 * lit, rtol=1e-12)
+    dark = one.imaging.projector.dark_level
+    assert dark == pytest.approx(0.1)
+    np.testing.assert_allclose(changes / changes[0], dark + (1 - dark) * lit, rtol=1e-9)
 
 
 def test_fog_takes_light_of_a_drops_echo_out_and_back():
