@@ -8,12 +8,10 @@ from .model import (
     SURROGATE,
     Capture,
     Frames,
-    FrameTruth,
     Optics,
     Provenance,
     Recording,
     Setup,
-    Truth,
     check_frames,
     check_parts,
 )
@@ -25,6 +23,7 @@ from .readings.pulsed import PulsedSpots
 from .schema import stored_fields
 from .selection import first_patterns
 from .spots import Spots
+from .truth import FrameTruth, Truth
 
 __all__ = [
     "PARTS",
