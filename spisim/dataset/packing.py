@@ -17,7 +17,8 @@ from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout, fingerprint, has_its_content
 from spisim.dataset.manifest import Manifest, read_manifest
 from spisim.dataset.pack import FORMAT, INDEX, Index, PackedArray
-from spisim.dataset.reader import DataSet, StoredSample, open_dataset
+from spisim.dataset.reader import DataSet, open_dataset
+from spisim.dataset.stored_sample import StoredSample
 
 #: The kind of file in the index's mark.
 KIND = "pack"

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
-from reconstruction import Capture, read_capture
 from reconstruction.base.display import html_summary, picture, text_summary
-from reconstruction.base.errors import InputError, naming, nearest
+from reconstruction.base.errors import InputError, nearest
+from spisim.base.optional import import_optional
 from spisim.dataset.fields import FIELDS, find_field
 from spisim.dataset.folder import Layout
 from spisim.dataset.manifest import read_manifest
@@ -23,6 +21,7 @@ from spisim.dataset.parameters import Parameters, Split, part_of
 from spisim.dataset.planned import load_plan
 from spisim.dataset.records import Record
 from spisim.dataset.rows import CaptureRows, PackedRows
+from spisim.dataset.stored_sample import StoredSample, check_names
 
 if TYPE_CHECKING:
     import pandas
@@ -32,57 +31,6 @@ if TYPE_CHECKING:
 
 #: Samples whose images a notebook displays.
 DISPLAYED = 3
-
-
-@dataclass(frozen=True)
-class StoredSample:
-    """One sample: its parameters, and its capture, which is read on first use."""
-
-    index: int
-    scene_name: str
-    parameters: Mapping[str, Any]
-    path: Path
-    sidecars: tuple[Path, ...]  # OpenEXR and NPZ files, if the plan keeps them
-    drawn: Parameters = field(repr=False)  # of all samples of the data set
-    pack: Pack | None = field(repr=False, default=None)  # replaces the capture
-
-    @cached_property
-    def capture(self) -> Capture:
-        """The capture. Raises InputError if it is missing or damaged, and for a pack."""
-        if self.pack is not None:
-            raise InputError(f"{self.pack.folder}: a pack has no captures; open the data set")
-        return read_capture(self.path)
-
-    def array(self, name: str) -> NDArray[Any]:
-        """Return an array of the sample.
-
-        Parameters
-        ----------
-        name
-            A field as "depth_m" or "depth_m.anchored", or a numeric parameter.
-
-        Returns
-        -------
-        ndarray
-            A parameter is nan if only other samples have it.
-
-        Raises
-        ------
-        InputError
-            If the capture lacks the array, or no sample has a numeric parameter of this name.
-        """
-        field = find_field(name)
-        if field is None:
-            _check_names([name], self.drawn, self.path)
-            return self.drawn.number(name, self.parameters)
-        if self.pack is not None:
-            (row,) = self.pack.rows([self.index])
-            return self.pack.column(name)[row]
-        with naming(self.path):
-            values = field.read(self.capture)
-            if values is None:
-                raise InputError(f"the capture has no {name}: {field.meaning}")
-        return values.astype(field.dtype, copy=False)
 
 
 @dataclass(frozen=True)
@@ -393,7 +341,7 @@ class DataSet(Sequence[StoredSample]):
 
     def check_names(self, names: Iterable[str]) -> None:
         """Raise InputError for names of neither arrays nor numeric parameters."""
-        _check_names(names, self.drawn, self.folder)
+        check_names(names, self.drawn, self.folder)
         for name in names:
             if self.pack is not None and find_field(name) is not None:
                 self.pack.column(name)
@@ -408,19 +356,6 @@ class DataSet(Sequence[StoredSample]):
         module = import_optional("spisim.dataset.torch", "torch")
         tensors: torch.utils.data.Dataset[dict[str, torch.Tensor]] = module.Tensors(rows)
         return tensors
-
-
-def import_optional(module: str, extra: str) -> Any:
-    """Import a module of an optional package. Raises InputError, naming the extra to install."""
-    try:
-        return import_module(module)
-    except ModuleNotFoundError as error:
-        package = str(error.name).partition(".")[0]
-        if package == "spisim":
-            raise
-        raise InputError(
-            f"this needs the package {package}: pip install 'spisim[{extra}]'"
-        ) from None
 
 
 def open_dataset(folder: str | Path) -> DataSet:
@@ -446,13 +381,3 @@ def open_dataset(folder: str | Path) -> DataSet:
     done = tuple(record for record in records if record.done)
     failed = tuple(record for record in records if not record.done)
     return DataSet(folder, meta, done, failed, Parameters(done), Pack.of(folder, done))
-
-
-def _check_names(names: Iterable[str], drawn: Parameters, source: Path) -> None:
-    """Raise InputError for a name of neither an array nor a numeric parameter."""
-    for name in names:
-        if find_field(name) is None and name not in drawn.shapes:
-            raise InputError(
-                f"{source}: no array or numeric parameter {name!r}: "
-                f"{nearest(name, [*FIELDS, *drawn.shapes])}"
-            )

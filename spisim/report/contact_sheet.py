@@ -12,7 +12,8 @@ from reconstruction.capture import FrameTruth
 from reconstruction.diagnostics import result_warnings
 from spisim.dataset.cost import cost_of, slowest
 from spisim.dataset.parameters import common_parameters
-from spisim.dataset.reader import DataSet, StoredSample
+from spisim.dataset.reader import DataSet
+from spisim.dataset.stored_sample import StoredSample
 
 from .facts import in_all, media_of
 from .page import write_page

@@ -12,9 +12,9 @@ import pytest
 import spisim.dataset
 from datasets import META, SCENES, change, make_set, sample_capture
 from reconstruction import Capture, InputError, write_capture
+from spisim.base.optional import import_optional
 from spisim.dataset import DataSet
 from spisim.dataset.parameters import Split, part_of
-from spisim.dataset.reader import import_optional
 
 VISIBILITY = "scene.fog.visibility_m"
 

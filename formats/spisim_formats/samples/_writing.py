@@ -14,7 +14,7 @@ from reconstruction.exports.export import check_folder, with_stage
 from spisim.dataset import DataSet
 from spisim.dataset.exports import Writer
 from spisim.dataset.poses import placed
-from spisim.dataset.reader import StoredSample
+from spisim.dataset.stored_sample import StoredSample
 
 MAX_NAME_LENGTH = 100
 SECOND_NS = 10**9

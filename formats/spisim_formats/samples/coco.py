@@ -21,7 +21,8 @@ from reconstruction.exports.pictures import colour_png, depth_png
 from spisim_formats.samples._writing import true_shots, write_whole
 
 if TYPE_CHECKING:
-    from spisim.dataset.reader import DataSet, StoredSample
+    from spisim.dataset.reader import DataSet
+    from spisim.dataset.stored_sample import StoredSample
 
 #: COCO's flag of a keypoint that is labelled and visible.
 VISIBLE = 2

@@ -15,7 +15,8 @@ from reconstruction.base.files import is_marked, mark, remove_unfinished, write_
 from reconstruction.base.folders import locked_folder
 
 if TYPE_CHECKING:
-    from spisim.dataset.reader import DataSet, StoredSample
+    from spisim.dataset.reader import DataSet
+    from spisim.dataset.stored_sample import StoredSample
 
 #: The kind of file in the shards' marks.
 KIND = "export"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.dataset.reader import import_optional
+from spisim.base.optional import import_optional
 from spisim.scene import Scene
 from spisim.scene.rays import first_hits
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, mark
-from spisim.dataset.reader import import_optional
+from spisim.base.optional import import_optional
 from spisim.report.viewer.layout import layout
 from spisim.report.viewer.readings import draw_pictures, draw_readings, style_ranges
 from spisim.report.viewer.space import Space
