@@ -44,9 +44,7 @@ class PoseAt(NamedTuple):
 
 def pose_at(poses: Poses | None, row: int = 0) -> PoseAt | None:
     """Pose of a frame; None without one."""
-    if poses is None:
-        return None
-    if not poses.known[row]:
+    if poses is None or not poses.known[row]:
         return None
     from scipy.spatial.transform import Rotation  # slow to load
 

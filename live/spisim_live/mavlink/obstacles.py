@@ -16,7 +16,7 @@ MIN_CM, MAX_CM = round(100 * DISTANCES_M[0]), round(100 * MAX_RANGE_M)
 LASER = 0
 """MAV_DISTANCE_SENSOR_LASER."""
 CUSTOM_ORIENTATION = 100
-"""MAV_SENSOR_ROTATION_CUSTOM: the quaternion tells the direction."""
+"""MAV_SENSOR_ROTATION_CUSTOM: the quaternion states the direction."""
 BODY_FRD = 12
 """MAV_FRAME_BODY_FRD."""
 INVALID, WORST, PERFECT = 1, 2, 100

@@ -56,7 +56,7 @@ class FlightMemory:
         self.ranges = RangeMemory(self._optics, self._shape)
         self._maps = MapMemory(self._optics, self._shape)
 
-    def take(self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges) -> "Remembered":
+    def take(self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges) -> Remembered:
         """Add a frame: the ``estimate`` of its map alone, and its ranges.
 
         A map without a standard deviation, or with pixels that have no depth, stays as it is.
