@@ -15,6 +15,8 @@ from .errors import InputError, nearest
 MARK_WITHIN_BYTES = 4096
 #: Space that is left free on a disk.
 SPARE_BYTES = 4_000_000
+#: Name of files that only show whether a folder can be written, before `.`, digits and `.tmp`.
+PROBE = "probe"
 #: Temporary names of files being written.
 _BEGUN = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 
@@ -138,7 +140,9 @@ def whole_name(path: Path) -> Path | None:
 def remove_unfinished(paths: Iterable[Path]) -> None:
     """Remove what killed processes left unfinished of these files; no other may be writing them."""
     wanted = set(paths)
-    for folder in {path.parent for path in wanted}:
+    folders = {path.parent for path in wanted}
+    wanted |= {folder / PROBE for folder in folders}
+    for folder in folders:
         for path in folder.iterdir() if folder.is_dir() else ():
             if whole_name(path) in wanted and path.is_file() and not path.is_symlink():
                 path.unlink(missing_ok=True)
@@ -209,7 +213,7 @@ def _require_folder(path: Path) -> None:
     if max(len(os.fsencode(part)) for part in temporary.parts) > longest:
         spare = len(os.fsencode(temporary.name)) - len(os.fsencode(path.name))
         raise InputError(f"{path}: a file name has at most {longest - spare} bytes")
-    probe = existing / temporary.name
+    probe = _temporary(existing / PROBE)
     try:
         probe.touch(exist_ok=False)
         probe.unlink()

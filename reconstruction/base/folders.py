@@ -165,8 +165,9 @@ def _content(file: int) -> bytes:
 
 
 def _write(file: int, text: str) -> None:
-    os.ftruncate(file, 0)
-    os.pwrite(file, text.encode(), 0)
+    content = text.encode()
+    os.pwrite(file, content, 0)
+    os.ftruncate(file, len(content))
 
 
 def _named(content: bytes) -> str | None:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from reconstruction import Capture
 from reconstruction.base.errors import InputError
-from reconstruction.base.files import whole_name
+from reconstruction.base.files import PROBE, whole_name
 from reconstruction.base.folders import LOCK
 from spisim.base.config import load_yaml
 from spisim.dataset.database import COMPANIONS
@@ -28,9 +28,9 @@ PER_FOLDER = 1000
 #: Suffixes of files beside a capture: the transport image, and the spots' histograms.
 SIDECARS = (".exr", ".npz")
 
-#: Files that runs write under temporary names first, and the probe for free space.
+#: Files that runs write under temporary names first, and probes of the folder.
 _WRITTEN = re.compile(
-    r"plan\.yaml|space"
+    rf"plan\.yaml|manifest\.sqlite|{PROBE}"
     r"|samples/\d{3,}/\d{6,}\.(h5|exr|npz)"
     r"|errors/\d{6,}\.txt"
     r"|metrics/\d{3,}/\d{6,}\.json"

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from reconstruction.base.errors import InputError
+from reconstruction.base.files import write_atomically
 from spisim.dataset.database import check_file, check_tables
 from spisim.dataset.folder import SIDECARS, Layout
 from spisim.dataset.records import (
@@ -48,12 +49,16 @@ class Manifest:
 
     @classmethod
     def create(cls, path: Path, meta: Mapping[str, str]) -> Self:
-        """Create a manifest with this content of the table `meta`, besides the schema version."""
-        manifest = cls(path)
-        with manifest._writing() as connection:
-            connection.executescript(f"BEGIN; {SCHEMA}")
+        """Create a manifest with this content of the table `meta`, besides the schema version.
+
+        The file appears whole or not at all.
+        """
+        with closing(sqlite3.connect(":memory:")) as connection:
+            connection.executescript(SCHEMA)
             _put_meta(connection, {"schema_version": str(SCHEMA_VERSION), **meta})
-        return manifest
+            connection.commit()
+            write_atomically(path, connection.serialize())
+        return cls(path)
 
     @classmethod
     def open(cls, path: Path) -> Self:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from reconstruction.base.errors import InputError
+from reconstruction.base.files import PROBE
 from reconstruction.base.folders import locked_folder
 from spisim.dataset.folder import Layout, Sound, has_its_size
 from spisim.dataset.manifest import Manifest
@@ -168,7 +169,7 @@ def _log(outcome: Outcome) -> None:
 
 def has_space(folder: Path) -> bool:
     """Return whether a file larger than a sample can be written, within quotas."""
-    probe = folder / f".space.{secrets.token_hex(4)}.tmp"
+    probe = folder / f".{PROBE}.{secrets.token_hex(4)}.tmp"
     try:
         with probe.open("xb") as file:  # overwrites no file and follows no link
             file.write(os.urandom(SPACE_NEEDED_BYTES))

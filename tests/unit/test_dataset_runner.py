@@ -95,7 +95,7 @@ def test_lost_and_shortened_files_are_made_again(planned: PlannedSet, tmp_path: 
 def test_leftovers_are_removed(planned: PlannedSet, tmp_path: Path) -> None:
     folder = tmp_path / "set"
     Run(planned, folder)
-    left = [folder / "samples/000/.000003.h5.0a1b2c3d.tmp", folder / ".space.0a1b2c3d.tmp"]
+    left = [folder / "samples/000/.000003.h5.0a1b2c3d.tmp", folder / ".probe.0a1b2c3d.tmp"]
     for path in left:
         path.touch()
     Run(planned, folder)

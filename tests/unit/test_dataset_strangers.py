@@ -287,7 +287,7 @@ def test_only_what_this_data_set_left_is_removed(planned: PlannedSet, tmp_path: 
     folder = tmp_path / "set"
     Run(planned, folder)
     put(folder)
-    begun = (".plan.yaml", ".space", "errors/.000001.txt", "samples/000/.000001.npz",
+    begun = (".plan.yaml", ".probe", "errors/.000001.txt", "samples/000/.000001.npz",
              "metrics/000/.000001.json")  # fmt: skip
     left = [f"{name}.00112233.tmp" for name in begun]
     for name in left:
