@@ -173,7 +173,9 @@ def has_its_content(path: Path, recorded: Mapping[str, Any]) -> bool:
     return has_its_size(path, recorded) and fingerprint(path)["sha256"] == recorded["sha256"]
 
 
-def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
+def done(
+    layout: Layout, sample: Sample, beside: Iterable[Path], warnings: Iterable[str]
+) -> Outcome:
     """Return the outcome of a sample whose capture and sidecars (`beside`) are written."""
     path = layout.capture(sample.index)
     return Outcome(
@@ -184,6 +186,7 @@ def done(layout: Layout, sample: Sample, beside: Iterable[Path]) -> Outcome:
         file=layout.relative(path),
         **fingerprint(path),
         sidecars={layout.relative(each): fingerprint(each) for each in beside},
+        warnings=tuple(dict.fromkeys(warnings)),
     )
 
 
@@ -194,11 +197,13 @@ class Origin:
     plan: str  # its digest
     index: int
     sidecars: Mapping[str, str]  # SHA-256 of the files beside it, by their suffix
+    warnings: tuple[str, ...] = ()  # of its simulation
 
     @property
     def settings(self) -> dict[str, Any]:
         """Its form in the settings of the capture."""
-        return {"plan": self.plan, "index": self.index, "sidecars": dict(self.sidecars)}
+        fields = {"plan": self.plan, "index": self.index, "sidecars": dict(self.sidecars)}
+        return fields | ({"warnings": list(self.warnings)} if self.warnings else {})
 
 
 def origin_of(capture: Capture) -> Origin | None:
@@ -206,5 +211,6 @@ def origin_of(capture: Capture) -> Origin | None:
     with suppress(InputError, TypeError, KeyError, ValueError, AttributeError):
         origin = load_yaml(capture.provenance.settings, "settings")["data_set"]
         sidecars = {str(k): str(v) for k, v in origin.get("sidecars", {}).items()}
-        return Origin(str(origin["plan"]), int(origin["index"]), sidecars)
+        warnings = tuple(map(str, origin.get("warnings", ())))
+        return Origin(str(origin["plan"]), int(origin["index"]), sidecars, warnings)
     return None

@@ -12,7 +12,7 @@ from typing import Any
 
 import yaml
 
-from reconstruction import read_capture
+from reconstruction import capture_warnings, read_capture
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import write_atomically
 from spisim.base.config import load_yaml, read_text
@@ -211,17 +211,20 @@ def _adopt(
     damaged: list[Path] = []
     foreign: list[Path] = []
     origins: dict[int, Origin] = {}
+    warnings: dict[int, list[str]] = {}
     for path in layout.captures():
         if layout.relative(path) in available:
             continue
         try:
-            origin = origin_of(read_capture(path))
+            capture = read_capture(path)
+            origin = origin_of(capture)
         except InputError:
             ours = _is_of_a_sample(path, planned.plan.size, layout)
             (damaged if ours else foreign).append(path)
             continue
         if origin and origin.plan == planned.digest and layout.capture(origin.index) == path:
             origins[origin.index] = origin
+            warnings[origin.index] = [*origin.warnings, *capture_warnings(capture)]
         else:
             foreign.append(path)
     if foreign:
@@ -238,7 +241,12 @@ def _adopt(
     if complete:
         manifest.record(
             *(
-                done(layout, planned.sample(index), _sidecars(keep, layout.capture(index)))
+                done(
+                    layout,
+                    planned.sample(index),
+                    _sidecars(keep, layout.capture(index)),
+                    warnings[index],
+                )
                 for index in complete
             )
         )

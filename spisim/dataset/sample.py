@@ -83,15 +83,12 @@ class Maker:
                     whole, beside = simulation.capture, _write_sidecars(path, simulation, plan.keep)
         with timed(seconds, "write"):
             sidecars = {each.suffix: fingerprint(each)["sha256"] for each in beside}
-            origin = Origin(self.planned.digest, index, sidecars)
+            messages = tuple(dict.fromkeys(str(warning.message) for warning in caught))
+            origin = Origin(self.planned.digest, index, sidecars, messages)
             capture = _with_origin(whole, origin, plan.keep)
             write_capture(capture, path)  # last, so that its presence marks a complete sample
-        messages = [str(warning.message) for warning in caught] + list(capture_warnings(capture))
-        return replace(
-            done(layout, sample, beside),
-            stage_seconds=seconds,
-            warnings=tuple(dict.fromkeys(messages)),
-        )
+        outcome = done(layout, sample, beside, [*messages, *capture_warnings(capture)])
+        return replace(outcome, stage_seconds=seconds)
 
     def _failed(self, index: int, error: Exception) -> Outcome:
         text = "".join(traceback.format_exception(error))

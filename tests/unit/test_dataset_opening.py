@@ -13,10 +13,10 @@ import pytest
 import yaml
 
 from holders import held
-from reconstruction import Capture, write_capture
+from reconstruction import Capture, capture_warnings, write_capture
 from reconstruction.base.errors import InputError
 from runs import PLAN, Run, rows, write_plan
-from spisim.dataset.folder import Layout
+from spisim.dataset.folder import Layout, Origin
 from spisim.dataset.manifest import Manifest
 from spisim.dataset.planned import PlannedSet, load_plan
 
@@ -26,9 +26,12 @@ def planned(tmp_path: Path) -> PlannedSet:
     return write_plan(tmp_path, PLAN)
 
 
-def own_capture(planned: PlannedSet, folder: Path, index: int, capture: Capture) -> Path:
+def own_capture(
+    planned: PlannedSet, folder: Path, index: int, capture: Capture, *warnings: str
+) -> Path:
     """A capture that says that it is a sample of the plan."""
-    settings = yaml.safe_dump({"data_set": {"plan": planned.digest, "index": index}})
+    origin = Origin(planned.digest, index, {}, warnings)
+    settings = yaml.safe_dump({"data_set": origin.settings})
     path = Layout(folder).capture(index)
     write_capture(replace(capture, provenance=replace(capture.provenance, settings=settings)), path)
     return path
@@ -123,6 +126,17 @@ def test_a_lock_without_a_name_is_still_one(planned: PlannedSet, tmp_path: Path)
         fcntl.flock(file, fcntl.LOCK_EX)
         with pytest.raises(InputError, match="process unknown"):
             Run(planned, folder)
+
+
+def test_a_capture_without_a_row_brings_its_warnings(
+    planned: PlannedSet, tmp_path: Path, capture: Capture
+) -> None:
+    """A run that is killed between the two loses none."""
+    folder = tmp_path / "set"
+    own_capture(planned, folder, 0, capture, "too dark")
+    Run(planned, folder)
+    (found,) = (json.loads(row[0]) for row in rows(folder, "warnings")[:1])
+    assert found == ["too dark", *capture_warnings(capture)]
 
 
 DAMAGE = {
