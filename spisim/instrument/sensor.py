@@ -19,6 +19,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.base.config import Number, Positive, Section, Vector
 from spisim.instrument.electronics import Adc, Amplifier
+from spisim.instrument.stamping.response import Response
 
 Random = np.random.Generator | None
 Each = float | Floats
@@ -117,6 +118,10 @@ class PulseTiming(Protocol):
     def gate_s(self) -> float: ...
     @property
     def threshold_sigma(self) -> float | None: ...
+    @property
+    def diodes(self) -> int: ...
+    @property
+    def response(self) -> Response | None: ...
 
 
 class Stamping(Protocol):
@@ -135,6 +140,10 @@ class Stamping(Protocol):
         """Standard deviation of pulse and time stamp together; nan if it varies."""
 
     @property
+    def delay_offset_s(self) -> float:
+        """Calibrated delay of the pulse that ranging sees."""
+
+    @property
     def reading(self) -> Reading:
         """What one reading collects."""
 
@@ -142,7 +151,10 @@ class Stamping(Protocol):
         """Raise InputError if the fields do not fit."""
 
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
-        """Probability (bins,) of a cycle's time stamp in each bin of the gate; laser on."""
+        """Probability (bins,) of a cycle's time stamp in each bin of the gate; laser on.
+
+        Of one diode, which receives this light.
+        """
 
     def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Standard deviation (...) of measured delays, in closed form."""

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.capture.spots import MAX_SPOTS
-from spisim.base.config import Count, Number, Positive, Section
+from spisim.base.config import Count, NonNegative, Number, Positive, Section
 from spisim.instrument.steering import directions
 
 FullAngle = Annotated[Number, Field(ge=0.1, le=150)]
@@ -43,6 +43,10 @@ class Zones(Section):
     """Exponent n: the flood's intensity falls as cosⁿ inside the cone; -3 lights a wall evenly."""
     crosstalk: Leak = 0.0
     """Fraction of a zone's light that adjacent zones receive, in equal parts."""
+    near_overlap_m: NonNegative | tuple[NonNegative, ...] = 0.0
+    """Range a below which a zone hardly sees what the flood lights, as exp(-(a / range)²).
+
+    One for all zones, or one for each, by rows."""
     cover_glass: Leak = 0.0
     """Fraction of the flood's power that returns at once to the receiver, evenly to all zones."""
 
@@ -55,7 +59,7 @@ class Zones(Section):
     @property
     def directions_deg(self) -> tuple[tuple[float, float], ...]:
         """[azimuth, elevation] of the middle of each zone, by rows from the top left."""
-        x, y, _ = self._points(1)[:, 0].T
+        x, y, _ = self.points(1)[:, 0].T
         azimuth, elevation = np.arctan(x), -np.arctan2(y, np.hypot(x, 1))
         return tuple(map(tuple, np.degrees([azimuth, elevation]).T.tolist()))
 
@@ -81,7 +85,7 @@ class Zones(Section):
 
     def responses(self, vignetting: float) -> Floats:
         """Mean (zones,) over each zone's image of cos⁴ and of the lens's cosᵐ, m = `vignetting`."""
-        squared = np.sum(self._points(POINTS) ** 2, axis=-1)
+        squared = np.sum(self.points(POINTS) ** 2, axis=-1)
         return np.asarray(np.mean(squared ** (-(BARE_LENS + vignetting) / 2), axis=1))
 
     @property
@@ -106,12 +110,22 @@ class Zones(Section):
         leaked = self.crosstalk * beside / np.maximum(beside.sum(axis=0), 1)
         return np.asarray(leaked + np.diag(1 - leaked.sum(axis=0)))
 
+    def overlap(self, path_m: Floats) -> Floats:
+        """Fractions (zones, paths) of an echo's light that zones see, by path length (paths,).
+
+        Behind lenses beside each other, the images of the lit field and of the diodes part by an
+        angle that falls with the range; both have soft edges, which count as Gaussian.
+        """
+        near = np.broadcast_to(self.near_overlap_m, math.prod(self.shape))[:, None]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.asarray(np.exp(-np.where(near > 0, (2 * near / path_m) ** 2, 0)))
+
     @property
     def corner_deg(self) -> float:
         """Full angle of the cone that holds the field."""
         return 2 * math.degrees(math.atan(math.hypot(*self.tan_half)))
 
-    def _points(self, parts: int) -> Floats:
+    def points(self, parts: int) -> Floats:
         """Middles (zones, parts², 3) of parts of each zone at unit distance."""
         y, x = (
             (2 * (np.arange(count * parts) + 0.5) / (count * parts) - 1) * half
@@ -128,6 +142,11 @@ class Zones(Section):
         if zones > MAX_SPOTS:
             raise InputError(
                 f"shape {list(self.shape)} has {zones} zones; at most {MAX_SPOTS}, such as [8, 8]"
+            )
+        if isinstance(self.near_overlap_m, tuple) and len(self.near_overlap_m) != zones:
+            raise InputError(
+                f"near_overlap_m has {len(self.near_overlap_m)} values; one, or {zones} for the "
+                f"zones of shape {list(self.shape)}"
             )
         off_deg = float(np.degrees(np.arccos(self.directions[:, 2].min())))
         if off_deg > self.flood_deg / 2:

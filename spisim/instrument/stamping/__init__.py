@@ -7,22 +7,36 @@ from scipy.constants import c
 from scipy.ndimage import gaussian_filter1d
 
 from reconstruction.base.arrays import Floats
+from spisim.instrument.stamping.response import Response
 
 
-def smoothed(path_m: Floats, rate: Floats, sigma_s: float, until_s: float) -> tuple[Floats, Floats]:
-    """Uniform times, and the echo at them of a Gaussian pulse of unit area centred on zero.
+def smoothed(
+    path_m: Floats,
+    rate: Floats,
+    sigma_s: float,
+    until_s: float,
+    response: Response | None = None,
+) -> tuple[Floats, Floats]:
+    """Uniform times, and the echo at them of a pulse of unit area.
 
+    The pulse is a Gaussian centred on zero, or a measured response.
     `rate` (bins,) is light by path length `path_m`; bins wider than the first are spread out. Light
     too late to matter before `until_s` is left out.
     """
     step_m = path_m[1] - path_m[0]
     step = step_m / c
-    margin = math.ceil(6 * sigma_s / step)
+    reach_s = 6 * sigma_s
+    if response is not None:
+        reach_s = max(-response.start_s, response.end_s)
+    margin = math.ceil(reach_s / step)
     last = min(path_m[-1], path_m[0] + step_m * (math.ceil(until_s / step) + margin))
     lengths = path_m[0] + step_m * np.arange(round((last - path_m[0]) / step_m) + 1)
     width = np.gradient(path_m) / step_m
     even = np.interp(lengths, path_m, rate / width)
     padded = np.concatenate([np.zeros(margin), even, np.zeros(margin)])
-    smooth = gaussian_filter1d(padded, sigma_s / step, truncate=6.0, mode="constant")
+    if response is None:
+        smooth = gaussian_filter1d(padded, sigma_s / step, truncate=6.0, mode="constant")
+    else:
+        smooth = response.applied(padded, step)
     times = (np.arange(padded.size) - margin) * step + path_m[0] / c
     return times, smooth / step

@@ -36,7 +36,16 @@ class FirstPhotons:
 
     @property
     def response_sigma_s(self) -> float:
+        if self.tof.response is not None:
+            return self.tof.response.as_gaussian(self.tof.bin_width_s)[1]
         return math.hypot(self.tof.pulse_sigma_s, self.jitter_sigma_s)
+
+    @property
+    def delay_offset_s(self) -> float:
+        """Delay of the Gaussian that fits the response, as a rig calibrates it."""
+        if self.tof.response is None:
+            return 0.0
+        return self.tof.response.as_gaussian(self.tof.bin_width_s)[0]
 
     @property
     def reading(self) -> Reading:
@@ -46,20 +55,24 @@ class FirstPhotons:
         return Reading("echo", widths_s[0], echo_s, 0.0, converted=False)
 
     def check(self) -> None:
-        """Raise InputError for a threshold."""
+        """Raise InputError for a threshold, or jitter beside a response that holds it."""
         if self.tof.threshold_sigma is not None:
             sensor = self.tof.detector.sensor
             raise InputError(f"a {sensor.type} sensor has no threshold_sigma for dtof")
+        if self.tof.response is not None and self.jitter_sigma_s > 0:
+            raise InputError("detector.sensor.jitter_fwhm_s should be 0: response holds the jitter")
 
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
         """Probability (bins,) that the first detection of a cycle falls into each bin of the gate.
 
-        Detections are Poisson with mean λ_i per bin, and the first ends the cycle:
+        Of one diode: its detections are Poisson with mean λ_i per bin, and the first ends the cycle:
         p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)).
         """
         tof = self.tof
         edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
-        times, density = smoothed(path_m, echo_per_s, self.response_sigma_s, tof.gate_s)
+        times, density = smoothed(
+            path_m, echo_per_s, self.response_sigma_s, tof.gate_s, tof.response
+        )
         collected = CubicSpline(times, density).antiderivative()
         per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
         inside = np.clip(edges, times[0], times[-1])
@@ -97,10 +110,10 @@ class FirstPhotons:
         since_gate = rate[..., None] * np.maximum(delay[..., None] + x * sigma, 0)
         before = np.exp(-since_gate - np.cumsum(echo, axis=-1) * step)
         information = np.sum(before * (x * echo) ** 2 / (steady + echo), axis=-1) * step
-        return np.asarray(sigma / np.sqrt(tof.pulses * information))
+        return np.asarray(sigma / np.sqrt(tof.pulses * tof.diodes * information))
 
     def warnings(self, steady_per_s: float) -> list[str]:
-        """A warning about light that fires the detector before the echo does."""
+        """A warning about light on one diode that fires the detector before the echo does."""
         first = steady_per_s * self.tof.gate_s
         if first < PILE_UP:
             return []

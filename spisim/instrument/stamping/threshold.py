@@ -29,6 +29,7 @@ class Threshold:
     piles_up: ClassVar[bool] = False
     dead_time_s: ClassVar[float] = 0.0
     response_sigma_s: ClassVar[float] = math.nan  # varies with the pulse's height
+    delay_offset_s: ClassVar[float] = 0.0
 
     tof: PulseTiming
 
@@ -66,7 +67,12 @@ class Threshold:
         return self.tof.pulse_sigma_s / self.sigma_of_pulse_s
 
     def check(self) -> None:
-        """Raise InputError without a threshold, or without a bandwidth of the noise."""
+        """Raise InputError without a threshold or a bandwidth, or with what only diodes have."""
+        if self.tof.response is not None or self.tof.diodes > 1:
+            raise InputError(
+                f"a {self.tof.detector.sensor.type} sensor crosses a threshold: response and "
+                "diodes are those of a spad sensor"
+            )
         if self.tof.threshold_sigma is None:
             raise InputError(
                 f"a {self.tof.detector.sensor.type} sensor needs threshold_sigma for dtof"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import FWHM_PER_SIGMA, Reading, Stamping
+from spisim.instrument.stamping.response import Response
 from spisim.instrument.tof import Emission, SpotLight, check_pulse
 
 #: Saturation: too few cycles remain without a photon to tell late light from early.
@@ -37,6 +39,12 @@ class DirectTof(Section):
     """Full width at half maximum of the Gaussian pulse of light."""
     pulses: Count
     """Pulses per frame."""
+    response: Response | None = None
+    """Measured response, in place of Gaussian pulse and jitter; the pulse keeps its energy."""
+    diodes: Count = 1
+    """Diodes of a spot, which share its light and stamp independently."""
+    speckle_contrast: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
+    """Standard deviation of a spot's echo from frame to frame over its mean."""
     repetition_rate_hz: Positive
     """Pulses per second; the gate fits between them."""
     bin_width_s: Positive
@@ -83,13 +91,16 @@ class DirectTof(Section):
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
     ) -> HistogramSpots:
         """The histograms; see `Tof.record`."""
-        stamping, chances = self.stamping, self._chances(light)
+        if rng is not None and self.speckle_contrast:
+            gain = 1 + self.speckle_contrast * rng.standard_normal(light.steady_per_s.shape)
+            light = replace(light, echo_per_s=light.echo_per_s * np.maximum(gain, 0)[..., None])
+        stamping, chances, cycles = self.stamping, self._chances(light), self.pulses * self.diodes
         if rng is None:
-            counts: NDArray[Any] = self.pulses * chances
+            counts: NDArray[Any] = cycles * chances
         else:
             none = np.maximum(1 - chances.sum(axis=-1, keepdims=True), 0)
             cases = np.concatenate([chances, none], axis=-1)
-            drawn = rng.multinomial(self.pulses, cases / cases.sum(axis=-1, keepdims=True))
+            drawn = rng.multinomial(cycles, cases / cases.sum(axis=-1, keepdims=True))
             counts = drawn[..., :-1].astype(np.int32)
         return HistogramSpots(
             **vars(optics),
@@ -97,9 +108,9 @@ class DirectTof(Section):
             saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_FRACTION_OF_CYCLES),
             bin_width_s=self.bin_width_s,
             start_s=0.0,
-            pulses=self.pulses,
+            pulses=cycles,
             response_sigma_s=stamping.response_sigma_s,
-            delay_offset_s=0.0,
+            delay_offset_s=stamping.delay_offset_s,
             piles_up=stamping.piles_up,
             laser_energy_j=self.pulses * self.emission(light.laser_power_w).pulse_j,
         )
@@ -112,7 +123,9 @@ class DirectTof(Section):
         def chances(echo: Floats, steady: Any) -> Floats:
             key = echo.tobytes() + steady.tobytes()
             if key not in cached:
-                cached[key] = stamping.chances(light.path_length_m, echo, float(steady))
+                cached[key] = stamping.chances(
+                    light.path_length_m, echo / self.diodes, float(steady) / self.diodes
+                )
             return cached[key]
 
         return np.array(
@@ -123,14 +136,15 @@ class DirectTof(Section):
         )
 
     def path_sigma_m(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
-        return c * self.stamping.sigma_s(path_m, echo_per_s, steady_per_s)
+        each = (rate / self.diodes for rate in (echo_per_s, steady_per_s))
+        return c * self.stamping.sigma_s(path_m, *each)
 
     def emission(self, power_w: float) -> Emission:
         energy = power_w * self.pulse_sigma_s * math.sqrt(2 * math.pi)
         return Emission(energy * self.repetition_rate_hz, energy, self.pulse_fwhm_s)
 
     def warnings(self, steady_per_s: float, echo_per_s: float) -> list[str]:
-        return self.stamping.warnings(steady_per_s)
+        return self.stamping.warnings(steady_per_s / self.diodes)
 
     @model_validator(mode="after")
     def _fits(self) -> DirectTof:

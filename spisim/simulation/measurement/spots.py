@@ -36,7 +36,7 @@ def spot_light(
         seen = 1.0 if zones is None else zones.responses(detector.vignetting)[:, None]
         echo = echo * change.passed + seen * change.echo * per_joule
     if zones is not None:
-        echo, steady = zones.mixing @ echo, steady @ zones.mixing.T
+        echo, steady = zones.mixing @ (echo * zones.overlap(lengths)), steady @ zones.mixing.T
         echo[..., 0] += zones.cover_glass * per_joule / instrument.ranging.spots
     return SpotLight(
         path_length_m=lengths,
