@@ -27,6 +27,8 @@ NEAREST_M, NEAREST_FITTED_M, NEAREST_DELAY_M = 0.02, 0.04, 0.16
 BEFORE, AFTER = 3, 20
 #: Bins before any pulse, which hold the background alone.
 QUIET = 11
+#: Last bins, behind any pulse.
+LATE = 38
 #: So many cycles that no arrival of the reference hides another.
 MANY_CYCLES = 10**12
 #: Points per side of a zone, and steps of path length.
@@ -193,3 +195,52 @@ def simulated(
         lengths, echo, ambient / (tof.pulses * tof.bin_width_s), instrument.zones.power_w
     )
     return np.asarray(tof.record(light, instrument.spot_optics, rng).counts, dtype=np.float64)
+
+
+def shape_residual(measured: Floats, expected: Floats) -> Floats:
+    """Rms residual (poses, zones) over the bins of each pulse, over its peak."""
+    peak = measured.argmax(axis=-1)[..., None]
+    bins = np.clip(peak + np.arange(-BEFORE, AFTER + 1), 0, measured.shape[-1] - 1)
+    rest = np.take_along_axis(measured - expected, bins, axis=-1)
+    return np.asarray(np.sqrt(np.mean(rest**2, axis=-1)) / measured.max(axis=-1))
+
+
+@dataclass(frozen=True, eq=False)
+class WallErrors:
+    """Measured less expected, each (poses, zones); relative, or in metres."""
+
+    far: Floats
+    """(poses,): beyond the near overlap."""
+    shape: Floats
+    total: Floats
+    background_before: Floats
+    background_after: Floats
+    delay_m: Floats
+    sensor_m: Floats
+    """The sensor's own ranges, its offset and slope fitted as ours are."""
+
+
+def wall_errors(wall: Wall, instrument: Instrument, fitted: Wall) -> WallErrors:
+    """Errors at the poses of a wall that nothing was fitted to."""
+    bench = calibrated(fitted, instrument)
+    wall = wall.at(~wall.fitted & (wall.distance_m >= NEAREST_M))
+    delay = expected_delays(wall, instrument, bench)
+    expected, measured = simulated(wall, instrument, bench, delay), wall.histograms
+    late = slice(-LATE, None)
+
+    def relative(part: slice) -> Floats:
+        counts = [each[..., part].sum(axis=-1) for each in (measured, expected)]
+        return np.asarray(counts[0] / counts[1] - 1)
+
+    usable = fitted.at(fitted.fitted & (fitted.distance_m >= NEAREST_DELAY_M - 1e-9))
+    slope, offset = np.polyfit(usable.distance_m, usable.reported_m, 1)
+    bin_m = c * instrument.tof.bin_width_s / 2
+    return WallErrors(
+        far=wall.distance_m >= NEAREST_DELAY_M - 1e-9,
+        shape=shape_residual(measured, expected),
+        total=relative(slice(None)),
+        background_before=relative(slice(QUIET)),
+        background_after=relative(late),
+        delay_m=(delays(wall, instrument) - delay) * bin_m / bench.slant,
+        sensor_m=(wall.reported_m - offset) / slope - wall.distance_m[:, None],
+    )

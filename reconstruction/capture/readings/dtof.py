@@ -23,6 +23,9 @@ class HistogramSpots(Spots):
     first of many photons ends a cycle and hides later light; without, each time stamp is that of a
     whole pulse that crosses a threshold. ``laser_energy_j`` is the energy of all pulses; nan if
     unknown.
+
+    A ``response`` that is no Gaussian is given by its rate at rising times ``response_s`` after the
+    delay, linear between; nothing arrives outside.
     """
 
     method = "dtof"
@@ -39,6 +42,10 @@ class HistogramSpots(Spots):
     delay_offset_s: Annotated[float, Stored("s")]
     piles_up: Annotated[bool, Stored("1", dtype="bool")] = True
     laser_energy_j: Annotated[float, Stored("J", sign="positive", nan=True)] = np.nan
+    response_s: Annotated[Floats | None, Stored("s", ("response samples",))] = None
+    response: Annotated[
+        Floats | None, Stored("1", ("response samples",), sign="not negative")
+    ] = None
 
     @property
     def readings(self) -> NDArray[Any]:
@@ -63,12 +70,25 @@ class HistogramSpots(Spots):
         bins = self.counts.shape[-1]
         if bins < 3:
             raise InputError(f"spots/counts has {bins} bins; a histogram needs at least 3")
+        check_response(self.response_s, self.response)
         maximum = self.counts.sum(axis=-1, dtype=np.float64).max(initial=0.0)
         if maximum > self.pulses * (1 + 1e-9):
             raise InputError(
                 f"spots/counts holds {maximum:g} arrivals in one histogram of spots/pulses = "
                 f"{self.pulses} cycles; at most one arrival per cycle is possible"
             )
+
+
+def check_response(times_s: Floats | None, rates: Floats | None) -> None:
+    """Raise InputError unless there are both or neither, with rising times and some light."""
+    if (times_s is None) != (rates is None):
+        raise InputError("spots/response and spots/response_s belong together; one is missing")
+    if times_s is None or rates is None:
+        return
+    if times_s.size < 3 or (np.diff(times_s) <= 0).any():
+        raise InputError("spots/response_s needs at least 3 rising times")
+    if not (rates > 0).any():
+        raise InputError("spots/response is 0 everywhere")
 
 
 READINGS = HistogramSpots

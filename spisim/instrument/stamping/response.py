@@ -12,6 +12,7 @@ from scipy.signal import fftconvolve
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.ranging.histogram import find_pulses
+from reconstruction.ranging.shape import fraction_arrived
 from spisim.base.config import NonNegative, Number, Section
 
 #: Positions within a bin over which a calibrated delay is averaged.
@@ -43,13 +44,7 @@ class Response(Section):
     def arrived(self, time_s: Floats) -> Floats:
         """Fraction (...) of all time stamps before times (...)."""
         times, rates = np.transpose(self.samples_ns)
-        areas = np.diff(times) * (rates[1:] + rates[:-1]) / 2
-        before = np.concatenate([[0.0], np.cumsum(areas)])
-        at = np.clip(1e9 * np.asarray(time_s), times[0], times[-1])
-        row = np.clip(np.searchsorted(times, at, side="right") - 1, 0, times.size - 2)
-        since = at - times[row]
-        slope = np.diff(rates)[row] / np.diff(times)[row]
-        return np.asarray((before[row] + since * (rates[row] + slope * since / 2)) / before[-1])
+        return fraction_arrived(times, rates, 1e9 * np.asarray(time_s))
 
     def applied(self, rate: Floats, step_s: float) -> Floats:
         """A rate (times,) in even steps, spread out by the response."""

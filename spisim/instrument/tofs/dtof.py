@@ -102,8 +102,16 @@ class DirectTof(Section):
             cases = np.concatenate([chances, none], axis=-1)
             drawn = rng.multinomial(cycles, cases / cases.sum(axis=-1, keepdims=True))
             counts = drawn[..., :-1].astype(np.int32)
+        response = {}
+        if self.response is not None:
+            times_ns, rates = np.transpose(self.response.samples_ns)
+            response = {
+                "response_s": 1e-9 * times_ns - stamping.delay_offset_s,
+                "response": rates,
+            }
         return HistogramSpots(
             **vars(optics),
+            **response,
             counts=counts,
             saturated=stamping.piles_up & (chances.sum(axis=-1) > MAX_FRACTION_OF_CYCLES),
             bin_width_s=self.bin_width_s,
