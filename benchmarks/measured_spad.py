@@ -121,24 +121,37 @@ def _about_a_curve(distance_m: Floats, histograms: Floats) -> Floats:
     return np.asarray(rest * np.sqrt(x.size / max(x.size - DEGREE - 1, 1)))
 
 
-def surfaces(folder: Path, step: int = PIXELS) -> list[Check]:
+def surfaces(folder: Path, step: int = PIXELS) -> tuple[list[Check], Table]:
     """Figures of two surfaces in one pixel, from the pixels that the response is not of."""
     read = measured_surfaces.read_surfaces(folder)
     errors = measured_surfaces.surface_errors(read, step)
     both = np.isfinite(errors.error).all(axis=1)
     checks = [figure("surfaces, both found", _mean, 0.9, both.astype(float), at_least=True)]
+    rows = []
     for surface, name in enumerate(("first", "second")):
-        error, bound = errors.error[both, surface], errors.bound[both, surface]
-        halves, halves_bound = errors.halves[:, surface], errors.halves_bound[:, surface]
-        given = np.isfinite(halves) & np.isfinite(halves_bound)
-        checks += [
-            figure(
-                f"surfaces, {name}, difference of halves over its bound",
-                ratio, 1.3, halves[given], halves_bound[given],
-            ),
-            figure(f"surfaces, {name}, error over its bound", _scatter_ratio, 1.3, error, bound),
-        ]  # fmt: skip
-    return checks
+        error, bound, own, halves, halves_bound, halves_sigma = (
+            each[:, surface] for each in vars(errors).values()
+        )
+        error, bound, own = error[both], bound[both], own[both]
+        given = np.isfinite(halves)
+        halves, halves_bound = halves[given], halves_bound[given]
+        checks.append(
+            figure(f"surfaces, {name}, halves over their bound", ratio, 1.3, halves, halves_bound)
+        )
+        if surface == 0:
+            checks.append(
+                figure("surfaces, first, error over its bound", _scatter_ratio, 1.3, error, bound)
+            )
+        stated = rms(halves / halves_sigma[given])
+        numbers = np.std(error), rms(bound), rms(own), rms(halves), rms(halves_bound), stated
+        rows.append((name, *(f"{each:.3g}" for each in numbers)))
+    columns = ("surface", "error", "bound", "bound of the sharp shape", "halves", "their bound",
+               "halves, z rms")  # fmt: skip
+    title = (
+        f"Two surfaces, {both.size} pixels, in bins: error from what is called truth, less its "
+        "mean, and difference between halves of the photons."
+    )
+    return checks, Table(title, columns, rows)
 
 
 def _mean(values: Floats) -> float:
@@ -188,9 +201,10 @@ def main() -> int:
     data = options.data
     checks = wall(measured_wall.SHIPPED if data is None else data / "tmf8820")
     if data is not None:
-        checks += surfaces(data / "two-surfaces", QUICK_PIXELS if options.quick else PIXELS)
-        of_flights, table = flights(data / "flight-vl53l5cx")
-        checks, tables = checks + of_flights, [table]
+        step = QUICK_PIXELS if options.quick else PIXELS
+        sets = surfaces(data / "two-surfaces", step), flights(data / "flight-vl53l5cx")
+        checks += [check for each, _ in sets for check in each]
+        tables = [table for _, table in sets]
     around = surroundings(("spisim", "numpy", "scipy"))
     return finish(options, DOCS, "measured-spad", around, tables, checks)
 

@@ -151,8 +151,8 @@ def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
     """Capture of bucket readings, and those of the spots, if any."""
     about: dict[str, float] = {}
     if (program := program_of(options.file)) is not None:
-        readings, plan, about = program.load(options.file, options.band_nm)
-        recording = Recording(readings, plan)
+        readings, plan, about, own_spots = program.load(options.file, options.band_nm)
+        recording, spots = Recording(readings, plan), own_spots if spots is None else spots
     else:
         recording = _recording(options)
     if options.about is not None:
@@ -160,7 +160,7 @@ def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
     about |= {name: value for name in ABOUT if (value := getattr(options, name)) is not None}
     plan = recording.plan
     with naming(options.file):
-        if plan.patterns.orthogonal:
+        if plan.shows_image and plan.patterns.orthogonal:
             decoder_for(plan)  # raises if the background is unknown
         capture = capture_from_readings(
             recording.readings,

@@ -6,14 +6,19 @@ from typing import NamedTuple, Protocol
 from ...base.arrays import Floats
 from ...base.registry import Registry
 from ...operators import PatternPlan
+from ..spots import Spots
 
 
 class ProgramRecording(NamedTuple):
-    """Readings (frames, M), their plan, and detector properties as in `ABOUT`."""
+    """Readings (frames, M), their plan, detector properties as in `ABOUT`, and spots, if any.
+
+    A recording of spots alone has `NO_PATTERN`.
+    """
 
     readings: Floats
     plan: PatternPlan
     about: dict[str, float]
+    spots: Spots | None = None
 
 
 class RecordingFormat(Protocol):
