@@ -1,8 +1,8 @@
 """Flights of a nano-drone with a VL53L5CX towards a wall, and the preset `vl53l5cx` in its place.
 
 The flights are those of ETH-PBL/Matrix_ToF_Drones, licensed GPL-3, so they are not shipped. Vicon
-gives the pose of drone and wall. A frame reaches the drone when the next one begins: the sensor lags
-Vicon by one frame, as the slope of its error over the speed shows (64 to 71 ms in all three
+gives the pose of drone and wall. A frame reaches the drone when the next one begins: the sensor
+lags Vicon by one frame, as the slope of its error over the speed shows (64 to 71 ms in all three
 flights). What the files do not say, reflectance and light on the wall, is chosen once, on the first
 flight, from when the sensor loses the wall.
 """

@@ -4,7 +4,7 @@
 
 Each set is judged where nothing was fitted (`measured_wall.py`, `measured_surfaces.py`,
 `measured_flights.py` say how). Without a folder the wall alone is judged, on the few poses that are
-shipped; the others may not be shipped. `--markdown` pastes the tables into docs/results/measured.md.
+shipped; the others may not be shipped. `--markdown` pastes tables into docs/results/measured.md.
 """
 
 import sys

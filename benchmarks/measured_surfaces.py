@@ -1,15 +1,15 @@
 """A semi-transparent surface before another in single-photon pixels: both found, and how well.
 
-The recording is that of photon-efficient-imaging/full-waveform, of no licence, so it is not shipped.
-What it calls truth are means of photons in two gates: in an eighth of the pixels exactly those of
-the photons recorded, the second less 100 bins. Noise, inter-reflections and a wall behind the object
-are in these means, so they cannot judge an estimate to its bound. Halves of the photons of a pixel
-can: both halves see the same surfaces, and the scatter between them needs no truth.
+The recording is that of photon-efficient-imaging/full-waveform; without a licence it is not
+shipped. What it calls truth are means of photons in two gates: in an eighth of the pixels exactly
+those of the photons recorded, the second less 100 bins. Noise, inter-reflections and a wall behind
+the object are in these means, so they cannot judge an estimate to its bound. Halves of the photons
+of a pixel can: both halves see the same surfaces, and the scatter between them needs no truth.
 
 Errors are compared with the Cramér–Rao bound of a Gaussian pulse as wide as the response. The
-response itself is a plateau with a sharp edge: its own bound is about half of that, and out of reach
-of any estimate with so few photons, also of the posterior mean, which is the best that follows a
-shift (simulated: 2.0 times the bound with 5 photons, 1.6 with 14, 1.2 with 60).
+response itself is a plateau with a sharp edge: its own bound is about half of that, and out of
+reach of any estimate with so few photons, also of the posterior mean, which is the best that
+follows a shift (simulated: 2.0 times the bound with 5 photons, 1.6 with 14, 1.2 with 60).
 """
 
 from dataclasses import dataclass
@@ -38,7 +38,7 @@ CYCLES = 10**6
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """Photon times of pixels, in bins, and what is called the delay of both surfaces (pixels, 2)."""
+    """Photon times of pixels, in bins, and the stated delay (pixels, 2) of both surfaces."""
 
     times: list[Floats]
     truth: Floats
@@ -149,11 +149,11 @@ def _errors_of(
         difference, of_halves, sigma = np.nan, np.nan, np.nan
         # Which photons a surface has is told by the whole pixel: truth would prefer its own.
         parts = [nearest(half, whole.delay) if whole else None for half in halves]
-        if whole and min(whole.arrivals * CYCLES, near[surface].size) >= 2 * MIN_PHOTONS:
-            if all(parts):
-                difference = parts[0].delay - parts[1].delay
-                sigma = float(np.hypot(*(each.sigma for each in parts)))
-                counts = [each.arrivals * CYCLES for each in parts]
-                of_halves = float(np.hypot(*(bound(gaussian, n, background / 2) for n in counts)))
+        photons = min(whole.arrivals * CYCLES, near[surface].size) if whole else 0
+        if photons >= 2 * MIN_PHOTONS and all(parts):
+            difference = parts[0].delay - parts[1].delay
+            sigma = float(np.hypot(*(each.sigma for each in parts)))
+            counts = [each.arrivals * CYCLES for each in parts]
+            of_halves = float(np.hypot(*(bound(gaussian, n, background / 2) for n in counts)))
         columns.append((error, least, own, difference, of_halves, sigma))
     return [list(column) for column in zip(*columns, strict=True)]

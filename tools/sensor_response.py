@@ -77,7 +77,9 @@ def response_of(wall: bench.Wall, instrument: Instrument) -> Response:
     print("# kernel", np.round(weights, 3), "of", TAUS, "bins, shift", round(best.x, 3))
     at = np.interp(SAMPLES, times + best.x, np.maximum(weights @ parts, 0), left=0, right=0)
     bin_ns = 1e9 * instrument.tof.bin_width_s
-    rows = [(round(t, 4), round(v, 5)) for t, v in zip(SAMPLES * bin_ns, at / at.max(), strict=True)]
+    rows = [
+        (round(t, 4), round(v, 5)) for t, v in zip(SAMPLES * bin_ns, at / at.max(), strict=True)
+    ]
     return Response(samples_ns=rows)
 
 
@@ -95,10 +97,10 @@ def overlap_of(wall: bench.Wall, instrument: Instrument) -> tuple[Floats, float]
     solved = least_squares(error, [0.0, *np.log(echo[-1] * range_m[-1] ** 2), *zones * [0.05]])
     far = wall.distance_m >= bench.NEAREST_DELAY_M
     logs = np.log(echo[far])
-    smooth = [np.polyval(np.polyfit(np.log(range_m[far, k]), logs[:, k], 3), np.log(range_m[far, k]))
-              for k in range(zones)]  # fmt: skip
-    freedom = far.sum() / (far.sum() - 4)
-    scatter = freedom * np.mean((logs - np.transpose(smooth)) ** 2) - np.mean(1 / echo[far])
+    curve = np.vander(np.log(wall.distance_m[far]), 4)
+    smooth = curve @ np.linalg.lstsq(curve, logs, rcond=None)[0]
+    freedom = far.sum() / (far.sum() - curve.shape[1])
+    scatter = freedom * np.mean((logs - smooth) ** 2) - np.mean(1 / echo[far])
     return np.abs(solved.x[1 + zones :]), float(np.sqrt(max(scatter, 0)))
 
 
@@ -139,7 +141,9 @@ def main() -> None:
     print(f"near_overlap_m: {np.round(near, 4).tolist()}")
     print(f"speckle_contrast: {scatter:.2g}")
     far = wall.at(wall.distance_m >= 0.099)
-    print(f"samples_ns: {[list(map(float, row)) for row in response_of(far, instrument).samples_ns]}")
+    print(
+        f"samples_ns: {[list(map(float, row)) for row in response_of(far, instrument).samples_ns]}"
+    )
 
 
 if __name__ == "__main__":

@@ -26,8 +26,10 @@ SWEEPS = 6
 """Rounds over the delays, between which amplitudes and background are fitted."""
 UPDATES = 8
 """Steps of the amplitudes in a round."""
-STEPS_PER_WIDTH = 10.0
-"""Steps of a delay per width of the pulse."""
+STEPS = 30
+"""Steps of a delay to either side."""
+ZOOMS = 6
+"""Times that the range of a delay narrows to what its photons leave."""
 REACH = 3.0
 """Half width of the range in which a delay moves, in widths of the pulse."""
 SETTLED = 0.01
@@ -77,9 +79,9 @@ def find_returns(
             break
     delays, sigmas, rates, _ = accepted
     order = np.argsort(-rates[1:])
-    return [
-        Return(float(delays[k]), float(sigmas[k]), float(rates[1 + k])) for k in order
-    ], float(rates[0])
+    return [Return(float(delays[k]), float(sigmas[k]), float(rates[1 + k])) for k in order], float(
+        rates[0]
+    )
 
 
 class _Pulses(NamedTuple):
@@ -165,19 +167,28 @@ class _Fit:
 
     def _moved(self, pulse: int, delays: Floats, rates: Floats) -> tuple[float, float]:
         """Posterior mean and standard deviation of a pulse's delay, all else fixed."""
-        step = self.shape.width / STEPS_PER_WIDTH
-        reach = REACH * self.shape.width
-        tried = delays[pulse] + np.arange(-reach, reach + step / 2, step)
+        rest = np.delete(rates, 1 + pulse) @ self.parts(np.delete(delays, pulse))
+        middle, reach = float(delays[pulse]), REACH * self.shape.width
+        for _ in range(ZOOMS):
+            step = reach / STEPS
+            tried = middle + step * np.arange(-STEPS, STEPS + 1)
+            weight = self._posterior(tried, rates[1 + pulse], rest)
+            middle = float(weight @ tried)
+            sigma = float(np.sqrt(weight @ (tried - middle) ** 2))
+            if sigma > step:
+                break
+            reach = 4 * step
+        return middle, float(np.hypot(sigma, step / np.sqrt(12)))
+
+    def _posterior(self, tried: Floats, rate: float, rest: Floats) -> Floats:
+        """Probabilities of delays (...) under a flat prior."""
         near = self._near(tried[0], tried[-1])
-        rest = np.delete(rates, 1 + pulse) @ self.parts(np.delete(delays, pulse))[:, near]
-        mean = rest + rates[1 + pulse] * self.shape.in_bins(tried, self.bins[near])
+        mean = rest[near] + rate * self.shape.in_bins(tried, self.bins[near])
         missed = self.watched[near] - self.counts[near]
         seen = np.flatnonzero(self.counts[near])
         logs = np.log(-np.expm1(-mean[:, seen])) @ self.counts[near][seen] - mean @ missed
         weight = np.exp(logs - logs.max())
-        weight /= weight.sum()
-        middle = float(weight @ tried)
-        return middle, float(np.sqrt(weight @ (tried - middle) ** 2 + step**2 / 12))
+        return np.asarray(weight / weight.sum())
 
 
 def _at_each_bin(values: Floats, shape: Floats, first: int) -> Floats:

@@ -13,7 +13,7 @@ GAUSSIAN_REACH = 4.0
 """Standard deviations of a Gaussian pulse beyond which nothing arrives."""
 TABLE = 4096
 """Entries of the table of a measured response."""
-NEGLIGIBLE = 1e-3
+NEGLIGIBLE = 1e-5
 """Fraction of a measured response left out at either end of its core."""
 
 
@@ -56,7 +56,7 @@ def sampled_shape(times: Floats, rates: Floats) -> PulseShape:
 
 
 def fraction_arrived(times: Floats, rates: Floats, at: Floats) -> Floats:
-    """Integral (...) up to times ``at`` of rates that are linear between samples, over the whole."""
+    """Fraction (...) that arrives before times ``at``, of rates linear between samples."""
     areas = np.diff(times) * (rates[1:] + rates[:-1]) / 2
     before = np.concatenate([[0.0], np.cumsum(areas)])
     at = np.clip(at, times[0], times[-1])

@@ -1,10 +1,10 @@
 """Histograms of a TMF8820, as cpsiff/SPAD-ICCP-Summer-School and its relatives write them to JSON.
 
 A list of frames, each with ``hists`` (9 zones of 128 bins) and ``reference_hist``, the sensor's own
-picture of its pulse, whose median delay over the frames is the time zero. The file states neither the width of
-a bin nor the number of cycles, nor where zones look: bins and cycles are those measured on a wall,
-and directions those of the data sheet's normal mode. Pose, temperature and the sensor's own ranges
-are left out. Ranges count from the sensor along the middle of each zone.
+picture of its pulse, whose median delay over the frames is the time zero. The file states neither
+the width of a bin nor the number of cycles, nor where zones look: bins and cycles are those
+measured on a wall, and directions those of the data sheet's normal mode. Pose, temperature and the
+sensor's own ranges are left out. Ranges count from the sensor along the middle of each zone.
 """
 
 import json
@@ -29,7 +29,7 @@ ROWS, BINS = 3, 128
 FIELD_DEG = 33.0, 32.0
 #: Measured on a wall; see the preset `tmf8820`.
 BIN_WIDTH_S, CYCLES = 94.57e-12, 4_160_000
-#: Mean delay of the zones after the reference at a range of zero, in bins: their light leaves earlier.
+#: Mean delay of zones after the reference at a range of zero, in bins: their path is the shorter.
 ZONES_AFTER_REFERENCE = -1.365
 #: So many cycles that no arrival of the reference hides another.
 MANY_CYCLES = 10**12

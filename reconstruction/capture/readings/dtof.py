@@ -43,9 +43,9 @@ class HistogramSpots(Spots):
     piles_up: Annotated[bool, Stored("1", dtype="bool")] = True
     laser_energy_j: Annotated[float, Stored("J", sign="positive", nan=True)] = np.nan
     response_s: Annotated[Floats | None, Stored("s", ("response samples",))] = None
-    response: Annotated[
-        Floats | None, Stored("1", ("response samples",), sign="not negative")
-    ] = None
+    response: Annotated[Floats | None, Stored("1", ("response samples",), sign="not negative")] = (
+        None
+    )
 
     @property
     def readings(self) -> NDArray[Any]:

@@ -65,14 +65,13 @@ class FirstPhotons:
     def chances(self, path_m: Floats, echo_per_s: Floats, steady_per_s: float) -> Floats:
         """Probability (bins,) that the first detection of a cycle falls into each bin of the gate.
 
-        Of one diode: its detections are Poisson with mean λ_i per bin, and the first ends the cycle:
+        Of one diode: detections are Poisson with mean λ_i per bin, and the first ends the cycle:
         p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)).
         """
         tof = self.tof
         edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
-        times, density = smoothed(
-            path_m, echo_per_s, self.response_sigma_s, tof.gate_s, tof.response
-        )
+        pulse = self.response_sigma_s if tof.response is None else tof.response
+        times, density = smoothed(path_m, echo_per_s, pulse, tof.gate_s)
         collected = CubicSpline(times, density).antiderivative()
         per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
         inside = np.clip(edges, times[0], times[-1])

@@ -41,6 +41,11 @@ class Response(Section):
         """Time of the last sample."""
         return 1e-9 * self.samples_ns[-1][0]
 
+    @property
+    def reach_s(self) -> float:
+        """Time from zero within which everything arrives."""
+        return max(-self.start_s, self.end_s)
+
     def arrived(self, time_s: Floats) -> Floats:
         """Fraction (...) of all time stamps before times (...)."""
         times, rates = np.transpose(self.samples_ns)
@@ -50,7 +55,7 @@ class Response(Section):
         """A rate (times,) in even steps, spread out by the response."""
         before, after = math.ceil(-self.start_s / step_s) + 1, math.ceil(self.end_s / step_s) + 1
         before, after = max(before, 0), max(after, 0)
-        edges = (np.arange(-before, after + 2) - 0.5) * step_s
+        edges: Floats = (np.arange(-before, after + 2, dtype=np.float64) - 0.5) * step_s
         spread = fftconvolve(rate, np.diff(self.arrived(edges)))
         return np.asarray(np.maximum(spread[before : before + rate.size], 0))
 
