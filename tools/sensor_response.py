@@ -22,7 +22,7 @@ import measured_wall as bench
 from reconstruction.base.arrays import Floats
 from reconstruction.ranging.histogram import coates
 from spisim.instrument import Instrument, load_instrument
-from spisim.instrument.stamping.response import Response
+from spisim.instrument.response import Response
 
 #: Time constants of the kernel, in bins.
 TAUS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)

@@ -146,11 +146,11 @@ class _Fit:
         weight = self.watched / np.expm1(mean)
         low, high = int(np.floor(self.shape.first)), int(np.ceil(self.shape.last)) + 1
         offsets = np.arange(low, high + 1, dtype=np.float64)
-        best = -np.inf, 0.0, 0.0
+        best, least = (-np.inf, 0.0, 0.0), 1e-6 * weight.max() / self.shape.width
         for phase in self.phases:
             shape = self.shape.in_bins(np.asarray(phase), offsets)
             score = _at_each_bin(excess, shape, low)
-            information = _at_each_bin(weight, shape**2, low)
+            information = np.maximum(_at_each_bin(weight, shape**2, low), least)
             strength = score / np.sqrt(information)
             bin_ = int(np.argmax(strength))
             if strength[bin_] > best[0]:
@@ -171,7 +171,7 @@ class _Fit:
         middle, reach = float(delays[pulse]), REACH * self.shape.width
         for _ in range(ZOOMS):
             step = reach / STEPS
-            tried = middle + step * np.arange(-STEPS, STEPS + 1)
+            tried = middle + step * np.arange(-STEPS, STEPS + 1, dtype=np.float64)
             weight = self._posterior(tried, rates[1 + pulse], rest)
             middle = float(weight @ tried)
             sigma = float(np.sqrt(weight @ (tried - middle) ** 2))

@@ -19,7 +19,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.base.config import Number, Positive, Section, Vector
 from spisim.instrument.electronics import Adc, Amplifier
-from spisim.instrument.stamping.response import Response
+from spisim.instrument.response import Response
 
 Random = np.random.Generator | None
 Each = float | Floats

@@ -12,7 +12,7 @@ from reconstruction.capture import read_capture, write_capture
 from reconstruction.capture.importers import capture_from_spots
 from reconstruction.ranging import measure_ranges
 from spisim.instrument import SpotLight, load_instrument
-from spisim.instrument.stamping.response import Response
+from spisim.instrument.response import Response
 
 SENSOR = load_instrument("tmf8820")
 SKEWED = Response(samples_ns=[(-0.2, 0.0), (0.0, 1.0), (0.6, 0.3), (2.0, 0.0)])

@@ -7,7 +7,7 @@ from scipy.constants import c
 from scipy.ndimage import gaussian_filter1d
 
 from reconstruction.base.arrays import Floats
-from spisim.instrument.stamping.response import Response
+from spisim.instrument.response import Response
 
 
 def smoothed(

@@ -17,8 +17,8 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.spots import SpotOptics
 from spisim.base.config import Count, Number, Positive, Section
 from spisim.instrument.detector import TofDetector
+from spisim.instrument.response import Response
 from spisim.instrument.sensor import FWHM_PER_SIGMA, Reading, Stamping
-from spisim.instrument.stamping.response import Response
 from spisim.instrument.tof import Emission, SpotLight, check_pulse
 
 #: Saturation: too few cycles remain without a photon to tell late light from early.
