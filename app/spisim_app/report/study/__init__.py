@@ -10,7 +10,7 @@ from spisim.dataset.study.metrics import Metric
 from spisim.dataset.study.plan import PlannedStudy
 from spisim.dataset.study.results import SPOTS_LEFT, Condition, Results, Row
 from spisim.dataset.study.statistics import FEW_UNITS, Estimate
-from spisim.report.page import write_page
+from spisim_app.report.page import write_page
 
 from .labels import axis_label, condition_label, method_label, metric_label
 from .plots import Plot, study_plots

@@ -51,7 +51,7 @@ def command(
     """
     from reconstruction.base.folders import output_folder
     from spisim.dataset.study import load_study, run_study, study_files
-    from spisim.report.study import study_outputs, write_study
+    from spisim_app.report.study import study_outputs, write_study
 
     planned = load_study(plan)
     if quick:

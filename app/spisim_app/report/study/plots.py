@@ -17,8 +17,8 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 from spisim.dataset.study.metrics import Metric, Quantity
 from spisim.dataset.study.results import Condition, Results, Summary
 from spisim.dataset.study.statistics import FEW_UNITS, Estimate
-from spisim.report.style import WIDE_IN, drawn, file_of, plot_in_page, plot_style
-from spisim.report.units import prefix_axis
+from spisim_app.report.style import WIDE_IN, drawn, file_of, plot_in_page, plot_style
+from spisim_app.report.units import prefix_axis
 
 from .labels import axis_label, brief, condition_label, group_label, method_label
 

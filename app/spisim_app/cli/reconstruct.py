@@ -45,7 +45,7 @@ def command(
     from reconstruction.cli.reconstruct import reconstruct_into_folder
     from reconstruction.depth import MIN_FREE
     from reconstruction.outputs import outputs_in
-    from spisim.report.capture import write_report
+    from spisim_app.report.capture import write_report
 
     page = output / "report.html"
     options = Namespace(

@@ -12,9 +12,9 @@ from reconstruction.base.arrays import Floats
 from reconstruction.depth import pixel_rays
 from reconstruction.ranging import RANGED
 from reconstruction.result import Result
-from spisim.report.style import spot_looks
-from spisim.report.viewer.views import View
 from spisim.scene import Scene, SceneObject
+from spisim_app.report.style import spot_looks
+from spisim_app.report.viewer.views import View
 
 DRONE, POINTS = "world/drone", "world/points"
 CLOUD, TRUTH, REMEMBERED = (255, 140, 40), (90, 200, 120), (250, 250, 250)

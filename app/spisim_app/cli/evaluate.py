@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from reconstruction import Capture
     from reconstruction.base.files import Output
-    from spisim.report.flight import EvaluatedFrame
+    from spisim_app.report.flight import EvaluatedFrame
 
     Evaluation = tuple[dict[str, Any], list[str], Callable[[Any], None]]
 #: Pictures of a film per second, about.
@@ -43,7 +43,7 @@ class FlightFiles:
     def outputs(self) -> list[Output]:
         """Those that are asked for."""
         from reconstruction.base.files import Output
-        from spisim.report.flight import KIND
+        from spisim_app.report.flight import KIND
 
         named = ((self.page, (".html", ".htm")), (self.film, (".gif",)))
         return [Output(path, KIND, endings) for path, endings in named if path is not None]
@@ -147,8 +147,8 @@ def _flight(
     """Compare the frames of a flight, and write its page and film."""
     from reconstruction.base.files import require_outputs
     from reconstruction.evaluation import evaluate_flight
-    from spisim.report.flight import EvaluatedFrame, write_animation
-    from spisim.report.flight_page import write_flight
+    from spisim_app.report.flight import EvaluatedFrame, write_animation
+    from spisim_app.report.flight_page import write_flight
 
     outputs = files.outputs
     require_outputs(outputs, [capture], overwrite=files.overwrite)

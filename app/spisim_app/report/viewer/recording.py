@@ -12,11 +12,11 @@ import numpy as np
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import Output, mark
 from spisim.base.optional import import_optional
-from spisim.report.viewer.layout import layout
-from spisim.report.viewer.readings import draw_pictures, draw_readings, style_ranges
-from spisim.report.viewer.space import Space
-from spisim.report.viewer.views import View
-from spisim.report.viewer.window import open_window
+from spisim_app.report.viewer.layout import layout
+from spisim_app.report.viewer.readings import draw_pictures, draw_readings, style_ranges
+from spisim_app.report.viewer.space import Space
+from spisim_app.report.viewer.views import View
+from spisim_app.report.viewer.window import open_window
 
 KIND = "recording of Rerun"
 SUFFIX = ".rrd"

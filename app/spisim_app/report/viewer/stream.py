@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 
 from reconstruction.exports import Shot
-from spisim.report.viewer.recording import Recording
-from spisim.report.viewer.views import View
+from spisim_app.report.viewer.recording import Recording
+from spisim_app.report.viewer.views import View
 from spisim_live import Arrival, Outcome
 from spisim_live.sinks import Sink
 

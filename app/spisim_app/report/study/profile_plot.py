@@ -6,7 +6,7 @@ from reconstruction.evaluation import method_title
 from spisim.dataset.study.metrics import CENTRES_M
 from spisim.dataset.study.results import Results, Row, over_units
 from spisim.dataset.study.statistics import Estimate
-from spisim.report.style import WIDE_IN
+from spisim_app.report.style import WIDE_IN
 
 from .labels import group_label
 from .plots import Plot, draw_estimates, group_look, legend_above, plain_log, saved

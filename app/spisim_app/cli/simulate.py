@@ -82,7 +82,7 @@ def command(
     warnings += capture_warnings(simulation.capture)
     warn(warnings)
     if report:
-        from spisim.report.capture import write_report
+        from spisim_app.report.capture import write_report
 
         with naming(output):
             result = reconstruct(simulation.capture)

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
 
     from spisim.dataset.flight import Instant
     from spisim.instrument import Instrument
-    from spisim.report.flight import EvaluatedFrame
     from spisim.scene import Scene, Trajectory
     from spisim.simulation.flight import PoseError
+    from spisim_app.report.flight import EvaluatedFrame
 
 EVERY = "frames"
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
@@ -188,9 +188,9 @@ def _record_captures(
     from reconstruction.base.files import remove_unfinished
     from reconstruction.base.folders import output_folder
     from spisim.dataset.flight import existing_captures, instants
-    from spisim.report.flight import flight_outputs, write_animation, write_table
-    from spisim.report.flight_page import write_flight
     from spisim.scene import check_clear_path
+    from spisim_app.report.flight import flight_outputs, write_animation, write_table
+    from spisim_app.report.flight_page import write_flight
 
     files = flight_outputs(output)
     animation, page, table = (file.path for file in files)
@@ -257,7 +257,7 @@ def _evaluated(instant: Instant, folder: Path) -> EvaluatedFrame:
     """Evaluate a capture as read from its file, so that reused and new ones are equal."""
     from reconstruction import evaluate, read_capture, reconstruct
     from reconstruction.diagnostics import result_warnings
-    from spisim.report.flight import EvaluatedFrame
+    from spisim_app.report.flight import EvaluatedFrame
 
     capture = read_capture(folder / instant.file)
     with naming(folder / instant.file):

@@ -17,7 +17,7 @@ from .inputs import captures_in
 from .options import Json, Methods, Overwrite, number_option
 
 if TYPE_CHECKING:
-    from spisim.report.viewer import Recording, View
+    from spisim_app.report.viewer import Recording, View
 
 EXAMPLE = "spisim view foggy.h5"
 MANIFEST = "manifest.sqlite"
@@ -67,7 +67,7 @@ def command(
 
 def _check(source: str, save: Path | None, overwrite: bool) -> None:
     from reconstruction.base.files import require_outputs
-    from spisim.report.viewer.recording import check_viewer, library, recording_output
+    from spisim_app.report.viewer.recording import check_viewer, library, recording_output
 
     try:
         library()
@@ -93,7 +93,7 @@ def _report_of(source: Path) -> str:
 @contextmanager
 def _recording(save: Path | None) -> Iterator[Recording]:
     """Return a recording that is displayed, or a file that appears when complete."""
-    from spisim.report.viewer import Recording
+    from spisim_app.report.viewer import Recording
 
     if save is None:
         recording = Recording()
@@ -117,7 +117,7 @@ def _recording(save: Path | None) -> Iterator[Recording]:
 
 def _views(source: Path, methods: dict[str, Any]) -> Iterator[View]:
     from spisim.dataset import open as open_data_set
-    from spisim.report.viewer import views_of_captures, views_of_samples
+    from spisim_app.report.viewer import views_of_captures, views_of_samples
 
     if (source / MANIFEST).is_file():
         return views_of_samples(open_data_set(source), methods)
@@ -138,7 +138,7 @@ def _show(views: Iterator[View], recording: Recording, frames: int | None) -> No
 def _follow(source: str, recording: Recording, frames: int | None, choice: dict[str, Any]) -> None:
     import threading
 
-    from spisim.report.viewer import StreamViewer
+    from spisim_app.report.viewer import StreamViewer
     from spisim_live import Loop, Reception, State
     from spisim_live.links import source_at
 

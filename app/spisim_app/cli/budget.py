@@ -68,7 +68,7 @@ def command(
     warn(warnings := budget_warnings(carried, target))
     if output is not None:
         from spisim.budget.plots import budget_figure
-        from spisim.report.style import drawn, file_of, plot_style
+        from spisim_app.report.style import drawn, file_of, plot_style
 
         with plot_style():
             figure = budget_figure(carried, target, drawn(Path(instrument).stem), LIMIT_M)

@@ -14,9 +14,9 @@ from scipy.spatial import ConvexHull
 from reconstruction.base.arrays import Floats
 from reconstruction.base.files import write_atomically
 from spisim.instrument import Instrument
-from spisim.report.style import drawn, file_of, plot_style
 from spisim.scene import Scene
 from spisim.transport import RayCaster
+from spisim_app.report.style import drawn, file_of, plot_style
 
 from .cameras import Section, cut_m, heading, perspective_rays
 from .survey import Spot, Survey

@@ -26,7 +26,7 @@ def command(
     """Write a page with image, estimated and true depth, parameters and error of each sample."""
     from reconstruction.base.files import require_outputs
     from spisim.dataset import open as open_data_set
-    from spisim.report.contact_sheet import write_contact_sheet
+    from spisim_app.report.contact_sheet import write_contact_sheet
 
     require_outputs([named(output, "contact sheet")], [folder], overwrite=overwrite)
     data = open_data_set(folder)

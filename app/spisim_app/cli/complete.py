@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+import spisim
+
 
 def scenes(incomplete: str) -> list[str]:
     """Complete shipped scenes, and scene files."""
@@ -19,7 +21,7 @@ def studies(incomplete: str) -> list[str]:
 
 def instruments(incomplete: str) -> list[str]:
     """Complete presets, and instrument files."""
-    return _of(Path(__file__).parents[1] / "instrument" / "presets", incomplete)
+    return _of(Path(spisim.__file__).parent / "instrument" / "presets", incomplete)
 
 
 def materials(incomplete: str) -> list[str]:

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.ranging.methods.cw import quadrature_weights
-from spisim.report.viewer.space import rgb_of_spots, spot_words
-from spisim.report.viewer.views import View
+from spisim_app.report.viewer.space import rgb_of_spots, spot_words
+from spisim_app.report.viewer.views import View
 
 
 def draw_readings(rerun: Any, stream: Any, view: View) -> None:

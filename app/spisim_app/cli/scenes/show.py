@@ -16,7 +16,7 @@ from ..outputs import output as named
 from ..tables import plain_table, print_table
 
 if TYPE_CHECKING:
-    from spisim.report.scene_view import Spot, Survey
+    from spisim_app.report.scene_view import Spot, Survey
 
 EXAMPLE = "spisim scenes show warehouse -o warehouse.png"
 
@@ -40,8 +40,8 @@ def command(
     The drawing is in clear air, by ray casting: fast, without light transport.
     """
     from reconstruction.base.files import require_outputs
-    from spisim.report.scene_view import Look, survey, write_look
     from spisim.transport import RayCaster
+    from spisim_app.report.scene_view import Look, survey, write_look
 
     picture = output or Path(f"{Path(scene).stem}.png")
     files = [named(picture, "scene view")]

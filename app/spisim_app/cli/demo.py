@@ -44,13 +44,13 @@ def command(
     from reconstruction.base.folders import output_folder
     from reconstruction.outputs import outputs_in
     from spisim.instrument import load_instrument
-    from spisim.report.capture import write_report
-    from spisim.report.overview import write_overview
     from spisim.scene import load_scene
     from spisim.simulation import simulate
     from spisim.simulation.light.files import write_truth
     from spisim.simulation.measurement import simulation_warnings
     from spisim.transport import fine_view
+    from spisim_app.report.capture import write_report
+    from spisim_app.report.overview import write_overview
 
     own = {name: Output(output / name, kind) for name, kind in FILES.items()}
     files = [*own.values(), *outputs_in(output)]
