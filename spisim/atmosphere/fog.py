@@ -4,14 +4,14 @@ Visibility fixes the extinction at 550 nm, and the droplet sizes fix its ratio a
 wavelength. Visibility scales the number of droplets, not their sizes, so albedo and phase function
 do not depend on it.
 
-With droplets as large as fog's, 1550 nm reaches no further than the eye: extinction is 3 to 14 %
-higher. It is lower only for particles smaller than the wavelength, in haze and smoke.
+With droplets as large as those of water fog, 1550 nm reaches no further than the eye: extinction is
+3 to 14 % higher. It is lower only for particles smaller than the wavelength, in haze and smoke.
 """
 
 import math
 
-from reconstruction.base.errors import InputError, nearest
-from spisim.atmosphere.droplets import FOGS, KINDS, WATER_G_PER_CM3, Particles
+from reconstruction.base.errors import InputError
+from spisim.atmosphere.droplets import FOGS, WATER_G_PER_CM3, Particles, named_particles
 from spisim.atmosphere.lookup import look_up
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.mie_phase import phase_function
@@ -125,11 +125,7 @@ def agreed_visibility(
 
 
 def _particles(kind: str | Particles) -> Particles:
-    if isinstance(kind, Particles):
-        return kind
-    if kind not in KINDS:
-        raise InputError(f"kind {kind!r} of fog or smoke: {nearest(kind, KINDS)}")
-    return KINDS[kind]
+    return kind if isinstance(kind, Particles) else named_particles(kind)
 
 
 def _water_g_per_m3(particles: Particles, extinction_550_per_m: float) -> float:

@@ -1,4 +1,4 @@
-"""Refractive indices of water and ice."""
+"""Refractive indices of water, ice and glycol."""
 
 from functools import cache
 from pathlib import Path
@@ -9,7 +9,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.base.config import load_yaml
 
-COLUMNS = {"water": 1, "ice": 3}  # column of n, followed by k
+COLUMNS = {"water": 1, "ice": 3, "glycol": 5}  # column of n, followed by k
 
 
 @cache
@@ -28,16 +28,18 @@ def check_wavelength(wavelength_nm: float) -> None:
 
 
 def refractive_index(material: str, wavelength_nm: float) -> complex:
-    """Refractive index n - ik of water (Segelstein 1981) or ice (Warren & Brandt 2008).
+    """Refractive index n - ik of water (Segelstein 1981), ice (Warren & Brandt 2008) or glycol.
 
     The tables have steps of 10 nm; in between n is linear and k exponential. Water is at 25 °C: at
     0 °C its n is 0.3 % and its k 10 % higher (Rowe 2020), which changes extinction by less than 1 %
-    and absorption by 10 %.
+    and absorption by 10 %. Glycol is ethylene glycol (Sani & Dell'Oro 2014): fluids of fog machines
+    are mixtures of propylene and triethylene glycol, glycerol and water, whose n is within 0.02 of it
+    once the smoke holds as much water as the air around it.
 
     Parameters
     ----------
     material : str
-        "water" or "ice".
+        "water", "ice" or "glycol".
     wavelength_nm : float
         400 to 1700 nm.
 
