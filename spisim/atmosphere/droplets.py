@@ -221,9 +221,9 @@ def named_particles(kind: str) -> Particles:
     """Particles of a kind in `KINDS`; InputError for another, with what replaces a former one."""
     if kind in _FORMER_MEDIANS_UM:
         raise InputError(
-            f"kind {kind!r} of smoke had assumed sizes and is no more: use 'fog-machine' or 'hazer', "
-            f"measured ones, or droplets: {{median_diameter_um: {_FORMER_MEDIANS_UM[kind]:g}, "
-            "sigma_g: 1.5, n: 1.43, k: 1e-4} for what it was"
+            f"kind {kind!r} of smoke had assumed sizes and is no more: use 'fog-machine' or "
+            "'hazer', measured ones, or droplets: {median_diameter_um: "
+            f"{_FORMER_MEDIANS_UM[kind]:g}, sigma_g: 1.5, n: 1.43, k: 1e-4}} for what it was"
         )
     if kind not in KINDS:
         raise InputError(f"kind {kind!r} of fog or smoke: {nearest(kind, KINDS)}")

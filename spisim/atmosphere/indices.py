@@ -32,9 +32,9 @@ def refractive_index(material: str, wavelength_nm: float) -> complex:
 
     The tables have steps of 10 nm; in between n is linear and k exponential. Water is at 25 °C: at
     0 °C its n is 0.3 % and its k 10 % higher (Rowe 2020), which changes extinction by less than 1 %
-    and absorption by 10 %. Glycol is ethylene glycol (Sani & Dell'Oro 2014): fluids of fog machines
-    are mixtures of propylene and triethylene glycol, glycerol and water, whose n is within 0.02 of it
-    once the smoke holds as much water as the air around it.
+    and absorption by 10 %. Glycol is ethylene glycol (Sani & Dell'Oro 2014):
+    fluids of fog machines are mixtures of propylene and triethylene glycol, glycerol and water,
+    whose n is within 0.02 of it once the smoke holds as much water as the air around it.
 
     Parameters
     ----------
