@@ -4,7 +4,8 @@
 
 FOLDER holds a folder for each set (`measured.sha256` lists their files); without it,
 `SPISIM_MEASURED` names one. What is missing is told, what has another hash is told and compared all
-the same, and the other sets go on. `--output` writes a page with pictures, `--markdown` the page of the docs.
+the same, and the other sets go on. `--output` writes a page with pictures, `--markdown` that of the
+docs.
 """
 
 import importlib

@@ -18,7 +18,7 @@ from scipy.stats import norm
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from spisim.atmosphere.precipitation import terminal_speed_m_s
+from spisim.atmosphere.fall_speed import terminal_speed_m_s
 from spisim.atmosphere.rain import RAINS
 from spisim_paper.checks import Check, Table, percent
 
@@ -88,17 +88,18 @@ def compare(folder: Path, quick: bool) -> Comparison:
 
 
 EXPLANATION = (
-    f"Below {WHOLE_MM:g} mm the deviation is the instrument's. Its pixels are {PIXEL_MM:g} mm wide, "
-    "so that a drop of 0.5 mm is three of them; and drops that meet between the planes of light are "
-    f"paired wrongly, which gives any speed: those beyond ± {MISMATCH:.0%} of the law are taken for "
-    "such, as is usual (A. Kruger & W. F. Krajewski, J. Atmos. Ocean. Technol. 19, 602 (2002)). In "
-    "calm air such an instrument finds the laboratory's speeds from 0.7 mm on, and a finer one from "
-    "0.1 mm on (V. Bringi, M. Thurai & D. Baumgardner, Atmos. Meas. Tech. 11, 1377 (2018)). From "
-    f"{WHOLE_MM:g} mm on the deviation is the air's: the law holds in the half of the blocks with few "
-    "tiny drops, which are splashes and fragments for the most part, and not in the other, where all "
-    "large drops are slow together. No wind was recorded beside them; wind and turbulence slow drops "
-    "of 2 and 3 mm by up to 30 % (M. Thurai, V. Bringi, P. Gatlin & M. Wingo, Adv. Sci. Res. 18, 33 "
-    "(2021)). A wrong law would be wrong in both halves: it stays."
+    f"Below {WHOLE_MM:g} mm the deviation is the instrument's. Its pixels are {PIXEL_MM:g} mm "
+    "wide, so that a drop of 0.5 mm is three of them; and drops that meet between the planes of"
+    f" light are paired wrongly, which gives any speed: those beyond ± {MISMATCH:.0%} of the law"
+    " are taken for such, as is usual (A. Kruger & W. F. Krajewski, J. Atmos. Ocean. Technol. "
+    "19, 602 (2002)). In calm air such an instrument finds the laboratory's speeds from 0.7 mm "
+    "on, and a finer one from 0.1 mm on (V. Bringi, M. Thurai & D. Baumgardner, Atmos. Meas. "
+    f"Tech. 11, 1377 (2018)). From {WHOLE_MM:g} mm on the deviation is the air's: the law holds "
+    "in the half of the blocks with few tiny drops, which are splashes and fragments for the "
+    "most part, and not in the other, where all large drops are slow together. No wind was "
+    "recorded beside them; wind and turbulence slow drops of 2 and 3 mm by up to 30 % (M. "
+    "Thurai, V. Bringi, P. Gatlin & M. Wingo, Adv. Sci. Res. 18, 33 (2021)). A wrong law would "
+    "be wrong in both halves: it stays."
 )
 
 
@@ -194,11 +195,11 @@ def _speed_table(drops: Drops, calm: NDArray[np.bool_]) -> Table:
             )
         )
     title = (
-        f"Drops, fall speed in m/s: law at {ALTITUDE_M:g} m "
-        f"({air_density_kg_m3(ALTITUDE_M):.3f} kg/m³), median and quartiles measured; deviation of "
-        f"the median in all blocks of {BLOCK_S:g} s, in the half with the smallest fraction of drops "
-        f"below {TINY_MM:g} mm, in the other half, and of those within ± {MISMATCH:.0%} of the law; "
-        "those beyond; and what half a pixel makes."
+        f"Drops, fall speed in m/s: law at {ALTITUDE_M:g} m ({air_density_kg_m3(ALTITUDE_M):.3f}"
+        " kg/m³), median and quartiles measured; deviation of the median in all blocks of "
+        f"{BLOCK_S:g} s, in the half with the smallest fraction of drops below {TINY_MM:g} mm, "
+        f"in the other half, and of those within ± {MISMATCH:.0%} of the law; those beyond; and "
+        "what half a pixel makes."
     )
     columns = ("diameter, mm", "drops", "law", "measured", "deviation", "calmer half", "other half")
     return Table(title, (*columns, "paired", "beyond", "half a pixel", "cause beyond 5 %"), rows)
@@ -215,7 +216,7 @@ def _half_pixel(drops: Drops, here: NDArray[np.bool_]) -> float:
 
 
 def _cause(drops: Drops, calm: NDArray[np.bool_], number: int) -> str:
-    """Why the median of a class deviates by more than 5 %; "unexplained" if nothing here does it."""
+    """Why the median of a class deviates beyond 5 %; "unexplained" if nothing here does it."""
     here, ratio = _classes(drops) == number, drops.ratio
     if abs(float(np.median(ratio[here])) - 1) <= EXPLAINED:
         return ""

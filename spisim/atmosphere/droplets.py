@@ -18,6 +18,7 @@ from scipy.special import gammaincinv, ndtri
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.indices import refractive_index
+from spisim.atmosphere.spectrum import SpectrumSizes
 
 #: Fractions of the geometric cross section below and above the integrated radii. Small particles
 #: scatter as r⁶, hence the long upper tail.
@@ -141,7 +142,7 @@ class LogNormalSizes:
         return math.exp(low), math.exp(high)
 
 
-Sizes: TypeAlias = GammaSizes | LogNormalSizes
+Sizes: TypeAlias = GammaSizes | LogNormalSizes | SpectrumSizes
 
 
 @dataclass(frozen=True)

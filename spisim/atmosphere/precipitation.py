@@ -19,6 +19,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
+from spisim.atmosphere.fall_speed import LABORATORY_KG_PER_M3, check_air, terminal_speed_m_s
 from spisim.atmosphere.medium import DB_PER_NEPER, check_rate
 from spisim.atmosphere.rain import rain_sizes
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
@@ -30,8 +31,6 @@ Vector3 = tuple[float, float, float]
 #: Assumed density and fall speed of flakes, within measured values.
 FLAKE_KG_PER_M3, FLAKE_SPEED_M_S = 100.0, 1.2
 ICE_KG_PER_M3 = 917.0
-#: Air in which Gunn & Kinzer measured fall speeds, and the densities of air on Earth's surface.
-LABORATORY_KG_PER_M3, AIR_KG_PER_M3 = 1.204, (0.5, 1.6)
 #: Integration points over the sizes.
 SIZES = 2000
 #: Integration points over the directions.
@@ -139,20 +138,6 @@ class Precipitation:
         return float(np.trapezoid(number * area_m2 * fraction(diameter), diameter))
 
 
-def terminal_speed_m_s(
-    diameter_mm: Floats, air_density_kg_m3: float = LABORATORY_KG_PER_M3
-) -> Floats:
-    """Fall speed of raindrops in still air.
-
-    Within a few percent of Gunn & Kinzer's from 0.6 to 5.8 mm; smaller drops are slower, 0.5
-    instead of 0.7 m/s at 0.2 mm (D. Atlas, R. C. Srivastava & R. S. Sekhon, Rev. Geophys. 11, 1,
-    1973). In thinner air all are faster by the power 0.4 of the density (G. B. Foote & P. S. du
-    Toit, J. Appl. Meteorol. 8, 249, 1969).
-    """
-    still = np.maximum(9.65 - 10.3 * np.exp(-0.6 * np.asarray(diameter_mm)), 0.0)
-    return np.asarray(still * (LABORATORY_KG_PER_M3 / air_density_kg_m3) ** 0.4)
-
-
 def rain(
     rate_mm_per_h: float,
     kind: str = "marshall-palmer",
@@ -173,11 +158,7 @@ def rain(
     is not on Earth.
     """
     check_rate("rain", rate_mm_per_h)
-    if not AIR_KG_PER_M3[0] <= air_density_kg_m3 <= AIR_KG_PER_M3[1]:
-        raise InputError(
-            f"air_density_kg_m3 should lie between {AIR_KG_PER_M3[0]:g} and {AIR_KG_PER_M3[1]:g} "
-            f"(1.2 at sea level, 1.1 at 1 km); found {air_density_kg_m3:g}"
-        )
+    check_air(air_density_kg_m3)
     drops = rain_sizes(kind)
     _check_sizes(smallest_mm, largest_mm)
     return Precipitation(

@@ -12,7 +12,8 @@ from spisim.atmosphere import RAINS, refractive_index
 from spisim.atmosphere import rain as rain_medium
 from spisim.atmosphere import snow as snow_medium
 from spisim.atmosphere.drop_optics import flakes, water_drops
-from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
+from spisim.atmosphere.fall_speed import terminal_speed_m_s
+from spisim.atmosphere.precipitation import rain, snow
 from spisim.atmosphere.snow import flake_albedo
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.transport.drops import drop_field
