@@ -36,6 +36,8 @@ DROPLETS_UM, DROPS_UM = (0.05, 600.0), (200.0, 1e4)
 MAX_WATER_G_PER_M3 = 100.0
 #: Classes into which single drops are counted, per factor of 10 of diameter.
 CLASSES_PER_DECADE = 20
+#: By how much the outer classes reach beyond the outer drops.
+EDGE = 1.001
 MM3_PER_CM3 = 1e3
 
 
@@ -193,7 +195,7 @@ def _of_single_drops(
     if duration_s <= 0:
         raise InputError(f"drops {path.name!r}: time_s should span more than a moment")
     _check_unit(path, np.sort(1e3 * diameter_mm), "diameter_mm", DROPS_UM)
-    low, high = np.log10([1e3 * diameter_mm.min(), 1e3 * diameter_mm.max() * 1.001])
+    low, high = np.log10([1e3 * diameter_mm.min() / EDGE, 1e3 * diameter_mm.max() * EDGE])
     classes = max(int(np.ceil((high - low) * CLASSES_PER_DECADE)), 1)
     edges_um = np.logspace(low, high, classes + 1)
     # Each drop stands for the air that fell through its area in the time, mm³.

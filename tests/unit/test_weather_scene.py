@@ -118,9 +118,9 @@ def test_rain_alone_is_no_mixture(load: Load) -> None:
 
 def test_smoke_fills_a_box(load: Load) -> None:
     (box,) = load(
-        "volumes: [{name: plume, size_m: [1, 1, 1], visibility_m: 3, kind: hazer}]"
+        "volumes: [{name: plume, size_m: [1, 1, 1], visibility_m: 3, kind: fog-machine}]"
     ).volumes
-    assert box.medium.extinction_per_m == fog(3, "hazer").extinction_per_m
+    assert box.medium.extinction_per_m == fog(3, "fog-machine").extinction_per_m
 
 
 def test_weather_that_nature_does_not_have_is_told(load: Load) -> None:
