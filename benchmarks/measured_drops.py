@@ -325,6 +325,8 @@ def _picture(drops: Drops, calm: NDArray[np.bool_], slope: Floats) -> Figure:
     right.set(
         xscale="log", xlabel="rate, mm/h", ylabel="Λ, 1/mm", title="slope of the number spectrum"
     )
+    right.set_xticks((1, 2, 5, 10), ["1", "2", "5", "10"])
+    right.minorticks_off()
     right.legend(fontsize=8)
     return figure
 

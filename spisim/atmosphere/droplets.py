@@ -207,9 +207,9 @@ SMOKES: Mapping[str, Particles] = MappingProxyType(
         "soot": Particles(LogNormalSizes(0.10, 1.8), 1.75 - 0.44j),
         "flare": Particles(LogNormalSizes.of_volume(0.5219, 1.6), 1.5 - 1e-3j),
         "fog-machine": Particles(
-            LogNormalSizes.of_volume(0.8524, COAGULATED_SIGMA_G), material="glycol"
+            LogNormalSizes.of_volume(0.8524, COAGULATED_SIGMA_G), material="fog-fluid"
         ),
-        "hazer": Particles(LogNormalSizes.of_volume(1.161, 2.47), material="glycol"),
+        "hazer": Particles(LogNormalSizes.of_volume(1.161, 2.47), material="fog-fluid"),
     }
 )
 

@@ -126,8 +126,8 @@ def test_phase_functions_at_angles(kind: str, by_angle: dict[float, float]) -> N
     [
         ("biomass", 0.077, 0.71, 0.27),
         ("soot", 0.29, 0.20, 0.29),
-        ("fog-machine", 0.227, 0.999, 0.60),
-        ("hazer", 0.379, 0.999, 0.69),
+        ("fog-machine", 0.206, 0.999, 0.60),
+        ("hazer", 0.365, 0.999, 0.70),
     ],
 )
 def test_named_smokes(kind: str, ratio: float, albedo: float, g: float) -> None:

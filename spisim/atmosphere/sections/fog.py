@@ -170,7 +170,7 @@ class Fog(Weather):
     @model_validator(mode="after")
     def _one_way(self) -> Fog:
         given = self.model_fields_set
-        amounts = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
+        amounts: list[str] = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
         if not amounts and self.droplets is not None and self.droplets.spectrum is not None:
             amounts = ["droplets"]
         if bool(amounts) == ("extinction_per_m" in given):
