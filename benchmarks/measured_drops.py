@@ -267,9 +267,7 @@ def _slope_check(slope: Floats) -> Check:
         return float(np.mean(log[at]) / np.std(log[at], ddof=1)) if np.ptp(log[at]) else np.nan
 
     interval = of_size(of_figure(score, np.arange(log.size)))
-    name = (
-        f"slope of the number spectrum, {KIND}'s from the data's mean in their standard deviations"
-    )
+    name = f"slope of the number spectrum: {KIND}'s from the mean of the data, in their sigma"
     limit = float(norm.isf((1 - CONFIDENCE) / 2))
     return Check(name, abs(score(np.arange(log.size))), limit, interval=interval)
 

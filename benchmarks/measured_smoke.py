@@ -139,7 +139,7 @@ def _table(
 ) -> Table:
     columns = ["visibility, m"]
     for nm in measured:
-        columns += [f"{nm} nm, dB/km", f"`{KIND}`"]
+        columns += [f"{nm} nm, dB/km", f"{nm} nm, `{KIND}`"]
     rows = []
     for row, visibility in enumerate(visibility_m):
         cells = [f"{visibility:g}"]
