@@ -5,7 +5,7 @@ A flight is reconstructed once, frame by frame; its memory is run for every kind
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from flight_sets import POSE_ERRORS, Flight, load, with_error
@@ -14,9 +14,9 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
-from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
-from reconstruction.depth.memory import FlightMemory, Met, Remembered, free_of_met
-from reconstruction.depth.methods.flight import flight_prior, ranges_of
+from reconstruction.depth import MAX_RANGE_M, Context, DepthEstimate, View, pixel_rays
+from reconstruction.depth.memory import FlightMemory, LocalPoints, Remembered
+from reconstruction.depth.methods.flight import corridors, ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
 from reconstruction.depth.methods.learned import FrameMap
 from reconstruction.depth.obstacle import corridor_prior
@@ -76,15 +76,15 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = _watched(capture)
-    none = Met(np.zeros(0), np.zeros(0))
+    none = LocalPoints(np.zeros((0, 3)), np.zeros(0))
     alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(_judged(capture, alone, alone, with_memory=False))}, []
+    frames, taken_s = {SINGLE: list(_judged(capture, alone, made, with_memory=False))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
         maps = list(_remembered(stated, made))
         taken_s.append((time.process_time() - begun_s) / capture.frames)
-        frames[kind] = list(_judged(capture, maps, alone, with_memory=True))
+        frames[kind] = list(_judged(capture, maps, made, with_memory=True))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
@@ -122,7 +122,7 @@ def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
 def _judged(
     capture: Capture,
     maps: Sequence[Remembered | None],
-    alone: Sequence[Remembered | None],
+    made: Made,
     *,
     with_memory: bool,
 ) -> Iterator[Judged]:
@@ -130,10 +130,10 @@ def _judged(
     assert truth is not None
     assert poses is not None
     assert optics is not None
-    corridor = Corridor(pixel_rays(optics, capture.plan.shape))
+    rays = pixel_rays(optics, capture.plan.shape)
     for number in truth.frame.tolist():
-        remembered, single, true = maps[number], alone[number], truth.at(number)
-        if remembered is None or single is None or remembered.estimate.sigma is None:
+        remembered, whole, true = maps[number], made[number][1], truth.at(number)
+        if remembered is None or whole is None or remembered.estimate.sigma is None:
             continue
         estimate = remembered.estimate
         there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
@@ -141,15 +141,14 @@ def _judged(
             continue
         off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
         deviations = off / estimate.sigma[there]
-        constants = corridor_prior("learned")
-        if with_memory:
-            constants = flight_prior(estimate, single.estimate, corridor)
-        free = corridor.free(estimate.depth_m, constants, estimate.sigma, estimate.no_return)
+        ahead = corridors(remembered, whole, rays)
+        if not with_memory:
+            ahead = replace(ahead, prior=corridor_prior("learned"), left=None, points=None)
         yield Judged(
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),
             float(np.mean(np.abs(deviations) < 2)),
             float(true.corridor_m),
-            free * free_of_met(remembered.met),
+            ahead.free(),
             deviations[::16].astype(np.float32),
         )

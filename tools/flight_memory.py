@@ -24,8 +24,13 @@ from corridor_priors import FROM_M, MIN, SCALES, Ahead, truly_free
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, MAX_RANGE_M, Corridor, pixel_rays
 from reconstruction.depth.memory.correction import FITTED as KERNEL
-from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met
-from reconstruction.depth.methods.flight import flight_prior
+from reconstruction.depth.memory.obstacles import (
+    Met,
+    MetObstacles,
+    free_of_met,
+    met_in_corridor,
+)
+from reconstruction.depth.methods.flight import corridors
 from reconstruction.depth.obstacle import FITTED as CORRIDOR
 from reconstruction.depth.obstacle import CorridorPrior, free_of
 
@@ -70,22 +75,27 @@ def main() -> None:
 
 def judged(flight: Flight) -> Iterator[tuple[Floats, Ahead, Met, float]]:
     """Deviations in sigmas, map, points and sigma left of a flight's frames that have truth."""
-    capture, maps, alone = maps_of(flight, KIND)
+    capture, maps, made = maps_of(flight, KIND)
     truth, poses = capture.truth, capture.poses
     assert truth is not None
     assert poses is not None
     assert capture.optics is not None
-    corridor = Corridor(pixel_rays(capture.optics, capture.plan.shape))
+    rays = pixel_rays(capture.optics, capture.plan.shape)
+    corridor = Corridor(rays)
     for number in truth.frame.tolist():
-        remembered, single, true = maps[number], alone[number], truth.at(number)
+        remembered, whole, true = maps[number], made[number], truth.at(number)
         late = poses.time_s[number] - poses.time_s[0] > FROM_S
-        if remembered is None or single is None or remembered.estimate.sigma is None or not late:
+        if remembered is None or whole is None or remembered.estimate.sigma is None or not late:
             continue
         estimate, there = remembered.estimate, true.depth_m < MAX_RANGE_M
         log = np.log(estimate.depth_m[there] / true.depth_m[there])
         ahead = Ahead(flight.family, corridor, estimate, float(true.corridor_m))
-        left = flight_prior(estimate, single.estimate, corridor, ONE).sigma
-        yield np.abs(log) / estimate.sigma[there], ahead, remembered.met, left
+        left = corridors(remembered, whole, rays).left
+        surer = (
+            1.0 if left is None else ONE.surer(corridor.mean_inside(estimate.depth_m, left)).sigma
+        )
+        met = met_in_corridor(remembered.points)
+        yield np.abs(log) / estimate.sigma[there], ahead, met, surer
 
 
 def fit(aheads: list[Ahead], met: list[Met], left: Floats) -> tuple[CorridorPrior, MetObstacles]:

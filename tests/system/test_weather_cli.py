@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 from reconstruction.base.errors import InputError
 from spisim.atmosphere import combine, fog, rain, snow
 from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits, wavelength_figures
-from spisim.cli import app
-from spisim.cli.inputs import scene_with
-from spisim.cli.weather_options import Weather, WeatherOfDrops
+from spisim_app.cli import app
+from spisim_app.cli.inputs import scene_with
+from spisim_app.cli.weather_options import Weather, WeatherOfDrops
 
 WEATHER = ["weather", "--fog", "heavy-radiation", "--visibility", "50"]
 

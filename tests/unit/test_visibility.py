@@ -27,9 +27,9 @@ from reconstruction.ranging.fog.fog_visibility import visibility_of
 from reconstruction.ranging.fog.templates import EXTINCTIONS_PER_M
 from spisim.atmosphere import FOGS, GammaSizes, fog
 from spisim.atmosphere.visibility import extinction_at_550nm
-from spisim.cli import app
 from spisim.instrument import Instrument, load_instrument
-from spisim.report.capture import write_report
+from spisim_app.cli import app
+from spisim_app.report.capture import write_report
 from spisim_live.results import Outcome
 from spisim_live.sinks.lines import result_report
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture.motion import PoseAt
-from ..obstacle import CORRIDOR_M, DISTANCES_M
+from ..obstacle import CORRIDOR_M, DISTANCES_M, FORWARD, axes_along
 from .correction import FITTED
 from .points import Points
 
@@ -36,19 +36,32 @@ def fitted_obstacles() -> MetObstacles:
     return MetObstacles(**json.loads(FITTED.read_text())["obstacles"])
 
 
+class LocalPoints(NamedTuple):
+    """Remembered points (N, 3) in the optical frame of a pose, and their age (N,) in seconds."""
+
+    position_m: Floats
+    age_s: Floats
+
+
 class Met(NamedTuple):
-    """Depth (n,) and age (n,) in seconds of the remembered points that lie in the corridor."""
+    """Distance (n,) along a corridor and age (n,) in seconds of the points that lie in it."""
 
     depth_m: Floats
     age_s: Floats
 
 
-def met_in_corridor(points: Points, pose: PoseAt) -> Met:
-    """Points ahead of a pose and in its corridor, in view or not."""
+def local_points(points: Points, pose: PoseAt) -> LocalPoints:
+    """All points as a pose has them, in view or not."""
     local_m = (points.position_m - pose.position_m) @ pose.axes
-    inside = np.abs(local_m[:, :2]).max(axis=1, initial=0.0) < CORRIDOR_M / 2
-    inside &= local_m[:, 2] > 0
-    return Met(local_m[inside, 2], pose.time_s - points.time_s[inside])
+    return LocalPoints(local_m, pose.time_s - points.time_s)
+
+
+def met_in_corridor(points: LocalPoints, direction: Floats = FORWARD) -> Met:
+    """Points in the corridor along a unit vector (3,), in view or not."""
+    along_m = points.position_m @ axes_along(direction)
+    inside = np.abs(along_m[:, :2]).max(axis=1, initial=0.0) < CORRIDOR_M / 2
+    inside &= along_m[:, 2] > 0
+    return Met(along_m[inside, 2], points.age_s[inside])
 
 
 def free_of_met(met: Met, constants: MetObstacles | None = None) -> Floats:
