@@ -198,7 +198,8 @@ def simulated(
 
 
 def shape_residual(measured: Floats, expected: Floats) -> Floats:
-    """Rms residual (poses, zones) over the bins of each pulse, over its peak."""
+    """Rms residual (poses, zones) over the bins of each pulse, over its peak, at equal counts."""
+    expected = expected * (measured.sum(axis=-1) / expected.sum(axis=-1))[..., None]
     peak = measured.argmax(axis=-1)[..., None]
     bins = np.clip(peak + np.arange(-BEFORE, AFTER + 1), 0, measured.shape[-1] - 1)
     rest = np.take_along_axis(measured - expected, bins, axis=-1)
@@ -209,9 +210,12 @@ def shape_residual(measured: Floats, expected: Floats) -> Floats:
 class WallErrors:
     """Measured less expected, each (poses, zones); relative, or in metres."""
 
+    distance_m: Floats
+    """(poses,)."""
     far: Floats
     """(poses,): beyond the near overlap."""
     shape: Floats
+    """At the measured delays and counts, which are judged by themselves."""
     total: Floats
     background_before: Floats
     background_after: Floats
@@ -225,7 +229,9 @@ def wall_errors(wall: Wall, instrument: Instrument, fitted: Wall) -> WallErrors:
     bench = calibrated(fitted, instrument)
     wall = wall.at(~wall.fitted & (wall.distance_m >= NEAREST_M))
     delay = expected_delays(wall, instrument, bench)
+    read = delays(wall, instrument)
     expected, measured = simulated(wall, instrument, bench, delay), wall.histograms
+    aligned = simulated(wall, instrument, bench, read)
     late = slice(-LATE, None)
 
     def relative(part: slice) -> Floats:
@@ -236,11 +242,12 @@ def wall_errors(wall: Wall, instrument: Instrument, fitted: Wall) -> WallErrors:
     slope, offset = np.polyfit(usable.distance_m, usable.reported_m, 1)
     bin_m = c * instrument.tof.bin_width_s / 2
     return WallErrors(
+        distance_m=wall.distance_m,
         far=wall.distance_m >= NEAREST_DELAY_M - 1e-9,
-        shape=shape_residual(measured, expected),
+        shape=shape_residual(measured, aligned),
         total=relative(slice(None)),
         background_before=relative(slice(QUIET)),
         background_after=relative(late),
-        delay_m=(delays(wall, instrument) - delay) * bin_m / bench.slant,
+        delay_m=(read - delay) * bin_m / bench.slant,
         sensor_m=(wall.reported_m - offset) / slope - wall.distance_m[:, None],
     )
