@@ -142,6 +142,7 @@ def test_every_dataset_is_documented_with_its_units(capture, path):
                 )
             )
     others = {"patterns/permutation": "1", "spots/pointing": "1"}  # of scrambled, of steered ones
+    others |= {"spots/response": "1", "spots/response_s": "s"}  # of no Gaussian
     assert rows == stored | others
 
 
