@@ -78,10 +78,11 @@ class Wall:
         return np.where(there, along, np.inf)
 
 
+#: Within the 1.7 m of `tmf8820`.
 SCENES = {
-    "wall": [Wall(2.0)],
+    "wall": [Wall(1.4)],
     "tilted": [Wall(1.5, 0.7)],
-    "edge": [Wall(3.0, reflectance=0.8), Wall(1.5, right_m=0.1, reflectance=0.2)],
+    "edge": [Wall(1.6, reflectance=0.8), Wall(1.2, right_m=0.1, reflectance=0.2)],
 }
 
 
