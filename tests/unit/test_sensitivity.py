@@ -53,10 +53,10 @@ def test_other_fog_is_carried_by_most_paths_and_goes_on_from_the_derivative(ligh
 
 def test_fog_too_far_away_is_refused():
     scene = foggy()
-    other = OtherFog.of(scene, 8.0)
+    other = OtherFog.of(scene, 4.0)
     outputs = Outputs(weights=other.weights)
     transport = solve(scene, spisim.load_instrument("paper"), spp=4, outputs=outputs)
-    with pytest.raises(InputError, match=r"8 times the extinction is too far .* of the paths"):
+    with pytest.raises(InputError, match=r"4 times the extinction is too far .* of the paths"):
         other.image(transport)
 
 
