@@ -54,7 +54,11 @@ def test_other_fog_is_carried_by_most_paths_and_goes_on_from_the_derivative(ligh
 
 def test_fog_that_few_paths_carry_is_refused():
     light = SimpleNamespace(
-        image=np.ones(4), extra={"image_at_2": np.ones(4), "image_at_2_squared": np.full(4, 5.0)}
+        image=np.ones(4),
+        extra={
+            "image_in_2_times_the_fog": np.ones(4),
+            "image_in_2_times_the_fog_squared": np.full(4, 5.0),
+        },
     )
     other = OtherFog.of(foggy(), 2.0)
     assert other.carried(light) == pytest.approx(0.2)
@@ -65,7 +69,9 @@ def test_fog_that_few_paths_carry_is_refused():
 def test_fog_far_away_is_refused_in_the_pass():
     other = OtherFog.of(foggy(), 8.0)
     outputs = Outputs(weights=other.weights)
-    with pytest.raises(InputError, match=r"at_8.*too far from the fog that was traced"):
+    with pytest.raises(
+        InputError, match=r"in_8_times_the_fog.*too far from the fog that was traced"
+    ):
         solve(foggy(), spisim.load_instrument("paper"), spp=4, outputs=outputs)
 
 
