@@ -39,6 +39,8 @@ MAX_SIDE = 64
 class ThroughputExponent:
     """Likelihood of the exponents, for rows of an ``operator`` of orthogonal patterns."""
 
+    prior = PRIOR
+
     def __init__(self, operator: RowOperator) -> None:
         prior = Prior(operator)
         strongest = np.argsort(-prior.expected, kind="stable")[:MAX_ROWS]

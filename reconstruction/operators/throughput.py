@@ -50,6 +50,11 @@ class Throughput:
             [plus | minus for (plus, _), minus in zip(pairs, less, strict=True)], plan.exposures
         )
 
+    @property
+    def pairs(self) -> int:
+        """Number of patterns exposed with their complement."""
+        return self._rows.size
+
     def score(self, signal: NDArray[np.float64], usable: Mask | None = None) -> float:
         """Deviation of the sums from pure noise, in standard errors; 0 for too few pairs.
 
