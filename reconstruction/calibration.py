@@ -9,7 +9,7 @@ import numpy as np
 from .base.arrays import Floats, Mask
 from .base.errors import InputError
 from .capture import Capture
-from .image.exponent import EXPONENTS, ThroughputExponent
+from .image.exponent import EXPONENTS, PRIOR, ThroughputExponent
 from .operators import PatternPlan, RowOperator, Throughput, decoder_for
 
 MIN_REPEATED = 30
@@ -49,7 +49,7 @@ def throughput_of(recordings: Sequence[Capture]) -> ThroughputCalibration | None
     plan = _common_plan(recordings)
     parts = [_added(recording) for recording in recordings]
     signal, variance = (sum(part[axis] for part in parts) for axis in (0, 1))
-    usable = np.logical_and.reduce([part[2] for part in parts])
+    usable = np.all([part[2] for part in parts], axis=0)
     pairs = Throughput(plan, usable)
     if not pairs.pairs:
         raise InputError(
@@ -63,8 +63,8 @@ def throughput_of(recordings: Sequence[Capture]) -> ThroughputCalibration | None
     exponent = 1.0
     if isinstance(operator, RowOperator):
         likely = ThroughputExponent(operator)
-        logs = [np.log(_probability(likely, plan, factors, *part)) for part in parts]
-        weights = likely.prior * np.exp(np.sum(logs, axis=0) - np.log(likely.prior) * len(parts))
+        each = [_probability(likely, plan, factors, *part) for part in parts]
+        weights = PRIOR * np.prod(np.array(each) / PRIOR, axis=0)
         exponent = float(weights @ EXPONENTS / weights.sum())
     scatter = float(np.nanstd(factors[np.arange(factors.size) != plan.patterns.dc_row]))
     return ThroughputCalibration(factors**exponent, scatter, exponent)
@@ -102,7 +102,7 @@ def throughput_of_flat_field(recording: Capture) -> ThroughputCalibration:
     return ThroughputCalibration(factors, float(np.nanstd(factors)), 1.0)
 
 
-def with_throughput(capture: Capture, calibration: ThroughputCalibration) -> Capture:
+def calibrated(capture: Capture, calibration: ThroughputCalibration) -> Capture:
     """Capture whose plans state a throughput; raises InputError if it is not of these patterns."""
     plan, *following = (
         replace(each, throughput=calibration.factors) for each in capture.setup.plans
@@ -110,9 +110,7 @@ def with_throughput(capture: Capture, calibration: ThroughputCalibration) -> Cap
     return replace(capture, plan=plan, following_plans=tuple(following))
 
 
-def excess_noise(
-    first: Capture, second: Capture, rows: Mask | None = None
-) -> tuple[float, float]:
+def excess_noise(first: Capture, second: Capture, rows: Mask | None = None) -> tuple[float, float]:
     """Variance of readings over what two recordings of one scene state, by their differences.
 
     Parameters
@@ -172,7 +170,8 @@ def _common_plan(recordings: Sequence[Capture]) -> PatternPlan:
 def _added(recording: Capture) -> tuple[Floats, Floats, Mask]:
     """Signal, variance and usability (M,) of all frames of a recording together."""
     buckets = recording.buckets
-    return buckets.signal.sum(axis=0), buckets.variance.sum(axis=0), buckets.usable.all(axis=0)
+    usable = np.asarray(buckets.usable.all(axis=0))
+    return buckets.signal.sum(axis=0), buckets.variance.sum(axis=0), usable
 
 
 def _probability(
@@ -186,6 +185,6 @@ def _probability(
     decoder = decoder_for(plan)
     noise = np.sqrt(decoder.own_variance(variance))
     if not (np.isfinite(noise).all() and noise.all()):
-        return likely.prior
+        return PRIOR
     known = np.nan_to_num(factors[decoder.index], nan=1.0)
     return likely.probability(decoder.decode(signal), noise, known, decoder.measured(usable))

@@ -260,9 +260,9 @@ def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
     arrays = {name: file.get(f"patterns/{name}", "1") for name in basis.arrays}
     patterns, order = basis.restored((height, width), arrays), file.text("patterns/order")
     index, polarity = (file.numbers(f"patterns/{name}") for name in ("index", "polarity"))
-    common = order, patterns, _read_throughput(file)
+    throughput = _read_throughput(file)
     if index.ndim != 2:
-        return [PatternPlan((height, width), index, polarity, *common)]
+        return [PatternPlan((height, width), index, polarity, order, patterns, throughput)]
     if polarity.shape != index.shape:
         raise InputError(
             f"patterns/polarity has shape {polarity.shape}, expected {index.shape} as of "
@@ -271,12 +271,13 @@ def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
     if not 1 <= len(index) <= MAX_PLANS:
         raise InputError(f"patterns/index has {len(index)} rows; 1..{MAX_PLANS} are allowed")
     return [
-        PatternPlan((height, width), *each, *common)
+        PatternPlan((height, width), *each, order, patterns, throughput)
         for each in zip(index, polarity, strict=True)
     ]
 
 
 def _read_throughput(file: hdf5.Tables) -> Floats | None:
+    """Factor of each row of the basis, which files since version 4.1 may state."""
     if "patterns/throughput" not in file:
         return None
     return np.asarray(file.get("patterns/throughput", "1"))

@@ -8,10 +8,10 @@ from ..base.errors import InputError
 from ..base.files import Output, require_outputs
 from ..base.text import json_line, printable
 from ..calibration import (
+    calibrated,
     excess_noise,
     throughput_of,
     throughput_of_flat_field,
-    with_throughput,
 )
 from ..capture import read_capture, write_capture
 
@@ -51,8 +51,8 @@ def run(options: argparse.Namespace) -> None:
     if calibration is None and options.repeat is None:
         raise InputError(f"{options.capture}: noise explains the scatter of pairs; nothing to add")
     if calibration is not None:
-        capture = with_throughput(capture, calibration)
+        capture = calibrated(capture, calibration)
         report |= {"scatter": calibration.scatter, "exponent": calibration.exponent}
     write_capture(capture, options.output)
-    figures = ", ".join(f"{name} {value:.3g}" for name, value in list(report.items())[1:])  # type: ignore[str-format]
+    figures = ", ".join(f"{name} {value:.3g}" for name, value in list(report.items())[1:])
     print(json_line(report) if options.json else printable(f"{options.output}: {figures}"))

@@ -29,7 +29,9 @@ CONTRASTS = 10.0 ** np.arange(-4, 8.1, 0.25)
 PRIOR = np.array([0.125, 0.125, 0.125, 0.125, 0.5])
 """Their prior probability."""
 MIN_SCATTER = 0.1
-"""Rms scatter of the throughput below which its exponent is 1."""
+"""Rms scatter of the throughput below which its exponent is 1,"""
+ALL_OF_IT = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+"""with this probability."""
 MAX_ROWS = 128
 """Maximum number of rows; the strongest coefficients tell most."""
 MAX_SIDE = 64
@@ -38,8 +40,6 @@ MAX_SIDE = 64
 
 class ThroughputExponent:
     """Likelihood of the exponents, for rows of an ``operator`` of orthogonal patterns."""
-
-    prior = PRIOR
 
     def __init__(self, operator: RowOperator) -> None:
         prior = Prior(operator)
@@ -57,8 +57,6 @@ class ThroughputExponent:
         self, values: NDArray[np.float64], noise: Floats, factors: Floats, measured: Mask
     ) -> Floats:
         """Mean of t^-g (K,), by which differences are multiplied; see `probability`."""
-        if np.std(factors[measured]) < MIN_SCATTER:
-            return np.asarray(1 / factors)
         probability = self.probability(values, noise, factors, measured)
         return np.asarray(probability @ factors ** -EXPONENTS[:, None])
 
@@ -80,6 +78,8 @@ class ThroughputExponent:
         """
         seen = measured[self._rows]
         rows = self._rows[seen]
+        if np.std(factors[measured]) < MIN_SCATTER:
+            return ALL_OF_IT
         if not rows.size:
             return PRIOR
         white, scaled = 1 / noise[rows], np.log(factors[rows])

@@ -1,9 +1,9 @@
 """Redundant readings: combinations in which the light cancels and only noise remains.
 
 A pattern and its complement add up to the fully lit display, y+ + y- = all + 2 background, for
-every pattern, once divided by a known throughput; repeated exposures are equal. Differences of successive sums are
-noise, nearly unaffected by slow drift. Where no exposure is repeated, more readings than pixels
-over-determine image and background.
+every pattern, once divided by a known throughput; repeated exposures of one pattern are equal.
+Differences of successive sums are noise, nearly unaffected by slow drift. Where no exposure is
+repeated, more readings than pixels over-determine image and background.
 """
 
 from collections import defaultdict

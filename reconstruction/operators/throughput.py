@@ -52,8 +52,8 @@ class Throughput:
 
     @property
     def pairs(self) -> int:
-        """Number of patterns exposed with their complement."""
-        return self._rows.size
+        """Number of patterns exposed with their complement, all-on not counted."""
+        return int(np.count_nonzero(self._rows != self._plan.patterns.dc_row))
 
     def score(self, signal: NDArray[np.float64], usable: Mask | None = None) -> float:
         """Deviation of the sums from pure noise, in standard errors; 0 for too few pairs.
@@ -138,9 +138,7 @@ class Throughput:
         dark = dark if usable is None else dark & usable
         return float(signal[dark].mean()) if dark.any() else 0.0
 
-    def _excess(
-        self, sums: Floats, noise: Floats, signal: Floats, usable: Mask | None
-    ) -> float:
+    def _excess(self, sums: Floats, noise: Floats, signal: Floats, usable: Mask | None) -> float:
         """Variance of the sums beyond ``noise``; 0 if that may explain it."""
         variance, expected = float(sums.var()), float(noise.mean())
         if not np.isfinite(expected):
