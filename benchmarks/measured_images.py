@@ -129,7 +129,6 @@ def throughput_figures(name: str, capture: Capture, halves: int) -> Iterator[Fig
     if found is None:
         return
     yield Figure(name, "scatter of pairs, rms", found.scatter, np.nan, np.nan)
-    yield Figure(name, "exponent on differences", found.exponent, np.nan, np.nan)
     yield explained(name, "measured", capture, halves)
     for what, acts in (("drawn, sums alone", False), ("drawn, differences too", True)):
         yield explained(name, what, drawn(capture, acts=acts), halves)
@@ -161,28 +160,14 @@ def unexplained(method: Reconstructor, capture: Capture, seen: Mask, *, alike: b
         known = replace(known, plan=stated)
         method = Reconstructor(known.setup)
     else:
-        found = throughput_of([_of_seen(capture, seen)])
+        found = throughput_of([capture])
         if found is not None:
-            every = throughput_of([capture])
-            assert every is not None
-            shown = every.factors ** (1 / every.exponent)
-            factors = np.nan_to_num(shown[plan.distinct], nan=1.0) ** found.exponent
+            factors = np.nan_to_num(found.factors[plan.distinct], nan=1.0)
     image = method(known.batch(0, 1)).image
     decoder = decoder_for(plan)
     differences = decoder.decode(capture.buckets.signal[0])
     predicted = factors * decoder.operator.forward(image.astype(np.float64))
     return float(np.mean((differences - predicted)[~seen] ** 2))
-
-
-def _of_seen(capture: Capture, seen: Mask) -> Capture:
-    """Recording of the seen patterns alone."""
-    plan = capture.plan
-    readings = seen[np.searchsorted(np.sort(plan.distinct), plan.index)]
-    buckets = capture.buckets
-    fewer = replace(
-        buckets, counts=buckets.counts[:, readings], saturated=buckets.saturated[:, readings]
-    )
-    return replace(capture, plan=plan.only(readings), buckets=fewer)
 
 
 def drawn(capture: Capture, *, acts: bool) -> Capture:

@@ -9,8 +9,7 @@ import numpy as np
 from .base.arrays import Floats, Mask
 from .base.errors import InputError
 from .capture import Capture
-from .image.exponent import EXPONENTS, PRIOR, ThroughputExponent
-from .operators import PatternPlan, RowOperator, Throughput, decoder_for
+from .operators import PatternPlan, Throughput, decoder_for
 
 MIN_REPEATED = 30
 """Minimum number of coefficients that two recordings compare."""
@@ -20,12 +19,11 @@ class ThroughputCalibration(NamedTuple):
     """Throughput by pattern.
 
     ``factors`` (rows,): on differences, relative to the mean, nan where unknown; ``scatter``: rms
-    of what pairs pass; ``exponent``: power of it that acts on their differences.
+    of what pairs pass, all-on not counted.
     """
 
     factors: Floats
     scatter: float
-    exponent: float
 
 
 def throughput_of(recordings: Sequence[Capture]) -> ThroughputCalibration | None:
@@ -48,7 +46,7 @@ def throughput_of(recordings: Sequence[Capture]) -> ThroughputCalibration | None
     """
     plan = _common_plan(recordings)
     parts = [_added(recording) for recording in recordings]
-    signal, variance = (sum(part[axis] for part in parts) for axis in (0, 1))
+    signal, variance = (np.sum([part[axis] for part in parts], axis=0) for axis in (0, 1))
     usable = np.all([part[2] for part in parts], axis=0)
     pairs = Throughput(plan, usable)
     if not pairs.pairs:
@@ -56,18 +54,11 @@ def throughput_of(recordings: Sequence[Capture]) -> ThroughputCalibration | None
             "no pattern is exposed with its complement, so a recording does not show their "
             "throughput; record a uniform scene (flat field)"
         )
-    factors = pairs.estimated(np.asarray(signal), np.asarray(variance))
-    if factors is None:
+    shown = pairs.estimated(signal, variance)
+    factors = pairs.acting(signal, variance)
+    if shown is None or factors is None:
         return None
-    operator = decoder_for(plan).operator
-    exponent = 1.0
-    if isinstance(operator, RowOperator):
-        likely = ThroughputExponent(operator)
-        each = [_probability(likely, plan, factors, *part) for part in parts]
-        weights = PRIOR * np.prod(np.array(each) / PRIOR, axis=0)
-        exponent = float(weights @ EXPONENTS / weights.sum())
-    scatter = float(np.nanstd(factors[np.arange(factors.size) != plan.patterns.dc_row]))
-    return ThroughputCalibration(factors**exponent, scatter, exponent)
+    return ThroughputCalibration(factors, float(np.nanstd(_without_all_on(plan, shown))))
 
 
 def throughput_of_flat_field(recording: Capture) -> ThroughputCalibration:
@@ -99,7 +90,7 @@ def throughput_of_flat_field(recording: Capture) -> ThroughputCalibration:
         )
     factors = np.full(plan.patterns.rows, np.nan)
     factors[rows] = means / means[rows != dc_row].mean()
-    return ThroughputCalibration(factors, float(np.nanstd(factors)), 1.0)
+    return ThroughputCalibration(factors, float(np.nanstd(_without_all_on(plan, factors))))
 
 
 def calibrated(capture: Capture, calibration: ThroughputCalibration) -> Capture:
@@ -174,17 +165,5 @@ def _added(recording: Capture) -> tuple[Floats, Floats, Mask]:
     return buckets.signal.sum(axis=0), buckets.variance.sum(axis=0), usable
 
 
-def _probability(
-    likely: ThroughputExponent,
-    plan: PatternPlan,
-    factors: Floats,
-    signal: Floats,
-    variance: Floats,
-    usable: Mask,
-) -> Floats:
-    decoder = decoder_for(plan)
-    noise = np.sqrt(decoder.own_variance(variance))
-    if not (np.isfinite(noise).all() and noise.all()):
-        return PRIOR
-    known = np.nan_to_num(factors[decoder.index], nan=1.0)
-    return likely.probability(decoder.decode(signal), noise, known, decoder.measured(usable))
+def _without_all_on(plan: PatternPlan, factors: Floats) -> Floats:
+    return factors[np.arange(factors.size) != plan.patterns.dc_row]

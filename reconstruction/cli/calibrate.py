@@ -52,7 +52,7 @@ def run(options: argparse.Namespace) -> None:
         raise InputError(f"{options.capture}: noise explains the scatter of pairs; nothing to add")
     if calibration is not None:
         capture = calibrated(capture, calibration)
-        report |= {"scatter": calibration.scatter, "exponent": calibration.exponent}
+        report["scatter"] = calibration.scatter
     write_capture(capture, options.output)
     figures = ", ".join(f"{name} {value:.3g}" for name, value in list(report.items())[1:])
     print(json_line(report) if options.json else printable(f"{options.output}: {figures}"))

@@ -15,7 +15,7 @@ contains own errors and those of n, of covariance (S^T W S + V^-1)^-1.
 
 Where pairs of pattern and complement show that patterns pass more or less light than others, and
 the plan does not state it, coefficients and their noise are divided by what the pairs show
-(`Throughput.estimated`, `ThroughputExponent`).
+(`Throughput.acting`).
 """
 
 from collections.abc import Callable
@@ -28,7 +28,6 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..operators import Decoder, Drift, RowOperator, SparseRows, Throughput
-from .exponent import ThroughputExponent
 from .noise import CERTAIN, NoiseLevels, levels_by_spectrum, variance_by_repetition
 from .prior import Prior, usual_contrast
 
@@ -145,7 +144,7 @@ class CoefficientDecoder:
             usual = self._decoder.operator.usual_noise
             level = left / usual**2
             noise = usual * np.sqrt(np.median(level if measured is None else level[measured]))
-            gains = self._gains(signal, values, stated, np.sqrt(left), usable, measured)
+            gains = self._gains(signal, stated, usable)
             if gains is not None:
                 values, noise = values * gains, weighed(np.sqrt(left) * gains, measured)
         else:
@@ -173,28 +172,10 @@ class CoefficientDecoder:
             values[~measured] = 0
         return values, left
 
-    @cached_property
-    def _exponent(self) -> ThroughputExponent:
-        operator = self._decoder.operator
-        assert isinstance(operator, RowOperator)
-        return ThroughputExponent(operator)
-
-    def _gains(
-        self,
-        signal: NDArray[Any],
-        values: NDArray[Any],
-        variance: Floats,
-        noise: Floats,
-        usable: Mask | None,
-        measured: Mask | None,
-    ) -> Floats | None:
+    def _gains(self, signal: NDArray[Any], variance: Floats, usable: Mask | None) -> Floats | None:
         """Factors (K,) that undo the throughput of the patterns; None if pairs show none."""
-        factors = self._throughput.estimated(signal, variance, usable)
-        if factors is None or not noise.all():
-            return None
-        known = np.nan_to_num(factors[self._decoder.index], nan=1.0)
-        every = np.ones(known.size, dtype=bool) if measured is None else measured
-        return self._exponent.gains(values, noise, known, every)
+        factors = self._throughput.acting(signal, variance, usable)
+        return None if factors is None else np.nan_to_num(1 / factors[self._decoder.index], nan=1.0)
 
     def _estimated(
         self, signal: NDArray[Any], values: NDArray[Any], usable: Mask | None, measured: Mask | None

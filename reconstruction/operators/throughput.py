@@ -10,6 +10,17 @@ Without background, the sum over its mean is the pattern's throughput t, with th
 The scatter beyond noise, s^2, is the prior variance of t about 1, so that t is estimated by
 
     1 + (sum / mean - 1) s^2 / (s^2 + noise^2).
+
+A lamp that flickers, or an aperture that takes a fraction t of a pattern's light, takes it from
+pattern and complement alike, and their difference is t h x. Diffracted light behaves otherwise: for
+any linear optics A and the field e on the display, the difference
+
+    |A (1 + h) e / 2|^2 - |A (1 - h) e / 2|^2 = Re <A e, A h e>
+
+is linear in h and keeps its scale, while the sum (|A e|^2 + |A h e|^2) / 2 falls to half of that of
+the all-on pattern where h is too fine to pass. Real optics lie between: where the all-on pattern
+passes much more than the mean pair, differences are taken for t^g h x with an exponent g anywhere
+from 0 to 1, and divided by 1 / mean(t^-g) = t ln t / (t - 1).
 """
 
 import numpy as np
@@ -35,6 +46,10 @@ MAX_SCATTER = 0.5
 """Maximum scatter of throughput; more is no loss of light, but light that comes and goes."""
 MIN_ESTIMATE = 0.05
 """Minimum estimate of a throughput."""
+MIN_BEYOND = 1e-6
+"""Difference from 1 below which a throughput is 1."""
+MAX_ALL_ON = 1.5
+"""Throughput of the all-on pattern, relative to the mean pair, above which light is diffracted."""
 
 
 class Throughput:
@@ -108,13 +123,13 @@ class Throughput:
         Returns
         -------
         ndarray or None
-            Factors (rows,), nan for rows without a pair; None if noise may explain the scatter, or
-            if the plan states them.
+            Factors (rows,) of the sums, nan for rows without a pair; None if noise may explain the
+            scatter, or if the plan states them.
         """
-        sums, rows = self._sums, self._rows
+        sums, rows, differences = self._sums, self._rows, np.abs(self._differences @ signal)
         if usable is not None:
             retained = sums.resting_on(usable)
-            sums, rows = sums.only(retained), rows[retained]
+            sums, rows, differences = sums.only(retained), rows[retained], differences[retained]
         varying = rows != self._plan.patterns.dc_row
         if self._plan.throughput is not None or np.iscomplexobj(signal):
             return None
@@ -126,10 +141,20 @@ class Throughput:
         scatter = self._excess(net[varying], noise[varying], signal, usable)
         if scatter <= 0 or not 0 < np.sqrt(scatter) < MAX_SCATTER * scale:
             return None
+        if (differences > (1 + MAX_SCATTER) * np.maximum(net, scale)).any():
+            return None  # the sums are not all light, as with AC coupling
         weight = scatter / (scatter + np.nan_to_num(noise))
         factors = np.full(self._plan.patterns.rows, np.nan)
         factors[rows] = np.maximum(1 + weight * (net / scale - 1), MIN_ESTIMATE)
         return factors
+
+    def acting(self, signal: Floats, variance: Floats, usable: Mask | None = None) -> Floats | None:
+        """The same as it acts on differences of pattern and complement; see the module."""
+        factors, dc_row = self.estimated(signal, variance, usable), self._plan.patterns.dc_row
+        if factors is None or (dc_row is not None and factors[dc_row] <= MAX_ALL_ON):
+            return factors
+        beyond = np.where(np.abs(factors - 1) < MIN_BEYOND, MIN_BEYOND, factors - 1)
+        return np.asarray((1 + beyond) * np.log1p(beyond) / beyond)
 
     def _background(self, signal: Floats, usable: Mask | None) -> float:
         """Mean of the dark exposures; 0 if there is none."""

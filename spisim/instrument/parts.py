@@ -176,7 +176,7 @@ class Throughput(Section):
 
     factors: tuple[Positive, ...] | None = None
     """One for each pattern, in the order of exposure; their mean is scaled to 1."""
-    edges: Annotated[Number, Field(ge=0, le=0.9)] = 0.0
+    edges: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
     """Fraction lost by a pattern of which all neighbouring pixels differ."""
     spread: Annotated[Number, Field(ge=0, le=0.3)] = 0.0
     """Rms spread by chance."""
