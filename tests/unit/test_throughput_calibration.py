@@ -158,7 +158,7 @@ def test_light_that_stays_coherent_keeps_its_differences():
     rows = PLAN.patterns.matrix(PLAN.index) * PLAN.polarity[:, None]
     image = scene(3)
     field = np.sqrt(image).ravel()
-    near = np.exp(-((np.arange(16)[:, None] - np.arange(16)) ** 2) / 50)
+    near = np.exp(-((np.arange(16)[:, None] - np.arange(16)) ** 2) / 2)
     passed = (1 + rows) / 2 * field @ np.kron(near, near)
     light = (np.abs(passed) ** 2).sum(axis=1)
     pairs = Throughput(PLAN, np.ones(PLAN.exposures, dtype=bool))
