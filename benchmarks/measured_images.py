@@ -27,7 +27,7 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Mask
 from reconstruction.base.errors import InputError
 from reconstruction.base.text import json_line
-from reconstruction.calibration import excess_noise, throughput_of
+from reconstruction.calibration import ThroughputCalibration, excess_noise, throughput_of
 from reconstruction.capture import Capture
 from reconstruction.capture.importers import capture_from_readings
 from reconstruction.operators import decoder_for
@@ -84,7 +84,11 @@ def repeated(names: list[str]) -> Iterator[tuple[str, str]]:
 
 
 def noise_figures(names: str, first: Capture, second: Capture) -> Iterator[Figure]:
-    """Measured over predicted noise of differences, and z-scores of readings and images."""
+    """Measured over predicted noise of differences, and z-scores of images.
+
+    Those of images are below 1: both images are drawn towards the same prior, whose width is in the
+    sigma of each.
+    """
     rng = np.random.default_rng(0)
     factor, error = excess_noise(first, second)
     reach = float(t.isf((1 - CONFIDENCE) / 2, first.plan.sampled - 2)) * error
@@ -99,7 +103,7 @@ def noise_figures(names: str, first: Capture, second: Capture) -> Iterator[Figur
         ratios.append(np.sqrt(judged / fitted))
     low, high = np.quantile(ratios, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
     middle = float(np.mean(ratios))
-    yield Figure(names, "noise over predicted, other patterns", middle, low, high, "0.85 to 1.15")
+    yield Figure(names, "noise over predicted, other patterns", middle, low, high, "0.9 to 1.1")
     both = [_with_excess(each, factor) for each in (first, second)]
     yield _agreement(names, *both)
 
@@ -120,7 +124,7 @@ def _agreement(names: str, first: Capture, second: Capture) -> Figure:
     rng = np.random.default_rng(0)
     again = [np.sqrt(np.mean(rng.choice(z, z.size) ** 2)) for _ in range(1000)]
     low, high = np.quantile(again, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Figure(names, "rms of z, images", value, float(low), float(high), "0.9 to 1.1")
+    return Figure(names, "rms of z, images", value, float(low), float(high))
 
 
 def throughput_figures(name: str, capture: Capture, halves: int) -> Iterator[Figure]:
@@ -128,10 +132,18 @@ def throughput_figures(name: str, capture: Capture, halves: int) -> Iterator[Fig
     found = throughput_of([capture])
     if found is None:
         return
-    yield Figure(name, "scatter of pairs, rms", found.scatter, np.nan, np.nan)
+    yield _scatter(name, found)
     yield explained(name, "measured", capture, halves)
     for what, acts in (("drawn, sums alone", False), ("drawn, differences too", True)):
         yield explained(name, what, drawn(capture, acts=acts), halves)
+
+
+def _scatter(name: str, found: ThroughputCalibration) -> Figure:
+    """Scatter of the pairs, with its interval from patterns drawn anew."""
+    rng, known = np.random.default_rng(0), found.factors[np.isfinite(found.factors)][1:]
+    again = [np.std(rng.choice(known, known.size)) / np.std(known) for _ in range(1000)]
+    low, high = found.scatter * np.quantile(again, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
+    return Figure(name, "scatter of pairs, rms", found.scatter, float(low), float(high))
 
 
 def explained(name: str, what: str, capture: Capture, halves: int) -> Figure:
