@@ -5,6 +5,7 @@ WORKDIR /src
 COPY pyproject.toml README.md LICENSE ./
 COPY spisim spisim
 COPY reconstruction reconstruction
+COPY app app
 COPY scenes scenes
 COPY formats formats
 COPY paper paper

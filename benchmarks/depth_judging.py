@@ -19,6 +19,8 @@ from reconstruction.depth import (
     DepthMethod,
     DepthSolver,
     View,
+    corridors_of,
+    free_of_estimate,
     lacks,
     pixel_rays,
 )
@@ -107,7 +109,9 @@ def judge(case: Case) -> Judged:
     figures, stated = {}, {}
     for way, solve, view in COMPILED[case.preset](capture):
         result = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
-        free = None if way[0] == FROZEN else corridor.stated(result)  # its obstacle is the map's
+        free = (
+            None if way[0] == FROZEN else free_of_estimate(result, corridors_of(result, rays))
+        )  # its obstacle is the map's
         figures[way] = depth_metrics(
             result.depth_m,
             true_m,

@@ -14,12 +14,12 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
-from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
-from reconstruction.depth.memory import FlightMemory, Met, Remembered, free_of_met
-from reconstruction.depth.methods.flight import flight_prior, ranges_of
+from reconstruction.depth import MAX_RANGE_M, Context, DepthEstimate, View, pixel_rays
+from reconstruction.depth.ahead import Ahead
+from reconstruction.depth.memory import FlightMemory, Remembered
+from reconstruction.depth.methods.flight import prior_of, ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
 from reconstruction.depth.methods.learned import FrameMap
-from reconstruction.depth.obstacle import corridor_prior
 
 WARM_UP_S = 0.35
 """Frames before that are not judged, unless a figure says from when on."""
@@ -76,15 +76,15 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = _watched(capture)
-    none = Met(np.zeros(0), np.zeros(0))
+    none = np.zeros((0, 3))
     alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(_judged(capture, alone, alone, with_memory=False))}, []
+    frames, taken_s = {SINGLE: list(_judged(capture, alone, made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
         maps = list(_remembered(stated, made))
         taken_s.append((time.process_time() - begun_s) / capture.frames)
-        frames[kind] = list(_judged(capture, maps, alone, with_memory=True))
+        frames[kind] = list(_judged(capture, maps, made))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
@@ -119,21 +119,15 @@ def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
         yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))
 
 
-def _judged(
-    capture: Capture,
-    maps: Sequence[Remembered | None],
-    alone: Sequence[Remembered | None],
-    *,
-    with_memory: bool,
-) -> Iterator[Judged]:
+def _judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> Iterator[Judged]:
     truth, poses, optics = capture.truth, capture.poses, capture.optics
     assert truth is not None
     assert poses is not None
     assert optics is not None
-    corridor = Corridor(pixel_rays(optics, capture.plan.shape))
+    rays = pixel_rays(optics, capture.plan.shape)
     for number in truth.frame.tolist():
-        remembered, single, true = maps[number], alone[number], truth.at(number)
-        if remembered is None or single is None or remembered.estimate.sigma is None:
+        remembered, whole, true = maps[number], made[number][1], truth.at(number)
+        if remembered is None or whole is None or remembered.estimate.sigma is None:
             continue
         estimate = remembered.estimate
         there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
@@ -141,15 +135,12 @@ def _judged(
             continue
         off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
         deviations = off / estimate.sigma[there]
-        constants = corridor_prior("learned")
-        if with_memory:
-            constants = flight_prior(estimate, single.estimate, corridor)
-        free = corridor.free(estimate.depth_m, constants, estimate.sigma, estimate.no_return)
+        ahead = Ahead.of(estimate, rays, prior_of(whole))
         yield Judged(
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),
             float(np.mean(np.abs(deviations) < 2)),
             float(true.corridor_m),
-            free * free_of_met(remembered.met),
+            ahead.free(),
             deviations[::16].astype(np.float32),
         )

@@ -240,7 +240,7 @@ def draw(errors: Errors, path: Path) -> None:
     """A panel for each weather and time: error against the number of spots, by steering."""
     import matplotlib.pyplot as plt
 
-    from spisim.report.style import plot_style
+    from spisim_app.report.style import plot_style
 
     times = sorted({time_s for *_, time_s in errors if time_s})
     with plot_style():

@@ -1,9 +1,9 @@
 """Compiled once for a recording, called per frame: readings to image, ranges and depth map."""
 
 import logging
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,11 @@ from .chosen_methods import (
 from .depth import (
     MIN_FREE,
     Context,
-    Corridor,
     DepthEstimate,
     View,
     check_min_free,
+    corridors_of,
+    free_of_estimate,
     pixel_of,
     pixel_rays,
 )
@@ -36,6 +37,7 @@ from .image import Coefficients, Estimate, Imaging, SolverOfMany, UsableReadings
 from .ranging import Brightness, Ranges, Weather, brightness_at, range_consistency, with_weather
 from .result import Image, Result
 
+T = TypeVar("T")
 logger = logging.getLogger(__name__)
 
 
@@ -97,12 +99,11 @@ class Reconstructor:
             name: method.compile(context)
             for name, method in depth_methods(depth, setup, ranged=ranged).items()
         }
-        self._corridor: Corridor | None = None
+        self._rays: Floats | None = None
         self._range_over_depth: Image | None = None
         if setup.optics is not None:
-            rays = pixel_rays(setup.optics, setup.plan.shape)
-            self._corridor = Corridor(rays)
-            self._range_over_depth = np.linalg.norm(rays, axis=-1).astype(np.float32)
+            self._rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._range_over_depth = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
         logger.info(
             "image methods: %s; ranging methods: %s; depth methods: %s",
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
@@ -212,6 +213,7 @@ class Reconstructor:
                 estimate = solve_depth(view)
                 if estimate is not None:
                     maps[name] = checked_depths(f"depth method {name!r}", estimate, self._shape)
+        towards = {name: corridors_of(each, self._rays) for name, each in maps.items()}
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -221,7 +223,10 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             log_depth_sigmas=_single({name: each.sigma for name, each in maps.items()}),
             no_returns=_single({name: each.no_return for name, each in maps.items()}),
-            free_probabilities=self._free(maps.items()),
+            free_probabilities=_present(
+                {name: free_of_estimate(each, towards[name]) for name, each in maps.items()}
+            ),
+            corridors=_present(towards),
             min_free=self._min_free,
             range_over_depth=self._range_over_depth,
             spot_directions=None if frame.spots is None else frame.spots.directions,
@@ -231,9 +236,7 @@ class Reconstructor:
             frame=frame.first,
             patterns=readings.patterns,
             notes=notes,
-            points_m={
-                name: each.points_m for name, each in maps.items() if each.points_m is not None
-            },
+            points_m=_present({name: each.points_m for name, each in maps.items()}),
         )
 
     @contextmanager
@@ -297,14 +300,6 @@ class Reconstructor:
         if not readings.has_dc:  # assume that the darkest pixel is dark
             image = image - image.min()
         return Estimate(image, sigma, estimate.note)
-
-    def _free(self, maps: Iterable[tuple[str, DepthEstimate]]) -> dict[str, Floats]:
-        """Probability that the corridor ahead is free, by each method that has any depth."""
-        free = {
-            name: each.free if self._corridor is None else self._corridor.stated(each)
-            for name, each in maps
-        }
-        return {name: each for name, each in free.items() if each is not None}
 
     def _brightness(
         self,
@@ -422,3 +417,7 @@ def _note_of_readings(
 
 def _single(arrays: Mapping[str, Floats | None]) -> dict[str, Image]:
     return {name: array.astype(np.float32) for name, array in arrays.items() if array is not None}
+
+
+def _present(values: Mapping[str, T | None]) -> dict[str, T]:
+    return {name: each for name, each in values.items() if each is not None}

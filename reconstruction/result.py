@@ -5,12 +5,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from .base.arrays import Floats
 from .base.display import draw_map, html_summary, panels, picture, text_summary
+from .base.errors import InputError
 from .capture import Setup, Unit
-from .depth import MIN_FREE, nearest_obstacle_m
+from .depth import MIN_FREE, FreeTowards, nearest_obstacle_m
 from .ranging import RANGED, Ranges, Visibility
 
 Image = NDArray[np.float32]
@@ -46,6 +47,9 @@ class Result:
     points_m
         Points (N, 3) in the optical frame that earlier ranges have met, for depth methods that
         remember them.
+    corridors
+        By method, the same as ``free_probabilities`` as a function of a direction; see
+        `free_towards`. Files do not hold them.
     unit
         Unit of the images; counts if their scale is unknown.
     timings_s, notes
@@ -72,6 +76,7 @@ class Result:
     notes: Mapping[str, str] = field(default_factory=dict)
     spot_directions: Floats | None = None
     points_m: Mapping[str, Floats] = field(default_factory=dict)
+    corridors: Mapping[str, FreeTowards] = field(default_factory=dict)
 
     @property
     def warnings(self) -> list[str]:
@@ -177,6 +182,29 @@ class Result:
     def free_probability(self) -> Floats | None:
         """Probability of a free corridor up to each of `DISTANCES_M` (K,), None without depths."""
         return self.free_probabilities.get(next(iter(self.depths), ""))
+
+    def free_towards(self, direction: ArrayLike) -> Floats:
+        """Probability that a corridor in another direction is free, by the default method.
+
+        Parameters
+        ----------
+        direction
+            Of the corridor, (3,) of any length, in view: x right, y down, z forward.
+
+        Returns
+        -------
+        ndarray
+            Probability (K,) up to each of `DISTANCES_M`, along the direction.
+
+        Raises
+        ------
+        InputError
+            If it leads out of view, or the result has no depths or is from a file.
+        """
+        towards = self.corridors.get(next(iter(self.depths), ""))
+        if towards is None:
+            raise InputError("the result has no corridors: it has no depths, or is from a file")
+        return towards(direction)
 
     @property
     def obstacles_m(self) -> dict[str, float]:

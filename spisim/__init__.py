@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from spisim.base.llvm import prefer_working_llvm
+from spisim.base.optional import import_app
 from spisim.version import __version__
 
 if TYPE_CHECKING:
@@ -19,9 +20,9 @@ if TYPE_CHECKING:
     from spisim.dataset.making import make_dataset
     from spisim.dataset.reader import open_dataset
     from spisim.instrument import Instrument, load_instrument
-    from spisim.report.capture import write_report
     from spisim.scene import Scene, load_scene
     from spisim.simulation import Simulation, simulate
+    from spisim_app.report.capture import write_report
 
 logging.getLogger(__name__).addHandler(logging.NullHandler())
 prefer_working_llvm()  # now: whoever imports spisim may import Dr.Jit or Mitsuba next
@@ -50,12 +51,13 @@ _MODULES = {
     "open_dataset": "dataset.reader",
     "progress_bar": "base.progress",
     "simulate": "simulation",
-    "write_report": "report.capture",
 }
 
 
 def __getattr__(name: str) -> Any:
     """Import on first use: Mitsuba and Matplotlib are slow to load and often not needed."""
+    if name == "write_report":
+        return import_app("report.capture").write_report
     if name not in _MODULES:
         raise AttributeError(f"module 'spisim' has no attribute {name!r}")
     return getattr(import_module(f"spisim.{_MODULES[name]}"), name)

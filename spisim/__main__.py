@@ -1,6 +1,10 @@
-"""The program `spisim`, also run as ``python -m spisim``."""
+"""The program `spisim`, also run as ``python -m spisim``: the commands of `spisim_app`."""
 
 import signal
+import sys
+
+from reconstruction.base.errors import InputError
+from spisim.base.optional import import_app
 
 
 def main() -> None:
@@ -8,11 +12,14 @@ def main() -> None:
     interruptible = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if interruptible:
         signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from spisim.cli import main as run
-
+    try:
+        program = import_app("cli")
+    except InputError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
     if interruptible:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    run()
+    program.main()
 
 
 if __name__ == "__main__":

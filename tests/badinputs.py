@@ -25,8 +25,8 @@ from typer.main import get_command
 from desk import FLIGHT, PLAN, STUDY
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
-from spisim.cli import app
 from spisim.instrument.model import PRESETS
+from spisim_app.cli import app
 from waiting import SAFETY_S
 
 #: The commands, made once.

@@ -6,7 +6,7 @@ from typing import Any
 
 from typer.testing import CliRunner
 
-from spisim.cli import app
+from spisim_app.cli import app
 
 
 def spisim(*arguments: str | Path) -> Any:
@@ -25,4 +25,4 @@ def mistake(*arguments: str | Path) -> str:
 
 def program(*arguments: str | Path) -> list[str]:
     """The command line of a process of its own."""
-    return [sys.executable, "-c", "from spisim.cli import main; main()", *map(str, arguments)]
+    return [sys.executable, "-c", "from spisim_app.cli import main; main()", *map(str, arguments)]

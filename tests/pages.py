@@ -24,11 +24,11 @@ import typer
 from reconstruction.cli import _parser as reconstruction_parser
 from reconstruction.cli import is_command
 from spisim.base.config import check_fields, load_yaml
-from spisim.cli import app
 from spisim.dataset.plan import Plan
 from spisim.dataset.study.plan import StudyPlan
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim_app.cli import app
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]

@@ -26,7 +26,7 @@ def step(event, arguments):
     seen += 1
 
 sys.addaudithook(step)
-from spisim.cli import main
+from spisim_app.cli import main
 try:
     main()
 finally:

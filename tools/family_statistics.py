@@ -21,11 +21,11 @@ from matplotlib.figure import Figure
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.files import write_atomically
-from spisim.report.style import file_of, plot_style
 from spisim.scene import Scene, draw_scene
 from spisim.scene.bsdf import ThinPane
 from spisim.scene.families import FAMILIES
 from spisim.scene.layout import OFFERED
+from spisim_app.report.style import file_of, plot_style
 from spisim_paper.checks import Table, around_marks
 
 DOCS = Path(__file__).parents[1] / "docs"

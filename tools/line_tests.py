@@ -18,8 +18,8 @@ import coverage
 import pytest
 
 PACKAGES = (
-    *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
-    *("paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
+    *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
+    *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
 )
 SETTINGS = """
 [run]

@@ -37,8 +37,8 @@ ROOT = Path(__file__).parents[1]
 WORK = ROOT / "out" / "mutation"
 EQUIVALENTS = Path(__file__).with_name("mutation_equivalents.yaml")
 PACKAGES = (
-    *("spisim", "reconstruction", "scenes/spisim_worlds", "formats/spisim_formats"),
-    *("paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
+    *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
+    *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
 )
 MIN_KILLED = 0.85
 MAX_TESTS_S = 120.0

@@ -25,7 +25,7 @@ PYTHON: dict[str, list[str]] = {
         "spisim_live.mavlink",
         "spisim_live.sinks",
     ],
-    "spisim": ["spisim_formats"],
+    "spisim": ["spisim_formats", "spisim_app.report.scene_view", "spisim_app.report.viewer"],
 }
 _BEHIND = "---\nsearch:\n  boost: 0.01 # pages that explain come first\n---\n"
 
@@ -106,7 +106,7 @@ def _materials() -> Iterator[str]:
 
 def _commands() -> Iterator[str]:
     """Every command of `spisim` with its arguments and options."""
-    from spisim.cli import app
+    from spisim_app.cli import app
 
     yield "# Commands\n"
     yield (

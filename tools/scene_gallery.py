@@ -17,11 +17,11 @@ from PIL import Image, ImageDraw
 
 from reconstruction.base.files import write_atomically
 from spisim.instrument import Instrument, load_instrument
-from spisim.report.scene_view import Look, Survey, survey
-from spisim.report.scene_view.picture import PROJECTOR, look_figure, view_image
 from spisim.scene import Scene, catalogue, draw_scene, load_scene
 from spisim.scene.families import FAMILIES
 from spisim.transport import RayCaster
+from spisim_app.report.scene_view import Look, Survey, survey
+from spisim_app.report.scene_view.picture import PROJECTOR, look_figure, view_image
 from spisim_paper.checks import Table, around_marks
 
 DOCS = Path(__file__).parents[1] / "docs"

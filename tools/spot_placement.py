@@ -22,7 +22,7 @@ from anchored_prior import View, seen
 from reconstruction.base.arrays import Floats
 from reconstruction.depth.kriging import anchored_depth, fitted_prior
 from reconstruction.depth.pixels import around, between, squared_distances
-from spisim.report.style import plot_style
+from spisim_app.report.style import plot_style
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "spot-placement.png"
 FRACTIONS = np.linspace(0.2, 0.9, 8)

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from spisim.cli.console import print_json, say
-from spisim.cli.options import Json, Overwrite
+from spisim_app.cli.console import print_json, say
+from spisim_app.cli.options import Json, Overwrite
 
 EXAMPLE = "spisim paper fig2 -o out/paper"
 
@@ -42,7 +42,7 @@ def command(
     """
     from reconstruction.base.files import Output, write_atomically
     from reconstruction.base.folders import output_folder
-    from spisim.report.style import file_of, plot_style
+    from spisim_app.report.style import file_of, plot_style
     from spisim_paper.checks import (
         around_marks,
         checks_table,

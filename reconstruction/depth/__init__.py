@@ -1,6 +1,15 @@
 """From image, ranges and readings to depth maps: methods, rays and point clouds."""
 
-from .method import MAX_RANGE_M, Context, DepthEstimate, DepthMethod, DepthSolver, View
+from .ahead import corridors_of, free_of_estimate
+from .method import (
+    MAX_RANGE_M,
+    Context,
+    DepthEstimate,
+    DepthMethod,
+    DepthSolver,
+    FreeTowards,
+    View,
+)
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
 from .obstacle import (
     CORRIDOR_M,
@@ -23,9 +32,12 @@ __all__ = [
     "DepthEstimate",
     "DepthMethod",
     "DepthSolver",
+    "FreeTowards",
     "View",
     "check_min_free",
+    "corridors_of",
     "depth_method",
+    "free_of_estimate",
     "lacks",
     "nearest_obstacle_m",
     "out_of_distribution",

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
 from ..capture import Frames, Setup
@@ -38,6 +38,8 @@ class View:
         return self.frame.spots.directions
 
 
+FreeTowards = Callable[[ArrayLike], Floats]
+"""Probability (K,) that a corridor is free up to each of `DISTANCES_M`, from its direction (3,)."""
 MAX_RANGE_M = 40.0
 """Maximum range: anything farther counts as no return."""
 
@@ -62,6 +64,8 @@ class DepthEstimate:
     points_m
         Points (N, 3) in the optical frame that earlier frames' ranges have met; None for methods
         that remember none.
+    free_towards
+        The same as ``free`` of a corridor in another direction (3,) in view; None if unknown.
     """
 
     depth_m: NDArray[Any]
@@ -70,6 +74,7 @@ class DepthEstimate:
     note: str | None = None
     free: Floats | None = None
     points_m: Floats | None = None
+    free_towards: FreeTowards | None = None
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]

@@ -19,10 +19,13 @@ from numpy.typing import NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
-from .method import MAX_RANGE_M, DepthEstimate
+from .method import MAX_RANGE_M
 
 CORRIDOR_M = 0.6
-"""Width and height of the corridor along the optical axis in which a drone flies."""
+"""Width and height of the corridor in which a drone flies, usually along the optical axis."""
+FORWARD = np.array([0.0, 0.0, 1.0])
+"""Optical axis."""
+FORWARD.setflags(write=False)
 OBSTACLE_M2 = 0.01
 """Cross-section of an obstacle: that of a hand's breadth squared."""
 DISTANCES_M = np.geomspace(0.2, MAX_RANGE_M, 54)
@@ -69,10 +72,17 @@ def corridor_prior(name: str) -> CorridorPrior:
 
 
 class Corridor:
-    """Corridor along the optical axis, CORRIDOR_M wide and high, for `pixel_rays` (H, W, 3)."""
+    """Corridor CORRIDOR_M wide and high, for maps of `pixel_rays` (H, W, 3).
 
-    def __init__(self, rays: Floats) -> None:
-        self._slope = np.abs(rays[..., :2]).max(axis=-1)
+    ``direction`` (3,) is its unit vector, by default the optical axis; distances are along it.
+    """
+
+    def __init__(self, rays: Floats, direction: Floats = FORWARD) -> None:
+        local = rays @ axes_along(direction)
+        self._stretch = local[..., 2]
+        with np.errstate(divide="ignore"):
+            slope = np.abs(local[..., :2]).max(axis=-1) / self._stretch
+        self._slope = np.where(self._stretch > 0, slope, np.inf)
         height, width = self._slope.shape
         across, down = (np.ptp(rays[..., k]) / max(n - 1, 1) for k, n in enumerate((width, height)))
         self._pixel = (across or down) * (down or across)  # at 1 m
@@ -84,19 +94,8 @@ class Corridor:
         with its area at its depth: wires count for little.
         """
         first = np.zeros(depth_m.size)
+        depth_m = depth_m * self._stretch
         return float(self._nearest_m(depth_m.reshape(1, -1), self._slope.ravel(), first, 1)[0])
-
-    def mean_inside(self, depth_m: Floats, values: Floats) -> float:
-        """Mean of ``values`` (H, W) over the pixels in the corridor, nan without any."""
-        inside = self._slope * depth_m <= CORRIDOR_M / 2
-        return float(values[inside].mean()) if inside.any() else float("nan")
-
-    def stated(self, estimate: DepthEstimate) -> Floats | None:
-        """Probability that an estimate states, else that of its map; None without depths."""
-        if estimate.free is not None or not np.isfinite(estimate.depth_m).any():
-            return estimate.free
-        prior = corridor_prior("others")
-        return self.free(estimate.depth_m, prior, estimate.sigma, estimate.no_return)
 
     def free(
         self,
@@ -124,6 +123,7 @@ class Corridor:
 
     def ensemble_m(self, depth_m: Floats, sigma: Floats, no_return: Floats | None = None) -> Floats:
         """Nearest obstacles (N,) of ensemble members, nan without; ``sigma`` is of ln depth."""
+        depth_m = depth_m * self._stretch
         inside = self._slope * depth_m * np.exp(ERRORS[0] * sigma) <= CORRIDOR_M / 2
         depth_m, sigma, slope = depth_m[inside], sigma[inside], self._slope[inside]
         maps = depth_m * np.exp(ERRORS[:, None] * sigma)
@@ -154,6 +154,16 @@ def _nearest(depth_m: Floats, maximum: int) -> NDArray[np.intp]:
         return np.argsort(depth_m, axis=1)
     few = np.argpartition(depth_m, maximum, axis=1)[:, :maximum]
     return np.take_along_axis(few, np.argsort(np.take_along_axis(depth_m, few, axis=1)), axis=1)
+
+
+def axes_along(direction: Floats) -> Floats:
+    """Axes (3, 3), as columns, of a frame whose z is a unit vector: right, down, along it.
+
+    Right is level in the optical frame, whose own axes belong to its z.
+    """
+    right = np.array([direction[2], 0.0, -direction[0]])
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(direction, right), direction], axis=1)
 
 
 def free_of(ensemble_m: Floats, prior: CorridorPrior) -> Floats:

@@ -14,12 +14,12 @@ from reconstruction import capture_warnings, evaluate, read_capture, reconstruct
 from reconstruction.ranging import RANGED
 from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.atmosphere.precipitation import rain
-from spisim.report.capture import write_report
 from spisim.simulation import simulate
 from spisim.simulation.light import LightSequence, solve
 from spisim.simulation.measurement.spots import spot_light
 from spisim.transport import ground_truth
 from spisim.transport.world import FOG_DEPTHS, fog_ball
+from spisim_app.report.capture import write_report
 
 PAPER = spisim.load_instrument("paper")
 SMALL = PAPER.model_copy(

@@ -50,7 +50,7 @@ def test_help_shows_an_example_that_is_such_a_command(command: str) -> None:
 
 def test_help_lists_all_commands_without_loading_numpy() -> None:
     code = (
-        "import sys\nsys.argv = ['spisim', '--help']\nfrom spisim.cli import main\n"
+        "import sys\nsys.argv = ['spisim', '--help']\nfrom spisim_app.cli import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "assert not {'numpy', 'mitsuba', 'matplotlib', 'h5py'} & set(sys.modules)"
@@ -308,7 +308,7 @@ TELLING = """
 import sys
 from rich.progress import Progress
 Progress.update = lambda *args, **options: print("tracing", file=sys.stderr, flush=True)
-from spisim.cli import main
+from spisim_app.cli import main
 main()
 """
 

@@ -21,10 +21,10 @@ from reconstruction import Capture
 from reconstruction.base.files import is_marked
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
-from spisim.cli import app
 from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
 from spisim.simulation.light.files import write_histograms
+from spisim_app.cli import app
 
 ODD_NAME = "a [red]b[/x] :car:"
 

@@ -21,11 +21,11 @@ from typer.testing import CliRunner
 
 from commands import program
 from reconstruction import read_capture
-from spisim.cli import app
 from spisim.dataset import preview
 from spisim.dataset.cost import Cost, Group, GroupCost
 from spisim.dataset.planned import PlannedSet, load_plan
 from spisim.dataset.preview import Preview
+from spisim_app.cli import app
 from tinysets import SAMPLES, captures, children, files, run, started, write_plan
 from waiting import SAFETY_S, until
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from spisim.cli import app
 from spisim.scene import draw_scene, load_scene
 from spisim.scene.families import FAMILIES, ranges
+from spisim_app.cli import app
 
 VALUES = ("target=siemens-star", "distance_m=3", "setting=alone")
 STAR = ["targets", "--seed", "7", *(part for value in VALUES for part in ("--set", value))]

@@ -17,10 +17,10 @@ import spisim
 from instruments import write_small
 from reconstruction import InputError, read_capture, reconstruct
 from reconstruction.capture import Capture
-from spisim.cli import app
 from spisim.scene import load_trajectory
 from spisim.simulation.flight import Camera
 from spisim.simulation.flight.recording import SEGMENT
+from spisim_app.cli import app
 
 SCENE = """
 name: hall

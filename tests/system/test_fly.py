@@ -15,8 +15,8 @@ from instruments import write_small
 from reconstruction import read_capture
 from reconstruction.diagnostics import NOT_TRACED
 from reconstruction.ranging import RANGED
-from spisim.cli import app
 from spisim.scene import load_trajectory, make_scene
+from spisim_app.cli import app
 
 SCENE = """
 name: hall

@@ -10,8 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from foreign import collada, tetrahedron
-from spisim.cli import app
 from spisim.scene import load_scene
+from spisim_app.cli import app
 
 
 def run(*arguments: str | Path, **environment: str) -> Any:
@@ -122,7 +122,7 @@ def test_nothing_slow_and_no_renderer_is_imported(tmp_path: Path) -> None:
     code = f"""
 import sys
 from typer.testing import CliRunner
-from spisim.cli import app
+from spisim_app.cli import app
 assert "spisim_formats.cli.importing" in sys.modules
 assert not {{"trimesh", "collada", "numpy"}} & set(sys.modules)
 words = ["scenes", "import", {str(tmp_path / "a.ply")!r}, "-o", {str(tmp_path / "a.yaml")!r}]

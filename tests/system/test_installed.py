@@ -26,6 +26,7 @@ result = reconstruction.reconstruct(capture, image="zero-filled")
 image: np.ndarray[tuple[int, ...], np.dtype[np.float32]] = result.image
 depth_m = result.depth_m
 assert depth_m is not None and image.shape == depth_m.shape == (64, 64)
+spisim.write_report("report.html", capture, result)
 told: str = f"{result.frame} {capture.frames} {spisim.__version__}"
 print(told)
 """
@@ -53,6 +54,9 @@ def test_wheel_and_sdist_hold_all_that_is_needed(built: Path) -> None:
     assert {
         "spisim/py.typed",
         "reconstruction/py.typed",
+        "spisim_app/py.typed",
+        "spisim_app/report/templates/capture.html",
+        "spisim_app/report/plots.mplstyle",
         "spisim_live/py.typed",
         "spisim/shipped/scenes/warehouse.yaml",
         "spisim/shipped/studies/depth.yaml",

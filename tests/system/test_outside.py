@@ -62,7 +62,7 @@ def folder(tmp_path_factory):
 COMMANDS = """
 import json, sys
 from typer.testing import CliRunner
-from spisim.cli import app
+from spisim_app.cli import app
 outputs = []
 for words in sys.argv[1:]:
     done = CliRunner().invoke(app, words.split())

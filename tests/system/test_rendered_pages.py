@@ -14,11 +14,11 @@ from reconstruction import Capture, evaluate, reconstruct
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
 from spisim.dataset.study.results import results_of
-from spisim.report.capture import write_report
-from spisim.report.contact_sheet import write_contact_sheet
-from spisim.report.flight import EvaluatedFrame
-from spisim.report.flight_page import write_flight
-from spisim.report.study import write_study
+from spisim_app.report.capture import write_report
+from spisim_app.report.contact_sheet import write_contact_sheet
+from spisim_app.report.flight import EvaluatedFrame
+from spisim_app.report.flight_page import write_flight
+from spisim_app.report.study import write_study
 from studies import planned
 
 RENDERED = (Path(__file__).parents[1] / "rendered.js").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ import yaml
 from scipy.stats import t
 from typer.testing import CliRunner
 
-from spisim.cli import app
+from spisim_app.cli import app
 
 PLAN: dict[str, Any] = {
     "name": "wall",

@@ -33,7 +33,7 @@ def test_all_other_packages_are_on_the_page_of_their_root(root: str) -> None:
 
 
 def test_packages_beside_the_simulator_are_there() -> None:
-    folders = {"spisim_live": "live", "spisim_formats": "formats"}
+    folders = {"spisim_live": "live", "spisim_formats": "formats", "spisim_app": "app"}
     beside = [name for names in PYTHON.values() for name in names]
     assert {name.partition(".")[0] for name in beside} == set(folders)
     for name in beside:

@@ -1,20 +1,24 @@
 """What all commands have in common: version, errors of one line, tables of any width, Tab."""
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import spisim as spisim_library
 from commands import spisim
 from reconstruction import Capture, write_capture
 from reconstruction.base.text import shortened
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
-from spisim.cli import app, complete
-from spisim.cli.inputs import scene_with
-from spisim.cli.weather_options import Weather
 from spisim.version import __version__
+from spisim_app.cli import app, complete
+from spisim_app.cli.inputs import scene_with
+from spisim_app.cli.weather_options import Weather
+from spisim_app.report.capture import write_report
 
 
 def test_versions_are_told(capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,7 +111,7 @@ def test_what_goes_into_a_file_is_as_wide_as_it_needs(tmp_path: Path) -> None:
     """Of standard output that is no terminal, nothing is cut off either."""
     from rich.console import Console
 
-    from spisim.cli import tables
+    from spisim_app.cli import tables
 
     table = tables.plain_table("first", *(f"column-{n}" for n in range(20)))
     table.add_row("row", *(f"value-{n}" for n in range(20)))
@@ -172,7 +176,7 @@ def test_snow_and_smoke_take_the_place_of_the_scenes_own(tmp_path: Path) -> None
     (tmp_path / "s.yaml").write_text(MINIMAL)
     scene, _ = scene_with(str(tmp_path / "s.yaml"), 1550.0, Weather(snow=2.0, smoke=30.0))
     kinds = [medium["kind"] for medium in scene.media_summary()]
-    assert "glycol" in " ".join(kinds)
+    assert "fog-machine" in " ".join(kinds)
     assert "snow" in " ".join(kinds)
 
 
@@ -195,3 +199,41 @@ def test_an_interrupt_that_a_library_has_wrapped_is_one(monkeypatch: pytest.Monk
         130,
         "error: interrupted; no file is left half-written\n",
     )
+
+
+WITHOUT = """
+import importlib.abc, sys
+class Without(importlib.abc.MetaPathFinder):
+    def find_spec(self, name, *_):
+        if name == sys.argv[1]:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+sys.meta_path.insert(0, Without())
+"""
+PROGRAM = "from spisim.__main__ import main; main()"
+REPORT = "import spisim; spisim.load_scene; spisim.write_report"
+MISSING = (
+    "the commands and pages that come with spisim are missing; reinstall it: pip install spisim\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("gone", "code", "status", "reported"),
+    [
+        ("spisim_app", PROGRAM, 2, f"error: {MISSING}"),
+        ("spisim_app", REPORT, 1, f"InputError: {MISSING}"),
+        ("spisim_app.cli", PROGRAM, 1, "ModuleNotFoundError: No module named 'spisim_app.cli'\n"),
+    ],
+)
+def test_the_library_says_what_to_install_if_its_program_is_missing(
+    gone: str, code: str, status: int, reported: str
+) -> None:
+    run = subprocess.run(
+        [sys.executable, "-c", WITHOUT + code, gone], capture_output=True, text=True, check=False
+    )
+    assert (run.returncode, run.stdout) == (status, "")
+    assert run.stderr.endswith(reported)
+    assert ("Traceback" in run.stderr) == (status == 1)
+
+
+def test_the_library_writes_the_programs_report() -> None:
+    assert spisim_library.write_report is write_report

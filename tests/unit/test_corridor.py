@@ -89,3 +89,18 @@ def test_the_probability_that_is_asked_for_sets_the_obstacle(capture):
     np.testing.assert_array_equal(near.free_probability, far.free_probability)
     assert near.obstacle_m < far.obstacle_m
     assert replace(near, min_free=0.3).obstacle_m == far.obstacle_m
+
+
+@pytest.mark.parametrize("depth", ["learned", "anchored", "nearest"])
+def test_results_state_corridors_in_other_directions(depth, capture):
+    result = Reconstructor(capture.setup, image="zero-filled", depth=depth)(capture.frame(0))
+    np.testing.assert_array_equal(result.free_towards((0, 0, 2)), result.free_probability)
+    beside = result.free_towards((0.02, -0.01, 1))
+    assert beside.shape == DISTANCES_M.shape
+    assert (np.diff(beside) <= 1e-12).all()
+
+
+def test_a_result_without_corridors_says_so(capture):
+    result = Reconstructor(capture.setup, image="zero-filled")(capture.frame(0))
+    with pytest.raises(InputError, match="no corridors: it has no depths, or is from a file"):
+        replace(result, corridors={}).free_towards((0, 0, 1))

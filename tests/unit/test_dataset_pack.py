@@ -15,9 +15,9 @@ from typer.testing import CliRunner
 import spisim
 from datasets import change, make_set
 from reconstruction import Capture, InputError, write_capture
-from spisim.cli import app
 from spisim.dataset import DataSet, opening, pack_dataset, verify
 from spisim.dataset.pack import INDEX
+from spisim_app.cli import app
 
 VISIBILITY = "scene.fog.visibility_m"
 NAMES = ("buckets", "true_depth_m", VISIBILITY)

@@ -19,11 +19,11 @@ from typer.testing import CliRunner
 import spisim.dataset
 from datasets import change, make_set, sample_capture
 from reconstruction import Capture, InputError, write_capture
-from spisim.cli import app
-from spisim.cli.dataset import PlanOrCommand
 from spisim.dataset.cost import Cost
 from spisim.dataset.status import status_of
-from spisim.report.contact_sheet import evenly, write_contact_sheet
+from spisim_app.cli import app
+from spisim_app.cli.dataset import PlanOrCommand
+from spisim_app.report.contact_sheet import evenly, write_contact_sheet
 
 
 @pytest.fixture(scope="module")

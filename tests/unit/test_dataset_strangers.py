@@ -23,7 +23,7 @@ from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.planned import PlannedSet
 from spisim.dataset.runner import has_space
 from spisim.dataset.status import status_of
-from spisim.report.facts import media_of
+from spisim_app.report.facts import media_of
 from spisim_formats.samples.webdataset import write_shards
 
 

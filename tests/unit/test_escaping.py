@@ -22,16 +22,16 @@ from reconstruction.base.text import json_line, printable
 from reconstruction.cli import main as rig
 from scenefiles import MINIMAL
 from spisim.base.config.files import csv_table
-from spisim.cli import main
-from spisim.cli.console import print_json, results, say, warn
-from spisim.cli.tables import plain_table
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
 from spisim.dataset.study.results import results_csv, results_of, summary_csv
-from spisim.report.capture import write_report
-from spisim.report.contact_sheet import write_contact_sheet
-from spisim.report.page import page_script
-from spisim.report.study import write_study
+from spisim_app.cli import main
+from spisim_app.cli.console import print_json, results, say, warn
+from spisim_app.cli.tables import plain_table
+from spisim_app.report.capture import write_report
+from spisim_app.report.contact_sheet import write_contact_sheet
+from spisim_app.report.page import page_script
+from spisim_app.report.study import write_study
 from studies import planned
 
 NAMES = (

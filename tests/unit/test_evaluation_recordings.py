@@ -15,7 +15,7 @@ from reconstruction.capture.importers import (
 )
 from reconstruction.evaluation import evaluate_recording
 from reconstruction.operators import expose
-from spisim.cli import app
+from spisim_app.cli import app
 
 FRAMES, SCALE, NOISE = 64, 2.0, 40.0
 PLAN = make_plan((8, 8), polarity="differential")

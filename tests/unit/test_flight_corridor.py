@@ -1,17 +1,15 @@
-"""Remembered points in the corridor, and the ranges that remembered points predict."""
-
-from dataclasses import replace
+"""Corridors in any direction, and the ranges that remembered points predict."""
 
 import numpy as np
 import pytest
 
+from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics
 from reconstruction.capture.motion import PoseAt
-from reconstruction.depth import DISTANCES_M, Corridor, DepthEstimate
-from reconstruction.depth.memory.obstacles import Met, MetObstacles, free_of_met, met_in_corridor
-from reconstruction.depth.memory.points import Points, RangeMemory
+from reconstruction.depth import DepthEstimate, nearest_obstacle_m
+from reconstruction.depth.ahead import Ahead
+from reconstruction.depth.memory.points import RangeMemory
 from reconstruction.depth.memory.prediction import RangePrediction
-from reconstruction.depth.methods.flight import flight_prior
 from reconstruction.depth.obstacle import CorridorPrior
 from reconstruction.depth.pixels import pixel_rays
 
@@ -23,30 +21,6 @@ UNIT = RAYS / np.linalg.norm(RAYS, axis=1, keepdims=True)
 
 def pose(time_s=0.0, position_m=(0.0, 0.0, 0.0)):
     return PoseAt(time_s, np.array(position_m), np.eye(3), 1e-6, 1e-6)
-
-
-def points(position_m, time_s):
-    position_m, time_s = np.array(position_m, float), np.array(time_s, float)
-    return Points(position_m, *(np.full(len(time_s), 1e-4),), time_s, *(np.zeros((2, len(time_s)))))
-
-
-def test_points_in_the_corridor_are_met_also_where_the_view_does_not_reach():
-    ahead = points([(0.29, -0.29, 0.3), (0.31, 0, 2), (0, 0, -1), (0.1, 0, 4)], [0, 0, 0, 1])
-    met = met_in_corridor(ahead, pose(time_s=2.0))
-    np.testing.assert_allclose(met.depth_m, [0.3, 4.0])
-    np.testing.assert_allclose(met.age_s, [2.0, 1.0])
-    moved = met_in_corridor(ahead, pose(time_s=2.0, position_m=(0.1, 0, 1)))
-    np.testing.assert_allclose(moved.depth_m, [1.0, 3.0])
-
-
-def test_beyond_what_was_met_the_corridor_is_blocked_as_surely_as_it_is_recent():
-    constants = MetObstacles(certainty=0.8, lasting_s=2.0)
-    free = free_of_met(Met(np.array([3.0, 5.0]), np.array([2.0, 0.0])), constants)
-    near, between, far = DISTANCES_M <= 3, (DISTANCES_M > 3) & (DISTANCES_M <= 5), DISTANCES_M > 5
-    assert (free[near] == 1).all()
-    np.testing.assert_allclose(free[between], 1 - 0.8 * np.exp(-1))
-    np.testing.assert_allclose(free[far], 0.2)
-    assert (free_of_met(Met(np.zeros(0), np.zeros(0)), constants) == 1).all()
 
 
 def wall(distance_m, offset_m=0.0):
@@ -81,15 +55,45 @@ def test_a_zone_without_a_range_is_predicted_by_its_neighbours_points():
     np.testing.assert_allclose(prediction.at(pose(0.1)), wall(3.0), rtol=0.01)
 
 
-def test_the_spread_of_obstacles_shrinks_with_the_variance_left_in_the_corridor():
-    corridor = Corridor(pixel_rays(OPTICS, SHAPE))
-    alone = DepthEstimate(np.full(SHAPE, 3.0), np.full(SHAPE, 0.2))
-    prior = CorridorPrior(0.0, 0.5, 0.4, 0.0, 0.3)
-    assert flight_prior(alone, alone, corridor, prior).sigma == 0.4
-    half = replace(alone, sigma=np.full(SHAPE, 0.1))
-    assert flight_prior(half, alone, corridor, prior).sigma == pytest.approx(0.2)
-    beside = np.full(SHAPE, 0.2)
-    beside[:, 0] = 0.001  # 0.9 m from the axis
-    assert flight_prior(replace(alone, sigma=beside), alone, corridor, prior).sigma == 0.4
-    far = replace(alone, depth_m=np.full(SHAPE, 39.0))
-    assert flight_prior(far, far, corridor, prior).sigma == 0.4
+SIDE = np.array([0.2, 0.0, 1.0])
+
+
+def wall_with_a_gap(x_m):
+    """Depths of a wall at 3 m, and at 12 m where x is within 0.5 m of this at the wall."""
+    x = 3.0 * pixel_rays(OPTICS, (32, 32))[..., 0]
+    return np.where(np.abs(x - x_m) < 0.5, 12.0, 3.0)
+
+
+@pytest.mark.parametrize("axis", [0, 1])
+def test_a_corridor_through_a_gap_is_free_beside_the_wall(axis):
+    depth_m = wall_with_a_gap(3.0 * SIDE[0])
+    direction = SIDE if axis == 0 else SIDE[[1, 0, 2]]
+    depth_m = depth_m if axis == 0 else depth_m.T
+    prior = CorridorPrior(0.0, 1.0, 0.05, 0.0, 0.3)
+    ahead = Ahead(pixel_rays(OPTICS, (32, 32)), depth_m, np.full((32, 32), 0.02), None, prior)
+    assert nearest_obstacle_m(ahead.free()) == pytest.approx(3.0, rel=0.1)
+    length = np.linalg.norm(direction)
+    assert nearest_obstacle_m(ahead.free(direction)) == pytest.approx(12 * length, rel=0.1)
+    assert nearest_obstacle_m(ahead.free(-3 * direction * [1, 1, -1])) == pytest.approx(
+        3 * length, rel=0.1
+    )
+
+
+@pytest.mark.parametrize(
+    ("direction", "message"),
+    [
+        ((0.5, 0, 1), r"out of view; x / z is at most 0\.35"),
+        ((0, -0.5, 1), "y / z at most"),
+        ((0, 0, -1), "with z > 0"),
+        ((0, 0, 0), "not all zero"),
+        ((0, np.nan, 1), "three finite numbers"),
+        ((0, 1), "three finite numbers"),
+    ],
+)
+def test_a_corridor_that_leads_out_of_view_is_refused(direction, message):
+    with pytest.raises(InputError, match=message):
+        Ahead.of(
+            DepthEstimate(np.full(SHAPE, 3.0), np.full(SHAPE, 0.1)),
+            pixel_rays(OPTICS, SHAPE),
+            "learned",
+        ).free(direction)

@@ -17,8 +17,8 @@ from reconstruction.evaluation import evaluate_flight, is_flight
 from reconstruction.outputs import read_result
 from reconstruction.outputs.pictures import dotted
 from reconstruction.outputs.result_file import result_bytes
-from spisim.cli import app
-from spisim.report.flight import EvaluatedFrame, Scales
+from spisim_app.cli import app
+from spisim_app.report.flight import EvaluatedFrame, Scales
 
 FRAMES = 6
 
@@ -229,8 +229,8 @@ def test_dots_are_white_on_black_and_cut_at_the_edge():
 
 
 def test_a_viewer_shows_points_in_the_world(capture, tmp_path):
-    from spisim.report.viewer.space import POINTS, Space
-    from spisim.report.viewer.views import views_of_captures
+    from spisim_app.report.viewer.space import POINTS, Space
+    from spisim_app.report.viewer.views import views_of_captures
 
     rerun = pytest.importorskip("rerun")
     at = np.linspace([0, 0, 0], [0, 0, 0.2], 3)

@@ -8,10 +8,10 @@ from typer.testing import CliRunner
 
 import scene_gallery
 from reconstruction import InputError
-from spisim.cli import app
 from spisim.scene import catalogue, list_scenes
 from spisim.scene.families import FAMILIES
 from spisim.scene.load import weather
+from spisim_app.cli import app
 
 DOCS = Path(__file__).parents[2] / "docs"
 

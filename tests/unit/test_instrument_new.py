@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 from reconstruction.base.errors import InputError
 from spisim.base.config import parse_model
 from spisim.budget import Target, budget_warnings, plots
-from spisim.cli import app
-from spisim.cli.instrument import new
-from spisim.cli.instrument.data_sheet import QUESTIONS, completed
-from spisim.cli.instrument.full_scale import new_instrument_text
 from spisim.instrument import Instrument, load_instrument
+from spisim_app.cli import app
+from spisim_app.cli.instrument import new
+from spisim_app.cli.instrument.data_sheet import QUESTIONS, completed
+from spisim_app.cli.instrument.full_scale import new_instrument_text
 
 ALL = [
     {},

@@ -16,12 +16,12 @@ from spisim.base.config import parse_model
 from spisim.budget import Target, bucket_link, budget_warnings, range_sigma_m, spot_link
 from spisim.budget.report import summarise
 from spisim.instrument import Instrument, load_instrument
-from spisim.report.capture import write_report
 from spisim.scene import load_scene
 from spisim.simulation import Simulation, simulate
 from spisim.simulation.light import surrogate
 from spisim.simulation.light.lattice import Lattice
 from spisim.simulation.measurement import record_frames
+from spisim_app.report.capture import write_report
 
 WALL = Target(4.0, illuminance_klx=20.0)
 IMAGING, RANGING = ("projector", "plan", "detector"), ("lasers", "tof")

@@ -8,9 +8,9 @@ import typer
 from typer.testing import CliRunner
 
 from reconstruction.base.errors import InputError
-from spisim.cli import options as opt
-from spisim.cli.inputs import PlanOptions, instrument_with
-from spisim.cli.weather_options import Weather, WeatherOfDrops
+from spisim_app.cli import options as opt
+from spisim_app.cli.inputs import PlanOptions, instrument_with
+from spisim_app.cli.weather_options import Weather, WeatherOfDrops
 from spisim_serving.cli.flights import FlightOptions
 from spisim_serving.cli.line import LinkOptions
 

@@ -21,11 +21,11 @@ from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
 from reconstruction.evaluation.comparison import compared_spots
-from spisim.report.capture import write_report
-from spisim.report.capture_plots import arrival_figure, light_figure
-from spisim.report.overview import write_overview
-from spisim.report.pictures import Scale, depth_scale, error_scale, spot_marks
-from spisim.report.style import SPOT_COLOURS, file_of, plot_style, spot_looks
+from spisim_app.report.capture import write_report
+from spisim_app.report.capture_plots import arrival_figure, light_figure
+from spisim_app.report.overview import write_overview
+from spisim_app.report.pictures import Scale, depth_scale, error_scale, spot_marks
+from spisim_app.report.style import SPOT_COLOURS, file_of, plot_style, spot_looks
 
 GEOMETRY: dict[str, Any] = {
     "directions": np.tile([0.0, 0.0, 1.0], (4, 1)),

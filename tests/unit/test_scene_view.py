@@ -15,12 +15,12 @@ from typer.testing import CliRunner
 import spisim
 from instruments import changed
 from scenefiles import MINIMAL
-from spisim.cli import app
-from spisim.report.scene_view import Look, picture, survey
-from spisim.report.scene_view.cameras import MAX_CUT_M, Section, cut_m, heading
 from spisim.scene import Material, SceneObject, look_at
 from spisim.scene.layout import OFFERED, Layout
 from spisim.transport import RayCaster, ground_truth
+from spisim_app.cli import app
+from spisim_app.report.scene_view import Look, picture, survey
+from spisim_app.report.scene_view.cameras import MAX_CUT_M, Section, cut_m, heading
 from worlds import plane, scene, surface
 
 AHEAD = np.array([[0.0, 0.0, 1.0]])

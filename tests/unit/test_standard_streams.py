@@ -12,7 +12,7 @@ from reconstruction import Capture, InputError, write_capture
 from reconstruction.base.errors import naming
 
 RIG = "import sys; from reconstruction.cli import main; sys.exit(main())"
-SPISIM = "from spisim.cli import main; main()"
+SPISIM = "from spisim_app.cli import main; main()"
 FULL = Path("/dev/full")
 BUFFERED = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
 LOADING = """
@@ -20,7 +20,7 @@ import importlib.abc, os, signal, sys
 signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored in the background of a shell
 class Interrupt(importlib.abc.MetaPathFinder):
     def find_spec(self, name, *_):
-        if name == "spisim.cli":
+        if name == "spisim_app.cli":
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Interrupt())
 from spisim.__main__ import main

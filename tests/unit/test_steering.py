@@ -26,10 +26,10 @@ from spisim.budget.eye_safety import laser_safety
 from spisim.instrument import load_instrument
 from spisim.instrument.aims.least_sure import least_sure
 from spisim.instrument.steering import directions
-from spisim.report.pictures import spot_marks
-from spisim.report.space import Space
 from spisim.scene import Ambient, Scene
 from spisim.simulation.light import LightSequence, solve, solve_spots, steered_light
+from spisim_app.report.pictures import spot_marks
+from spisim_app.report.space import Space
 from spisim_live.setups import StreamSetup, frame_payload, setup_payload
 from worlds import ORIGIN, plane
 

@@ -22,10 +22,10 @@ from spisim.dataset.study.results import (
     results_of,
     summary_csv,
 )
-from spisim.report.study import write_study
-from spisim.report.study.labels import axis_label, condition_label, value_label
-from spisim.report.study.plots import _over_numbers, study_plots
-from spisim.report.study.profile_plot import profile_of, profile_plot
+from spisim_app.report.study import write_study
+from spisim_app.report.study.labels import axis_label, condition_label, value_label
+from spisim_app.report.study.plots import _over_numbers, study_plots
+from spisim_app.report.study.profile_plot import profile_of, profile_plot
 from studies import planned
 
 # Tables

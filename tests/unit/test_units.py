@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from spisim.report.page import duration, length
-from spisim.report.pictures import UNKNOWN, Scale, packed
-from spisim.report.units import Prefix, engineering, prefix_axis, prefix_log
+from spisim_app.report.page import duration, length
+from spisim_app.report.pictures import UNKNOWN, Scale, packed
+from spisim_app.report.units import Prefix, engineering, prefix_axis, prefix_log
 
 
 @pytest.mark.parametrize(

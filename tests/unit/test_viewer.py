@@ -16,11 +16,11 @@ from captures import make_spots, with_spots
 from datasets import make_set
 from exported import with_scene
 from reconstruction import InputError, write_capture
-from spisim.cli import app
-from spisim.report.viewer import Recording, window
-from spisim.report.viewer.readings import phasors_of
-from spisim.report.viewer.space import rgb_of_spots
-from spisim.report.viewer.views import views_of_captures
+from spisim_app.cli import app
+from spisim_app.report.viewer import Recording, window
+from spisim_app.report.viewer.readings import phasors_of
+from spisim_app.report.viewer.space import rgb_of_spots
+from spisim_app.report.viewer.views import views_of_captures
 from streams import film, messages
 
 

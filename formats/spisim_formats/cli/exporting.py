@@ -5,10 +5,10 @@ from typing import Annotated
 
 import typer
 
-from spisim.cli.console import print_json, say
-from spisim.cli.inputs import instrument_with, scene_with
-from spisim.cli.options import Json, Overwrite, SceneArgument
-from spisim.cli.outputs import files_read
+from spisim_app.cli.console import print_json, say
+from spisim_app.cli.inputs import instrument_with, scene_with
+from spisim_app.cli.options import Json, Overwrite, SceneArgument
+from spisim_app.cli.outputs import files_read
 
 EXAMPLE = "spisim scenes export warehouse -o warehouse.glb"
 

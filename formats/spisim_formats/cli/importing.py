@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
-from spisim.cli.console import print_json, results, say, warn
-from spisim.cli.options import Json, Overwrite, real_option
-from spisim.cli.tables import print_table, word_table
+from spisim_app.cli.console import print_json, results, say, warn
+from spisim_app.cli.options import Json, Overwrite, real_option
+from spisim_app.cli.tables import print_table, word_table
 
 if TYPE_CHECKING:
     from spisim_formats import Import

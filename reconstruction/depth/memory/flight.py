@@ -12,7 +12,6 @@ from ..method import DepthEstimate
 from ..pixels import pixel_of
 from .correction import correction, fitted_kernel
 from .maps import MapMemory
-from .obstacles import Met, met_in_corridor
 from .points import RangeMemory
 from .unwrap import Expected, unwrapped
 
@@ -36,11 +35,11 @@ class FrameRanges:
 class Remembered(NamedTuple):
     """A frame's map with the memory, and why that was begun anew, if it was.
 
-    ``met`` are the remembered points that lie in the corridor ahead.
+    ``points_m`` (N, 3) are its points in the optical frame, in view or not.
     """
 
     estimate: DepthEstimate
-    met: Met
+    points_m: Floats
     begun_anew: str | None
 
 
@@ -72,11 +71,8 @@ class FlightMemory:
         if log_depth is not None and estimate.sigma is not None:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
             estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
-        return Remembered(estimate, met_in_corridor(self.ranges.points, pose), why)
-
-    def points_m(self, pose: PoseAt) -> Floats:
-        """All points (N, 3) in the optical frame of a pose, in view or not."""
-        return np.asarray((self.ranges.points.position_m - pose.position_m) @ pose.axes)
+        points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
+        return Remembered(estimate, points_m, why)
 
     def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
         if ranges.log_reflectance is None:

@@ -9,10 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...base.arrays import Floats
 from ...capture.motion import pose_at
-from ..memory import FlightMemory, FrameRanges, Remembered, free_of_met
+from ..ahead import Ahead
+from ..memory import FlightMemory, FrameRanges, Remembered
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..obstacle import Corridor, CorridorPrior, corridor_prior
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
 from .learned import FrameMap, decided
@@ -30,7 +31,7 @@ class Flight:
         assert setup.optics is not None
         alone = LEARNED.compile(context)
         memory = FlightMemory(setup.optics, setup.plan.shape)
-        corridor = Corridor(pixel_rays(setup.optics, setup.plan.shape))
+        rays = pixel_rays(setup.optics, setup.plan.shape)
 
         def solve(view: View) -> DepthEstimate | None:
             whole, pose = alone.frame_map(view), pose_at(view.frame.poses)
@@ -38,8 +39,8 @@ class Flight:
                 return None
             if pose is not None:
                 remembered = memory.take(pose, whole.estimate, ranges_of(view, whole))
-                result = stated(remembered, whole, corridor)
-                return replace(result, points_m=memory.points_m(pose))
+                result = stated(remembered, whole, rays)
+                return replace(result, points_m=remembered.points_m)
             note = "of the frame alone, as it has no pose"
             fallback = alone(view)
             return fallback and replace(fallback, note=_joined(note, fallback.note))
@@ -62,30 +63,22 @@ def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
     )
 
 
-def stated(remembered: Remembered, whole: FrameMap, corridor: Corridor) -> DepthEstimate:
-    """A map with the memory, with its corridor and a note."""
+def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstimate:
+    """A map with the memory, with its corridors and a note."""
     result, anew = remembered.estimate, remembered.begun_anew
     note = _joined(None if anew is None else f"begun anew: {anew}", whole.estimate.note)
     if not np.isfinite(result.depth_m).any():
         return replace(result, note=note)
-    prior = flight_prior(result, whole.estimate, corridor)
-    result = decided(result, corridor, prior if whole.frame else corridor_prior("others"))
-    assert result.free is not None
-    return replace(result, free=result.free * free_of_met(remembered.met), note=note)
+    return replace(decided(result, Ahead.of(result, rays, prior_of(whole))), note=note)
 
 
-def flight_prior(
-    estimate: DepthEstimate,
-    alone: DepthEstimate,
-    corridor: Corridor,
-    prior: CorridorPrior | None = None,
-) -> CorridorPrior:
-    """Error model of a map with the memory, which is the surer the more of its corridor was met."""
-    prior = prior or corridor_prior("flight")
-    if estimate.sigma is None or alone.sigma is None:
-        return prior
-    left = corridor.mean_inside(estimate.depth_m, estimate.sigma / alone.sigma)
-    return replace(prior, sigma=prior.sigma * min(left, 1.0)) if left > 0 else prior
+def prior_of(whole: FrameMap) -> str:
+    """Name of the error model of corridors, that of the frame's own map.
+
+    Constants fitted to flights were worse in worlds of other families: flights are many frames,
+    but few worlds.
+    """
+    return "learned" if whole.frame else "others"
 
 
 def _joined(*notes: str | None) -> str | None:

@@ -13,15 +13,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ...base.arrays import Floats
 from ...base.errors import InputError
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...capture.spots import USUAL_SPOTS
+from ..ahead import Ahead
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..network_input import NetworkInput, inputs_of, of_fraction
 from ..observer import Observer
-from ..obstacle import Corridor, CorridorPrior, corridor_prior
 from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
@@ -62,8 +63,8 @@ class Learned:
             return Fallback(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
-        corridor = Corridor(pixel_rays(context.setup.optics, context.setup.plan.shape))
-        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, corridor)
+        rays = pixel_rays(context.setup.optics, context.setup.plan.shape)
+        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, rays)
 
 
 class FrameMap(NamedTuple):
@@ -81,7 +82,7 @@ class LearnedSolver:
     _observer: Observer
     _anchored: DepthSolver
     _dense: DepthSolver | None
-    _corridor: Corridor
+    _rays: Floats
 
     def __call__(self, view: View) -> DepthEstimate | None:
         """Predicted map, or the anchored one for a view out of distribution."""
@@ -90,7 +91,7 @@ class LearnedSolver:
             return whole and whole.estimate
         if not whole.frame.ranged:
             return without_depth(whole.estimate)
-        return decided(whole.estimate, self._corridor, corridor_prior("learned"))
+        return decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
 
     def frame_map(self, view: View) -> FrameMap | None:
         """Predicted map of all pixels, also of those that have no return; None without spots."""
@@ -119,13 +120,13 @@ def without_depth(estimate: DepthEstimate) -> DepthEstimate:
     return DepthEstimate(unknown, None, estimate.no_return, "no spot has a range: no depth")
 
 
-def decided(result: DepthEstimate, corridor: Corridor, prior: CorridorPrior) -> DepthEstimate:
-    """Drop depths where no return is probable; all depths together decide on the corridor."""
-    free = corridor.free(result.depth_m, prior, result.sigma, result.no_return)
+def decided(result: DepthEstimate, ahead: Ahead) -> DepthEstimate:
+    """Drop depths where no return is probable; all depths together decide on corridors."""
+    result = replace(result, free=ahead.free(), free_towards=ahead.free)
     if result.no_return is None:
-        return replace(result, free=free)
+        return result
     depth_m = np.where(result.no_return > MAX_NO_RETURN, np.nan, result.depth_m)
-    return replace(result, depth_m=depth_m, free=free)
+    return replace(result, depth_m=depth_m)
 
 
 def fused(result: DepthEstimate, measured: DepthEstimate) -> DepthEstimate:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reconstruction.base.errors import InputError
-from spisim.cli import options as opt
+from spisim_app.cli import options as opt
 
 if TYPE_CHECKING:
     from spisim.scene import Scene, Trajectory

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from reconstruction.base.errors import InputError
-from spisim.cli.console import say
+from spisim_app.cli.console import say
 
 if TYPE_CHECKING:
     from spisim_serving.line import Line

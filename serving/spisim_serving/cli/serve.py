@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
-from spisim.cli import options as opt
-from spisim.cli.console import progress_bar, say
-from spisim.cli.inputs import instrument_with, scene_with
-from spisim.cli.outputs import files_read
-from spisim.cli.weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
+from spisim_app.cli import options as opt
+from spisim_app.cli.console import progress_bar, say
+from spisim_app.cli.inputs import instrument_with, scene_with
+from spisim_app.cli.outputs import files_read
+from spisim_app.cli.weather_options import OWN_WEATHER_OF_DROPS, WeatherOfDrops
 from spisim_serving.cli.flights import AS_COMMANDED, FlightOptions
 from spisim_serving.cli.line import SOCKET, LinkOptions
 from spisim_serving.cli.telling import report, tell

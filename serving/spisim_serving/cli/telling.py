@@ -6,7 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from spisim.cli.console import print_json, say
+from spisim_app.cli.console import print_json, say
 
 if TYPE_CHECKING:
     from spisim_serving.server import Server
