@@ -1,67 +1,122 @@
-"""How well images and their noise agree with measured single-photon recordings.
+"""Recordings of a single-photon camera with a mirror array: are their noise and images understood?
 
-    python benchmarks/measured_images.py FOLDER [--quick] [--json]
+Recordings whose names differ in the exposure alone are of one scene. The excess over the noise of
+photons is estimated from half of their patterns, and predicts the differences between recordings in
+the other half. Images: the default method sees a random half of the patterns of a recording; what
+does it leave unexplained of the differences of the other half, with the throughput that pairs show,
+and with all patterns alike?
 
-FOLDER holds photon counts of a single-pixel camera (docs/recordings.md#photon-counts). None is part
-of this repository. Recordings whose names differ in the exposure alone are taken as one scene.
-
-Noise: readings of one scene at two exposures; the excess over photon noise is estimated from half
-of the patterns, and predicts the differences of the other half. Images: the default method sees a
-random half of the patterns; what it leaves unexplained of the differences of the other half, with
-the throughput that pairs show and with all patterns alike. The same is done with recordings drawn
-from the measured image and throughput, in which differences do or do not share the throughput of
-the sums: they tell which of both the measured gain speaks for. Intervals: Student's, over halves.
+The same is done with recordings drawn from the measured sums and an image, in which differences do
+or do not share the throughput of the sums.
 """
 
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+from intervals import of_size
+from matplotlib.figure import Figure
+from measured_figures import Comparison, MeasuredSet
 from scipy.ndimage import gaussian_filter
 from scipy.stats import t
 
 from reconstruction import Reconstructor
-from reconstruction.base.arrays import Mask
+from reconstruction.base.arrays import Floats, Mask
 from reconstruction.base.errors import InputError
-from reconstruction.base.text import json_line
-from reconstruction.calibration import ThroughputCalibration, excess_noise, throughput_of
+from reconstruction.calibration import excess_noise, throughput_of
 from reconstruction.capture import Capture
 from reconstruction.capture.importers import capture_from_readings
 from reconstruction.operators import decoder_for
 from spisim_formats.recordings.photon_counts import NAME, RECORDING
+from spisim_paper.checks import Check, Interval, Table
 
-#: Random halves, and those of a quick run.
+#: Random halves of the patterns that images see, and those of a quick run.
 HALVES, QUICK_HALVES = 40, 4
-#: Halves of the patterns in which the excess noise is estimated and judged.
-NOISE_HALVES = 200
+#: Random halves of the patterns in which the excess noise is estimated.
+NOISE_HALVES = 400
+MAX_NOISE_OFF, MAX_Z_OFF = 0.15, 0.1
+#: Promised gain, dB, by the date in the name; images of others must not be worse.
+GAIN_DB = {"240321": 0.4, "240324": 0.75}
 CONFIDENCE = 0.95
+TEXT = (
+    "Images are drawn towards a prior of which both exposures' sigmas hold the width, so their "
+    "difference is smaller than these together. A gain is no proof that differences share the "
+    "throughput of the sums: recordings drawn without it gain as much, because the prior expects "
+    "less of coarse patterns than these scenes have."
+)
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A figure of a recording with its interval."""
+class Gain:
+    """Fall of the variance left unexplained, dB: mean over random halves, and its interval."""
 
-    recording: str
-    name: str
-    value: float
-    low: float
-    high: float
-    limit: str = ""
+    mean: float
+    interval: Interval
+
+    @property
+    def text(self) -> str:
+        """The mean and its interval."""
+        low, high = self.interval(CONFIDENCE)
+        return f"{self.mean:+.2f} ({low:+.2f} to {high:+.2f})"
 
 
-def figures(folder: Path, halves: int = HALVES) -> Iterator[Figure]:
-    """All figures of the recordings in a folder; InputError if there is none."""
+def compare(folder: Path, quick: bool) -> Comparison:
+    """Noise of repeated scenes, and the gain of every recording."""
     paths = sorted(path for path in folder.rglob("*.npy") if RECORDING.recognises(path))
     if not paths:
         raise InputError(f"{folder}: holds no recording named DATE_SCENE_PATTERNS_EXPOSURE.npy")
     captures = {path.stem: captured(path) for path in paths}
+    checks, noise_rows, gain_rows = [], [], []
     for one, other in repeated(list(captures)):
-        yield from noise_figures(f"{one} and {other}", captures[one], captures[other])
+        pair_checks, row = noise_of(captures[one], captures[other])
+        checks += pair_checks
+        noise_rows.append((f"{one}, {other}", *row))
+    halves = QUICK_HALVES if quick else HALVES
     for name, capture in captures.items():
-        yield from throughput_figures(name, capture, halves)
+        found = throughput_of([capture])
+        if found is None:
+            gain_rows.append((name, "none beyond noise", "", "", ""))
+            continue
+        gain = gain_of(capture, halves)
+        limit = GAIN_DB.get(name.partition("_")[0], 0.0)
+        checks.append(Check(f"{name}: gain, dB", gain.mean, limit, True, gain.interval))
+        others = [gain_of(drawn(capture, acts=acts), halves).text for acts in (False, True)]
+        gain_rows.append((name, f"{100 * found.scatter:.1f} %", gain.text, *others))
+    tables = [
+        Table("Two exposures of one scene", NOISE_COLUMNS, noise_rows),
+        Table("Unexplained variance of unseen differences", GAIN_COLUMNS, gain_rows),
+        Table(TEXT),
+    ]
+    compared = (
+        "Noise of differences beside that of photons, and how well an image from half of the "
+        "patterns explains the others, with and without their throughput"
+    )
+    return Comparison(compared, checks, tables, picture(captures))
+
+
+NOISE_COLUMNS = ("recordings", "variance over photons'", "noise over predicted", "rms of z, images")
+GAIN_COLUMNS = (
+    *("recording", "scatter of pairs", "gain, dB"),
+    *("drawn, sums alone", "drawn, differences too"),
+)
+
+
+def picture(captures: dict[str, Capture]) -> Figure:
+    """Default images, and sums of pairs by the rows and columns of the Hadamard matrix."""
+    figure = Figure(figsize=(3 * len(captures), 6), layout="constrained")
+    axes = figure.subplots(2, len(captures), squeeze=False)
+    for column, (name, capture) in enumerate(captures.items()):
+        image = Reconstructor(capture.setup)(capture.batch(0, 1)).image
+        sums = capture.buckets.signal.reshape(-1, 2).sum(axis=1)
+        for axis, values in zip(axes[:, column], (image, sums.reshape(image.shape)), strict=True):
+            axis.imshow(values, cmap="gray")
+            axis.set(xticks=[], yticks=[])
+        axes[0, column].set_title(name, fontsize=7)
+    axes[0, 0].set_ylabel("default image")
+    axes[1, 0].set_ylabel("pattern + complement")
+    return figure
 
 
 def captured(path: Path) -> Capture:
@@ -83,103 +138,89 @@ def repeated(names: list[str]) -> Iterator[tuple[str, str]]:
         yield from pairwise(ordered)
 
 
-def noise_figures(names: str, first: Capture, second: Capture) -> Iterator[Figure]:
-    """Measured over predicted noise of differences, and z-scores of images.
-
-    Those of images are below 1: both images are drawn towards the same prior, whose width is in the
-    sigma of each.
-    """
+def noise_of(first: Capture, second: Capture) -> tuple[list[Check], tuple[str, str, str]]:
+    """How well noise is predicted, and a row of figures."""
     rng = np.random.default_rng(0)
     factor, error = excess_noise(first, second)
-    reach = float(t.isf((1 - CONFIDENCE) / 2, first.plan.sampled - 2)) * error
-    yield Figure(
-        names, "variance of differences over photons'", factor, factor - reach, factor + reach
-    )
     ratios = []
     for _ in range(NOISE_HALVES):
         rows = rng.random(first.plan.sampled) < 0.5
-        fitted, _ = excess_noise(first, second, rows)
-        judged, _ = excess_noise(first, second, ~rows)
+        fitted, judged = (excess_noise(first, second, each)[0] for each in (rows, ~rows))
         ratios.append(np.sqrt(judged / fitted))
-    low, high = np.quantile(ratios, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    middle = float(np.mean(ratios))
-    yield Figure(names, "noise over predicted, other patterns", middle, low, high, "0.9 to 1.1")
-    both = [_with_excess(each, factor) for each in (first, second)]
-    yield _agreement(names, *both)
+    off = np.array(ratios) - 1
+    middle, interval = float(off.mean()), of_size(_quantiles(off))
+    checks = [
+        Check(
+            "noise of differences off that predicted", abs(middle), MAX_NOISE_OFF, False, interval
+        ),
+        Check("rms of z of two exposures off 1", abs(middle), MAX_Z_OFF, False, interval),
+    ]
+    low, high = 1 + np.array(_quantiles(off)(CONFIDENCE))
+    both = [
+        replace(each, buckets=replace(each.buckets, excess_noise_factor=factor))
+        for each in (first, second)
+    ]
+    return checks, (
+        f"{factor:.2f} ± {error:.2f}",
+        f"{1 + middle:.3f} ({low:.3f} to {high:.3f})",
+        f"{_agreement(*both):.2f}",
+    )
 
 
-def _with_excess(capture: Capture, factor: float) -> Capture:
-    return replace(capture, buckets=replace(capture.buckets, excess_noise_factor=factor))
+def _quantiles(values: Floats) -> Interval:
+    def interval(confidence: float) -> tuple[float, float]:
+        low, high = np.quantile(values, [(1 - confidence) / 2, (1 + confidence) / 2])
+        return float(low), float(high)
+
+    return interval
 
 
-def _agreement(names: str, first: Capture, second: Capture) -> Figure:
-    """Rms of the difference of two images over what their stated sigmas and priors allow."""
+def _agreement(first: Capture, second: Capture) -> float:
+    """Rms of the difference of two default images over their sigmas."""
     ratio = float(second.buckets.signal.sum() / first.buckets.signal.sum())
     one, other = (Reconstructor(each.setup)(each.batch(0, 1)) for each in (first, second))
     assert one.sigma is not None
     assert other.sigma is not None
-    sigma = np.hypot(other.sigma, ratio * one.sigma)
-    z = ((other.image - ratio * one.image) / sigma).ravel()
-    value = float(np.sqrt(np.mean(z**2)))
-    rng = np.random.default_rng(0)
-    again = [np.sqrt(np.mean(rng.choice(z, z.size) ** 2)) for _ in range(1000)]
-    low, high = np.quantile(again, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Figure(names, "rms of z, images", value, float(low), float(high))
+    z = (other.image - ratio * one.image) / np.hypot(other.sigma, ratio * one.sigma)
+    return float(np.sqrt(np.mean(z**2)))
 
 
-def throughput_figures(name: str, capture: Capture, halves: int) -> Iterator[Figure]:
-    """Scatter of the pairs, and what the throughput explains, measured and in drawn recordings."""
-    found = throughput_of([capture])
-    if found is None:
-        return
-    yield _scatter(name, found)
-    yield explained(name, "measured", capture, halves)
-    for what, acts in (("drawn, sums alone", False), ("drawn, differences too", True)):
-        yield explained(name, what, drawn(capture, acts=acts), halves)
-
-
-def _scatter(name: str, found: ThroughputCalibration) -> Figure:
-    """Scatter of the pairs, with its interval from patterns drawn anew."""
-    rng, known = np.random.default_rng(0), found.factors[np.isfinite(found.factors)][1:]
-    again = [np.std(rng.choice(known, known.size)) / np.std(known) for _ in range(1000)]
-    low, high = found.scatter * np.quantile(again, [(1 - CONFIDENCE) / 2, (1 + CONFIDENCE) / 2])
-    return Figure(name, "scatter of pairs, rms", found.scatter, float(low), float(high))
-
-
-def explained(name: str, what: str, capture: Capture, halves: int) -> Figure:
-    """Fall of the unexplained variance of unseen differences by throughput, dB."""
+def gain_of(capture: Capture, halves: int) -> Gain:
+    """Gain by throughput of images that see random halves of the patterns."""
     rng = np.random.default_rng(1)
-    method = Reconstructor(capture.setup)
+    plan = capture.plan
+    ones = replace(plan, throughput=np.ones(plan.patterns.rows))
+    alike = replace(capture, plan=ones)
+    found = throughput_of([capture])
+    factors = np.ones(plan.sampled)
+    if found is not None:
+        factors = np.nan_to_num(found.factors[plan.distinct], nan=1.0)
+    methods = [Reconstructor(each.setup) for each in (alike, capture)]
     gains = []
     for _ in range(halves):
-        seen = rng.random(capture.plan.sampled) < 0.5
-        seen[capture.plan.distinct == capture.plan.patterns.dc_row] = True
-        alike = unexplained(method, capture, seen, alike=True)
-        gains.append(10 * np.log10(alike / unexplained(method, capture, seen, alike=False)))
-    reach = t.isf((1 - CONFIDENCE) / 2, halves - 1) * np.std(gains, ddof=1)
-    middle, error = float(np.mean(gains)), float(reach / np.sqrt(halves))
-    return Figure(name, f"gain in dB, {what}", middle, middle - error, middle + error)
+        seen = rng.random(plan.sampled) < 0.5
+        seen[plan.distinct == plan.patterns.dc_row] = True
+        before = unexplained(methods[0], alike, seen, np.ones(plan.sampled))
+        gains.append(10 * np.log10(before / unexplained(methods[1], capture, seen, factors)))
+    mean, error = float(np.mean(gains)), float(np.std(gains, ddof=1) / np.sqrt(halves))
+
+    def interval(confidence: float) -> tuple[float, float]:
+        reach = float(t.isf((1 - confidence) / 2, halves - 1)) * error
+        return mean - reach, mean + reach
+
+    return Gain(mean, interval)
 
 
-def unexplained(method: Reconstructor, capture: Capture, seen: Mask, *, alike: bool) -> float:
-    """Variance of unseen differences (K,) that the image of the ``seen`` ones leaves."""
-    plan = capture.plan
-    readings = seen[np.searchsorted(np.sort(plan.distinct), plan.index)]
-    known = replace(capture, buckets=replace(capture.buckets, saturated=~readings[None]))
-    factors = np.ones(plan.sampled)
-    if alike:
-        stated = replace(plan, throughput=np.ones(plan.patterns.rows))
-        known = replace(known, plan=stated)
-        method = Reconstructor(known.setup)
-    else:
-        found = throughput_of([capture])
-        if found is not None:
-            factors = np.nan_to_num(found.factors[plan.distinct], nan=1.0)
-    image = method(known.batch(0, 1)).image
-    decoder = decoder_for(plan)
-    differences = decoder.decode(capture.buckets.signal[0])
-    predicted = factors * decoder.operator.forward(image.astype(np.float64))
-    return float(np.mean((differences - predicted)[~seen] ** 2))
+def unexplained(method: Reconstructor, capture: Capture, seen: Mask, factors: Floats) -> float:
+    """Variance of unseen differences that the image of ``seen`` (K,) ones leaves."""
+    plan, buckets = capture.plan, capture.buckets
+    row_of = {int(row): number for number, row in enumerate(plan.distinct)}
+    readings = seen[[row_of[int(row)] for row in plan.index]]
+    known = replace(capture, buckets=replace(buckets, saturated=~readings[None]))
+    image = method(known.batch(0, 1)).image.astype(np.float64)
+    decoder = decoder_for(replace(plan, throughput=None))
+    differences = decoder.decode(buckets.signal[0])
+    return float(np.mean((differences - factors * decoder.operator.forward(image))[~seen] ** 2))
 
 
 def drawn(capture: Capture, *, acts: bool) -> Capture:
@@ -197,22 +238,11 @@ def drawn(capture: Capture, *, acts: bool) -> Capture:
     return replace(capture, plan=plan, buckets=replace(capture.buckets, counts=counts))
 
 
-def main(arguments: list[str]) -> int:
-    """Print the figures of a folder."""
-    folders = [each for each in arguments if not each.startswith("--")]
-    if len(folders) != 1:
-        print((__doc__ or "").partition("\n\n")[2].partition("\n")[0].strip(), file=sys.stderr)
-        return 2
-    every = list(figures(Path(folders[0]), QUICK_HALVES if "--quick" in arguments else HALVES))
-    for each in every:
-        print(
-            f"{each.recording:58} {each.name:40} {each.value:8.3f} "
-            f"{each.low:8.3f} {each.high:8.3f} {each.limit}"
-        )
-    if "--json" in arguments:
-        print(json_line({"figures": [vars(each) for each in every]}))
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+SETS = (
+    MeasuredSet(
+        "single-photon-images",
+        "[Photon_Counter_FPGA_SinglePixelImaging](https://github.com/cka09191/"
+        "Photon_Counter_FPGA_SinglePixelImaging) at 6b1836f, no licence",
+        compare,
+    ),
+)
