@@ -1,9 +1,9 @@
 """The comparison with recordings of a single-photon camera, on recordings that are drawn."""
 
+import measured_images
 import numpy as np
 import pytest
 
-import measured_images
 from images import natural_image
 from reconstruction.base.errors import InputError
 from reconstruction.operators import expose, make_plan, with_throughput
@@ -23,13 +23,13 @@ def test_noise_and_gain_of_drawn_recordings(tmp_path):
         ("240321_13_256_20000_0.npy", 1e5, 1),
         ("240321_13_256_80000_0.npy", 4e5, 2),
     ):
-        written(tmp_path, name, photons, spread=0.15, excess=1.5, seed=seed)
+        written(tmp_path, name, photons, spread=0.3, excess=1.5, seed=seed)
     result = measured_images.compare(tmp_path, quick=True)
     noise, agreement, *gains = result.checks
     assert noise.value < 0.05
     assert agreement.value < 0.05
     assert len(gains) == 2
-    assert min(gain.value for gain in gains) > 0.3
+    assert min(gain.value for gain in gains) > 0.1
     factor = float(result.tables[0].rows[0][1].split()[0])
     assert factor == pytest.approx(1.5, abs=0.4)
     assert result.picture is not None
