@@ -3,7 +3,6 @@
 from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
-from .factors import with_throughput
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
@@ -24,6 +23,7 @@ from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
 from .throughput import Throughput
+from .unequal import with_throughput
 
 __all__ = [
     "BASES",
