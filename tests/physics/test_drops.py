@@ -12,11 +12,11 @@ import worlds
 from reconstruction.operators import illumination
 from spisim.atmosphere.precipitation import rain
 from spisim.instrument import Instrument
+from spisim.simulation.drops import falling_drops, on_buckets, on_spots
+from spisim.simulation.drops.discs import disc_points, on_the_way_out, passing
+from spisim.simulation.drops.echo import echo
 from spisim.simulation.light import LightSequence, Transport
 from spisim.simulation.measurement import bucket_light, record
-from spisim.transport.drops import falling_drops, on_buckets, on_spots
-from spisim.transport.drops.discs import disc_points, on_the_way_out, passing
-from spisim.transport.drops.echo import echo
 from spisim.transport.views import DetectorView
 
 SEEDS = 100

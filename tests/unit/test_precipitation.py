@@ -15,7 +15,7 @@ from spisim.atmosphere.drop_optics import flakes, water_drops
 from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
 from spisim.atmosphere.snow import flake_albedo
 from spisim.budget.wavelengths import WAVELENGTHS_NM
-from spisim.transport.drops import drop_field
+from spisim.simulation.drops import drop_field
 
 
 @pytest.fixture(scope="module")

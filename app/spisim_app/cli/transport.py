@@ -57,9 +57,9 @@ def command(
     are the units.
     """
     from reconstruction.base.files import require_outputs
-    from spisim.simulation.light import solve
+    from spisim.simulation.light import NEAR_PATH_M, solve
     from spisim.simulation.light.files import light_channels, write_histograms, write_truth
-    from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth
+    from spisim.transport import Outputs, PathLengthBins, ground_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
