@@ -5,7 +5,7 @@ A flight is reconstructed once, frame by frame; its memory is run for every kind
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from flight_sets import POSE_ERRORS, Flight, load, with_error
@@ -15,11 +15,11 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
 from reconstruction.depth import MAX_RANGE_M, Context, DepthEstimate, View, pixel_rays
-from reconstruction.depth.memory import FlightMemory, LocalPoints, Remembered
-from reconstruction.depth.methods.flight import corridors, ranges_of
+from reconstruction.depth.ahead import Ahead
+from reconstruction.depth.memory import FlightMemory, Remembered
+from reconstruction.depth.methods.flight import prior_of, ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
 from reconstruction.depth.methods.learned import FrameMap
-from reconstruction.depth.obstacle import corridor_prior
 
 WARM_UP_S = 0.35
 """Frames before that are not judged, unless a figure says from when on."""
@@ -76,15 +76,15 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = _watched(capture)
-    none = LocalPoints(np.zeros((0, 3)), np.zeros(0))
+    none = np.zeros((0, 3))
     alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(_judged(capture, alone, made, with_memory=False))}, []
+    frames, taken_s = {SINGLE: list(_judged(capture, alone, made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
         maps = list(_remembered(stated, made))
         taken_s.append((time.process_time() - begun_s) / capture.frames)
-        frames[kind] = list(_judged(capture, maps, made, with_memory=True))
+        frames[kind] = list(_judged(capture, maps, made))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
@@ -119,13 +119,7 @@ def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
         yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))
 
 
-def _judged(
-    capture: Capture,
-    maps: Sequence[Remembered | None],
-    made: Made,
-    *,
-    with_memory: bool,
-) -> Iterator[Judged]:
+def _judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> Iterator[Judged]:
     truth, poses, optics = capture.truth, capture.poses, capture.optics
     assert truth is not None
     assert poses is not None
@@ -141,9 +135,7 @@ def _judged(
             continue
         off = (np.log(estimate.depth_m) - np.log(np.where(there, true.depth_m, 1)))[there]
         deviations = off / estimate.sigma[there]
-        ahead = corridors(remembered, whole, rays)
-        if not with_memory:
-            ahead = replace(ahead, prior=corridor_prior("learned"), left=None, points=None)
+        ahead = Ahead.of(estimate, rays, prior_of(whole))
         yield Judged(
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),

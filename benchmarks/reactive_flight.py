@@ -260,10 +260,13 @@ def fly(family: str, seed: int, weather: str, sense: str) -> Flown:
         way_m += float(np.linalg.norm(drone.position_m - before_m))
         if obstacles.nearest(drone.position_m, time_s)[0] < CLEARANCE_M:
             hits.append(drone.position_m)
-            drone.position_m = path[max(0, len(path) - round(BACK_S * FRAMES_PER_S))]
+            del path[-round(BACK_S * FRAMES_PER_S) :]
+            drone.position_m = path[-1] if path else start[:3, 3]
             drone.velocity_m_s = np.zeros(3)
-            planner.turning, planner.committed_s = 0.0, 0.0
+            planner = Planner(eyes.max_rad)
             goal, since_s = next(goals), time_s
+            to_goal = goal - drone.position_m
+            drone.heading_rad = float(np.arctan2(to_goal[1], to_goal[0]))
         path.append(drone.position_m)
         number += 1
     return Flown(

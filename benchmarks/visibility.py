@@ -3,9 +3,8 @@
     python benchmarks/visibility.py [--quick] [--json] [--markdown]
 
 Preset `fog` before four boards at 4 to 9 m (`foglight`) and two shipped scenes, in Mie fog of four
-kinds; light of all orders of scattering is traced. Visibilities are meteorological optical ranges
-(5 % contrast). Frames of a scene differ in their noise alone. `--markdown` pastes the table into
-docs/results/ranging.md.
+kinds; light of all orders of scattering is traced. Visibilities are by a contrast of 2 %. Frames
+of a scene differ in their noise alone. `--markdown` pastes the table into docs/results/ranging.md.
 """
 
 import sys
@@ -25,7 +24,6 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.ranging import Visibility, pooled, ranging_method
-from spisim.atmosphere.visibility import extinction_at_550nm, visibility
 from spisim.instrument import Instrument
 from spisim_paper.checks import Check, Table, surroundings
 
@@ -87,9 +85,8 @@ def recorded(
     optics = instrument.spot_optics
     for number, kind in enumerate(NATURAL):
         seed = 1000 + 10 * (visibility_m or 0) + number
-        of_eye_m = visibility_m and visibility(extinction_at_550nm(visibility_m, "mor"))
         name = f"{kind}, {visibility_m} m"
-        cell = Cell(name, of_eye_m, NEAREST_M, FARTHEST_M, kind, seed)
+        cell = Cell(name, visibility_m, NEAREST_M, FARTHEST_M, kind, seed)
         light = light_of(cell, boards, instrument, paths).at(instrument, DAYLIGHT_KLX)
         for scene in range(boards):
             rng = np.random.default_rng([seed, scene])
@@ -106,7 +103,7 @@ def recorded(
 def _simulated(
     name: str, visibility_m: float | None, kind: str, instrument: Instrument, seed: int
 ) -> Spots:
-    fog = visibility_m and {"visibility_m": visibility_m, "kind": kind, "definition": "mor"}
+    fog = visibility_m and {"visibility_m": visibility_m, "kind": kind}
     with warnings.catch_warnings(action="ignore"):  # such fog holds more water than natural one
         scene = spisim.load_scene(name, {"fog": fog, "rain": None, "snow": None})
     share = {"transport_noise_share": 1.0}
@@ -143,7 +140,7 @@ def table(single: dict[float | None, Stated], together: dict[float | None, State
         for visibility_m, each in single.items()
     ]
     title = (
-        "`fog`: visibility (5 % contrast) from one frame, and from "
+        "`fog`: visibility (2 % contrast) from one frame, and from "
         f"{FRAMES} frames of the same scene together. Errors are of ln V where V is stated, the "
         "bias by kind of fog, too; beyond the bound is the truth above the lower bound of 95 %."
     )

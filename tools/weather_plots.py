@@ -19,7 +19,7 @@ from spisim.budget.wavelengths import WAVELENGTHS_NM, class_1_limits
 RADII = 400
 VISIBILITY_M = 100.0
 NATURAL = ("heavy-advection", "moderate-advection", "heavy-radiation", "moderate-radiation")
-HAZE_AND_SMOKE = ("haze-m", "haze-l", "haze-h", "glycol", "glycol-fine", "soot", "biomass")
+HAZE_AND_SMOKE = ("haze-m", "haze-l", "haze-h", "fog-machine", "hazer", "flare", "soot", "biomass")
 #: The yardstick of ranges: the light that comes straight back over this in clear air at 905 nm.
 YARDSTICK_M, YARDSTICK_NM = 30.0, 905
 

@@ -9,11 +9,10 @@ independent, the ensemble is too wide, which `CorridorPrior.scale` corrects on a
 """
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from statistics import NormalDist
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,10 +64,6 @@ class CorridorPrior:
     outlier: float
     map_sigma: float
 
-    def surer(self, left: float) -> Self:
-        """The model of a map of whose standard deviation so much is left; nan for all of it."""
-        return replace(self, sigma=self.sigma * min(left, 1.0)) if left > 0 else self
-
 
 @cache
 def corridor_prior(name: str) -> CorridorPrior:
@@ -101,11 +96,6 @@ class Corridor:
         first = np.zeros(depth_m.size)
         depth_m = depth_m * self._stretch
         return float(self._nearest_m(depth_m.reshape(1, -1), self._slope.ravel(), first, 1)[0])
-
-    def mean_inside(self, depth_m: Floats, values: Floats) -> float:
-        """Mean of ``values`` (H, W) over the pixels in the corridor, nan without any."""
-        inside = self._slope * self._stretch * depth_m <= CORRIDOR_M / 2
-        return float(values[inside].mean()) if inside.any() else float("nan")
 
     def free(
         self,

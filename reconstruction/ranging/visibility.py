@@ -1,4 +1,4 @@
-"""Meteorological visibility, as estimated with the ranges."""
+"""Visibility, as estimated with the ranges."""
 
 import math
 from collections.abc import Iterable
@@ -6,9 +6,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-MOR = -math.log(0.05)
-"""Extinction at 550 nm times visibility, for a contrast of 5 %: the meteorological optical range of
-the WMO (Guide to Instruments and Methods of Observation, WMO-No. 8, 2018, volume I, chapter 9)."""
 BACKSCATTER_PER_SR = 0.044
 """Median of albedo times phase function within 20 mrad of 180 degrees, at 1550 nm,"""
 BACKSCATTER_LOG_SIGMA = 0.18
@@ -27,7 +24,10 @@ MAX_CLEAR = 0.05
 
 
 class Visibility(NamedTuple):
-    """Meteorological optical range in fog of water droplets: where 5 % of contrast are left.
+    """Visibility in fog of water droplets: where 2 % of contrast are left, as scenes state it.
+
+    The meteorological optical range of the WMO, where 5 % are left (Guide to Instruments and
+    Methods of Observation, WMO-No. 8, 2018, volume I, chapter 9), is 0.766 of it.
 
     ``visibility_m`` is the median, ``log_sigma`` the standard deviation of its logarithm; both are
     nan in air so clear that only the lower bound ``at_least_m`` (95 %) is known.

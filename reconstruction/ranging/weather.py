@@ -13,7 +13,8 @@ WORDS = {"unknown": math.nan, "clear": 1.0, "fog": 0.0}
 """Probability of clear air."""
 VISIBILITIES_M = 1.0, 50_000.0
 KOSCHMIEDER = -math.log(0.02)
-"""Extinction times visibility, for a contrast of 2 % (H. Koschmieder, 1924)."""
+"""Extinction at 550 nm times visibility, for a contrast of 2 % (H. Koschmieder, 1924); the one
+definition of visibility in this package."""
 
 
 class Weather(NamedTuple):

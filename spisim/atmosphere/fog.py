@@ -4,17 +4,21 @@ Visibility fixes the extinction at 550 nm, and the droplet sizes fix its ratio a
 wavelength. Visibility scales the number of droplets, not their sizes, so albedo and phase function
 do not depend on it.
 
-With droplets as large as fog's, 1550 nm reaches no further than the eye: extinction is 3 to 14 %
-higher. It is lower only for particles smaller than the wavelength, in haze and smoke.
+With droplets as large as those of water fog, 1550 nm reaches no further than the eye: extinction is
+3 to 14 % higher. It is lower only for particles smaller than the wavelength, in haze and smoke.
 """
 
 import math
 
-from reconstruction.base.errors import InputError, nearest
-from spisim.atmosphere.droplets import FOGS, KINDS, WATER_G_PER_CM3, Particles
-from spisim.atmosphere.lookup import look_up
+import numpy as np
+
+from reconstruction.base.errors import InputError
+from spisim.atmosphere.droplets import FOGS, WATER_G_PER_CM3, Particles, named_particles
+from spisim.atmosphere.lookup import look_up, look_up_classes
 from spisim.atmosphere.medium import Atmosphere
 from spisim.atmosphere.mie_phase import phase_function
+from spisim.atmosphere.spectrum import SpectrumSizes
+from spisim.atmosphere.uncertainty import Uncertainty, propagated
 from spisim.atmosphere.visibility import VISUAL_NM, extinction_at_550nm, visibility
 
 #: Maximum water of natural fog is about 0.5 g/m³; rain clouds have 1 and more.
@@ -29,7 +33,7 @@ AGREEMENT = 0.05
 
 
 def fog(
-    visibility_m: float,
+    visibility_m: float | None,
     kind: str | Particles,
     definition: str = "koschmieder",
     *,
@@ -40,8 +44,8 @@ def fog(
 
     Parameters
     ----------
-    visibility_m : float
-        Visibility at 550 nm, metres.
+    visibility_m : float, optional
+        Visibility at 550 nm, metres; None for that of a measured spectrum's own numbers.
     kind : str or Particles
         Name in `FOGS` or `SMOKES`, or custom particles.
     definition : str
@@ -54,9 +58,13 @@ def fog(
     Raises
     ------
     InputError
-        For unknown names, a visibility that is not positive and finite, and other wavelengths.
+        For unknown names, a visibility that is not positive and finite, none for particles of
+        unknown number, and other wavelengths.
     """
     particles = _particles(kind)
+    by_number = visibility_m is None
+    if visibility_m is None:
+        visibility_m = _own_visibility(particles, definition)
     extinction_550 = extinction_at_550nm(visibility_m, definition)
     number_per_m3 = extinction_550 / look_up(particles, VISUAL_NM).extinction_m2
     name = kind if isinstance(kind, str) else "droplets" if particles.are_water else "particles"
@@ -71,6 +79,7 @@ def fog(
         definition,
         water,
         _warnings(name, visibility_m, extinction_550, water, 1e-6 * number_per_m3),
+        uncertainty=_uncertainty(particles, wavelength_nm, by_number=by_number),
     )
 
 
@@ -124,12 +133,38 @@ def agreed_visibility(
     return visibility_m
 
 
+def _own_visibility(particles: Particles, definition: str) -> float:
+    sizes = particles.sizes
+    number = sizes.number_per_cm3 if isinstance(sizes, SpectrumSizes) else None
+    if number is None:
+        raise InputError(
+            "needs visibility_m or liquid_water_g_per_m3: sizes alone, or counts without "
+            "sampled_cm3, tell no number of droplets"
+        )
+    return visibility(1e6 * number * look_up(particles, VISUAL_NM).extinction_m2, definition)
+
+
+def _uncertainty(
+    particles: Particles, wavelength_nm: float, *, by_number: bool
+) -> Uncertainty | None:
+    """What the counts of a measured spectrum leave unsure."""
+    sizes = particles.sizes
+    if not isinstance(sizes, SpectrumSizes) or (sigma := sizes.sigma) is None:
+        return None
+    here, visual = (look_up_classes(particles, nm) for nm in (wavelength_nm, VISUAL_NM))
+    return propagated(
+        np.array(sizes.numbers),
+        sigma,
+        here["extinction_m2"],
+        here["scattering_m2"],
+        here["forward_m2"],
+        here["per_steradian_m2"],
+        None if by_number else visual["extinction_m2"],
+    )
+
+
 def _particles(kind: str | Particles) -> Particles:
-    if isinstance(kind, Particles):
-        return kind
-    if kind not in KINDS:
-        raise InputError(f"kind {kind!r} of fog or smoke: {nearest(kind, KINDS)}")
-    return KINDS[kind]
+    return kind if isinstance(kind, Particles) else named_particles(kind)
 
 
 def _water_g_per_m3(particles: Particles, extinction_550_per_m: float) -> float:

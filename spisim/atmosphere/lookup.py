@@ -20,7 +20,8 @@ from reconstruction.base.errors import InputError
 from reconstruction.base.files import write_atomically
 from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
-from spisim.atmosphere.mie import Optics, particle_optics
+from spisim.atmosphere.mie import Optics, Sums, class_sums, particle_optics
+from spisim.atmosphere.spectrum import SpectrumSizes
 
 PATH = Path(__file__).with_name("mie.npz")
 #: Visibility is defined at 550 nm; lidars and cameras work at 850 to 1550 nm.
@@ -47,6 +48,19 @@ def look_up(particles: Particles, wavelength_nm: float) -> Optics:
         return {field.name: np.asarray(getattr(optics, field.name)) for field in fields(optics)}
 
     return _optics(cached(key, make))
+
+
+@cache
+def look_up_classes(particles: Particles, wavelength_nm: float) -> Mapping[str, Floats]:
+    """Mean cross sections of a particle in each class of a measured spectrum, by name."""
+    assert isinstance(particles.sizes, SpectrumSizes)
+    edges_um = np.array(particles.sizes.edges_um)
+
+    def make() -> dict[str, Floats]:
+        sums = class_sums(edges_um, particles.index_at(wavelength_nm), wavelength_nm)
+        return {name: np.array([getattr(one, name) for one in sums]) for name in Sums._fields}
+
+    return cached(f"{VERSION} classes {particles!r} {wavelength_nm!r}", make)
 
 
 @cache

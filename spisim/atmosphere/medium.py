@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.phase import Blend, Isotropic, Phase
+from spisim.atmosphere.uncertainty import Uncertainty
 from spisim.atmosphere.visibility import extinction_at_550nm, visibility
 
 DB_PER_NEPER = 10 / math.log(10)
@@ -32,6 +33,7 @@ class Atmosphere:
     water_g_per_m3: float | None = None
     warnings: tuple[str, ...] = ()
     parts: tuple[Atmosphere, ...] = ()  # of a mixture
+    uncertainty: Uncertainty | None = field(default=None, compare=False)  # of a measured spectrum
 
     @property
     def g(self) -> float:
@@ -65,6 +67,7 @@ class Atmosphere:
             "visibility_m": self.visibility_m,
             "visibility_definition": self.definition,
             "water_g_per_m3": self.water_g_per_m3,
+            **({} if self.uncertainty is None else self.uncertainty.summary()),
         }
 
 

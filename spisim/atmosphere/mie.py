@@ -6,6 +6,7 @@ equations 4.61, 4.62, 4.74 and the asymmetry on page 120). Light is unpolarised.
 """
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from spisim.atmosphere.droplets import Particles
 #: Radii of the integration. Twice as many change extinction and asymmetry by less than 1e-3 and
 #: backscatter by less than 2 % for every named kind.
 RADII = 1500
+RADII_PER_CLASS = 24
 #: Spheres per batch.
 BATCH = 64
 #: Maximum step of scattering angles, which are finest around 0° (diffraction) and 180° (glory).
@@ -78,6 +80,16 @@ def particle_optics(particles: Particles, wavelength_nm: float, radii_count: int
         sums.per_steradian_m2 / sums.scattering_m2,
         ANGLES_DEG,
     )
+
+
+def class_sums(edges_um: Floats, index: complex, wavelength_nm: float) -> list[Sums]:
+    """Mean cross sections of a sphere in each class, by the diameters (classes + 1,) between."""
+    found = []
+    for low, high in pairwise(edges_um / 2):
+        edges = np.geomspace(low, high, RADII_PER_CLASS + 1)
+        radii, weights = np.sqrt(edges[:-1] * edges[1:]), np.diff(edges) / (high - low)
+        found.append(scatter(radii, weights, index, wavelength_nm, ANGLES_DEG))
+    return found
 
 
 def scatter(

@@ -8,6 +8,7 @@ is the single drop that crosses a beam during a frame.
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere.drop_optics import Scatterer, flakes, water_drops
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
+from spisim.atmosphere.fall_speed import LABORATORY_KG_PER_M3, check_air, terminal_speed_m_s
 from spisim.atmosphere.medium import DB_PER_NEPER, check_rate
 from spisim.atmosphere.rain import rain_sizes
 from spisim.atmosphere.rain_table import ANGLES_DEG, solid_angle_weights
@@ -136,15 +138,6 @@ class Precipitation:
         return float(np.trapezoid(number * area_m2 * fraction(diameter), diameter))
 
 
-def terminal_speed_m_s(diameter_mm: Floats) -> Floats:
-    """Terminal speed of raindrops (Atlas, Srivastava & Sekhon 1973).
-
-    Within a few percent from 0.6 to 5.8 mm; smaller drops are slower, 0.5 instead of 0.7 m/s at
-    0.2 mm.
-    """
-    return np.maximum(9.65 - 10.3 * np.exp(-0.6 * np.asarray(diameter_mm)), 0.0)
-
-
 def rain(
     rate_mm_per_h: float,
     kind: str = "marshall-palmer",
@@ -153,6 +146,7 @@ def rain(
     smallest_mm: float = 0.2,
     largest_mm: float = 8.0,
     wind_m_s: Vector3 = (0.0, 0.0, 0.0),
+    air_density_kg_m3: float = LABORATORY_KG_PER_M3,
     near_m: float = 0.05,
     far_m: float = 10.0,
 ) -> Precipitation:
@@ -160,9 +154,11 @@ def rain(
 
     `smallest_mm` leaves out many small drops: of Marshall & Palmer's, 1.4 % of the area at 10 mm/h
     and 5 % at 1 mm/h, see `left_out`. Drops above 8 mm break up. InputError for a rate outside 0 to
-    300 mm/h, an unknown kind, limits out of order, and a wavelength without a rain table.
+    300 mm/h, an unknown kind, limits out of order, a wavelength without a rain table, and air that
+    is not on Earth.
     """
     check_rate("rain", rate_mm_per_h)
+    check_air(air_density_kg_m3)
     drops = rain_sizes(kind)
     _check_sizes(smallest_mm, largest_mm)
     return Precipitation(
@@ -172,7 +168,7 @@ def rain(
         slope_per_mm=drops.decay(rate_mm_per_h),
         smallest_mm=smallest_mm,
         largest_mm=largest_mm,
-        fall_speed_m_s=terminal_speed_m_s,
+        fall_speed_m_s=partial(terminal_speed_m_s, air_density_kg_m3=air_density_kg_m3),
         optics=water_drops(wavelength_nm),
         density_kg_m3=1e3 * WATER_G_PER_CM3,
         wind_m_s=wind_m_s,

@@ -8,7 +8,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Literal, TypeAlias
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from scipy.special import gammainc
@@ -16,13 +16,23 @@ from scipy.special import gammainc
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.atmosphere.droplets import WATER_G_PER_CM3
+from spisim.atmosphere.fall_speed import terminal_speed_m_s
 from spisim.atmosphere.medium import Atmosphere, check_rate
 from spisim.atmosphere.phase import Tabulated
-from spisim.atmosphere.rain_table import EDGES_MM, RainTable, rain_table
+from spisim.atmosphere.rain_table import EDGES_MM, RainTable, rain_table, solid_angle_weights
+from spisim.atmosphere.spectrum import SpectrumSizes
 from spisim.atmosphere.table import NODES, tabulate
+from spisim.atmosphere.uncertainty import Uncertainty, propagated
 from spisim.atmosphere.visibility import VISUAL_NM, visibility
 
 Diffraction: TypeAlias = Literal["remove", "include"]
+
+
+class Drops(Protocol):
+    """Drop sizes at a rate."""
+
+    def moments(self, rate_mm_per_h: float, power: int) -> Floats:
+        """Σ D^power over the drops of each size class in a cubic metre, mm^power/m³."""
 
 
 @dataclass(frozen=True)
@@ -42,6 +52,31 @@ class DropSizes:
         below = gammainc(power + 1, decay * EDGES_MM)
         whole = self.intercept * math.factorial(power) / decay ** (power + 1)
         return np.asarray(whole * np.diff(below))
+
+
+@dataclass(frozen=True)
+class MeasuredDrops:
+    """A measured spectrum, scaled to the rate that it would have at terminal speeds."""
+
+    spectrum: SpectrumSizes
+
+    @property
+    def diameters_mm(self) -> Floats:
+        """Middles of the classes."""
+        return self.spectrum.diameters_um / 1e3
+
+    @property
+    def falling(self) -> Floats:
+        """Rate, mm/h, that one drop per m³ makes, by class."""
+        fall = terminal_speed_m_s(self.diameters_mm)
+        return np.asarray(3.6e-3 * np.pi / 6 * self.diameters_mm**3 * fall)
+
+    def moments(self, rate_mm_per_h: float, power: int) -> Floats:
+        """See `Drops`."""
+        numbers = np.array(self.spectrum.numbers)
+        numbers = numbers * rate_mm_per_h / (numbers @ self.falling)
+        weights = numbers * self.diameters_mm**power
+        return np.histogram(self.diameters_mm, EDGES_MM, weights=weights)[0]
 
 
 #: J. S. Marshall & W. M. Palmer, J. Meteorol. 5, 165 (1948); J. Joss, J. C. Thams & A. Waldvogel,
@@ -65,7 +100,7 @@ def rain_sizes(kind: str) -> DropSizes:
 
 def rain(
     rate_mm_per_h: float,
-    kind: str = "marshall-palmer",
+    kind: str | Drops = "marshall-palmer",
     *,
     wavelength_nm: float = 1550.0,
     diffraction: str = "remove",
@@ -82,8 +117,8 @@ def rain(
     ----------
     rate_mm_per_h : float
         Above 0, at most 300.
-    kind : str
-        Name in `RAINS`.
+    kind : str or Drops
+        Name in `RAINS`, or drop sizes.
     wavelength_nm : float
     diffraction : str
         "remove" or "include".
@@ -94,7 +129,7 @@ def rain(
         For other values, and a wavelength that rain is not tabulated at.
     """
     check_rate("rain", rate_mm_per_h)
-    drops = rain_sizes(kind)
+    drops = rain_sizes(kind) if isinstance(kind, str) else kind
     choices = ("remove", "include")
     if diffraction not in choices:
         raise InputError(f"diffraction {diffraction!r}: {nearest(diffraction, choices)}")
@@ -119,7 +154,25 @@ def rain(
         f"rain, {rate_mm_per_h:g} mm/h",
         visibility(visual),
         water_g_per_m3=1e-3 * WATER_G_PER_CM3 * volume_mm3,
+        uncertainty=_uncertainty(drops, table, diffraction),
     )
+
+
+def _uncertainty(drops: Drops, table: RainTable, diffraction: str) -> Uncertainty | None:
+    """What the counts of a measured spectrum leave unsure at a rate."""
+    if not isinstance(drops, MeasuredDrops) or (sigma := drops.spectrum.sigma) is None:
+        return None
+    at = np.clip(np.searchsorted(EDGES_MM, drops.diameters_mm) - 1, 0, EDGES_MM.size - 2)
+    lost = table.diffracted if diffraction == "remove" else 0.0
+    area = drops.diameters_mm**2
+    scattered = area * (table.extinction * table.albedo * (1 - lost))[at]
+    extinction = scattered + area * (table.extinction * (1 - table.albedo))[at]
+    wide = area * (table.extinction * table.albedo * (1 - table.diffracted))[at]
+    numbers = np.array(drops.spectrum.numbers)
+    per_steradian = wide[:, None] * table.phase[at]
+    ahead = solid_angle_weights(table.angles_deg) * np.cos(np.radians(table.angles_deg))
+    forward = per_steradian @ ahead + (scattered - wide)  # diffracted light goes on
+    return propagated(numbers, sigma, extinction, scattered, forward, per_steradian, drops.falling)
 
 
 def _without_peak(table: RainTable, scattered: Floats) -> Tabulated:

@@ -14,7 +14,7 @@ from spisim.atmosphere.medium import Atmosphere, combine
 from spisim.atmosphere.rain import rain
 from spisim.atmosphere.snow import snow
 
-DEFAULT_FOG = "moderate-radiation"
+DEFAULT_FOG, DEFAULT_SMOKE = "moderate-radiation", "fog-machine"
 #: Distance of the target for the two-way transmission of unscattered light.
 RANGE_M = 10.0
 ROWS = {
@@ -52,7 +52,7 @@ class WeatherMix:
     snow: float | None = None
     snow_kind: str = "wet"
     smoke: float | None = None
-    smoke_kind: str = "glycol"
+    smoke_kind: str = DEFAULT_SMOKE
 
     def media(self, wavelength_nm: float) -> list[Atmosphere]:
         """The media present, at a wavelength."""
@@ -135,7 +135,7 @@ def typical_weather(wavelength_nm: float) -> dict[str, Atmosphere]:
         "moderate radiation fog, 50 m": fog(50, "moderate-radiation", wavelength_nm=wavelength_nm),
         "haze M, 1 km": fog(1000, "haze-m", wavelength_nm=wavelength_nm),
         "haze L, 1 km": fog(1000, "haze-l", wavelength_nm=wavelength_nm),
-        "glycol smoke, 20 m": fog(20, "glycol", wavelength_nm=wavelength_nm),
+        "fog machine, 20 m": fog(20, DEFAULT_SMOKE, wavelength_nm=wavelength_nm),
         "soot, 20 m": fog(20, "soot", wavelength_nm=wavelength_nm),
         "biomass smoke, 20 m": fog(20, "biomass", wavelength_nm=wavelength_nm),
         "rain, 25 mm/h": rain(25, wavelength_nm=wavelength_nm),

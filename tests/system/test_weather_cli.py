@@ -32,7 +32,7 @@ def report(*arguments: str) -> dict[str, Any]:
 
 def test_weather_is_what_the_media_are() -> None:
     result = report(*WEATHER, "--rain", "10", "--snow", "1", "--smoke", "30")
-    parts = [fog(50, "heavy-radiation"), fog(30, "glycol"), rain(10), snow(1)]
+    parts = [fog(50, "heavy-radiation"), fog(30, "fog-machine"), rain(10), snow(1)]
     for key, value in combine(parts).summary().items():
         assert result[key] == (pytest.approx(value) if isinstance(value, float) else value), key
     assert [part["kind"] for part in result["media"]] == [part.kind for part in parts]
@@ -89,7 +89,7 @@ def test_comparison_of_typical_weather() -> None:
     assert at_905["moderate radiation fog, 50 m"] == pytest.approx(expected)
     assert set(at_1550.values()) == {1.0}
     for name, ratio in at_905.items():
-        thinner = name.startswith(("haze", "glycol", "soot", "biomass"))
+        thinner = name.startswith(("haze", "fog machine", "soot", "biomass"))
         assert (ratio > 1.2) if thinner else (0.9 < ratio < 1), name
     figures = wavelength_figures(905)
     assert {key: rows[1][key] for key in figures} == figures

@@ -176,7 +176,7 @@ def test_snow_and_smoke_take_the_place_of_the_scenes_own(tmp_path: Path) -> None
     (tmp_path / "s.yaml").write_text(MINIMAL)
     scene, _ = scene_with(str(tmp_path / "s.yaml"), 1550.0, Weather(snow=2.0, smoke=30.0))
     kinds = [medium["kind"] for medium in scene.media_summary()]
-    assert "glycol" in " ".join(kinds)
+    assert "fog-machine" in " ".join(kinds)
     assert "snow" in " ".join(kinds)
 
 

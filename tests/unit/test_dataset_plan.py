@@ -150,14 +150,14 @@ def test_values_of_a_grid_may_be_drawn_themselves(tmp_path: Path) -> None:
 
 def test_values_of_a_choice_may_be_drawn_themselves(tmp_path: Path) -> None:
     fogs = [
-        {"kind": "glycol", "visibility_m": {"uniform": [20.0, 30.0]}},
+        {"kind": "hazer", "visibility_m": {"uniform": [20.0, 30.0]}},
         {"kind": "haze-l", "visibility_m": {"choice": [{"log_uniform": [50.0, 60.0]}]}},
     ]
     values = reported(planned(tmp_path, vary={"scene.fog": {"choice": fogs}}), "scene.fog")
-    glycol = [fog["visibility_m"] for fog in values if fog["kind"] == "glycol"]
+    hazer = [fog["visibility_m"] for fog in values if fog["kind"] == "hazer"]
     haze = [fog["visibility_m"] for fog in values if fog["kind"] == "haze-l"]
-    assert len({*glycol, *haze}) == len(values) == 40
-    assert 20 <= min(glycol) < max(glycol) <= 30
+    assert len({*hazer, *haze}) == len(values) == 40
+    assert 20 <= min(hazer) < max(hazer) <= 30
     assert 50 <= min(haze) < max(haze) <= 60
 
 

@@ -189,14 +189,14 @@ def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere():
     memory = FlightMemory(OPTICS, SHAPE)
     memory.take(pose(0), estimate(6.0), measured(5.0))
     nowhere = FrameRanges(SPOTS, np.full(4, np.nan), np.full(4, np.nan))
-    result, points, why = memory.take(pose(1, (0.2, 0, 0)), estimate(6.0), nowhere)
+    result, points_m, why = memory.take(pose(1, (0.2, 0, 0)), estimate(6.0), nowhere)
     assert why is None
     column = 16 - round(0.2 / 5 / 0.3 * 32)
     assert result.depth_m[16, column] == pytest.approx(5.0, rel=0.02)
     assert result.sigma[16, column] < 0.6 * 0.15
     assert result.no_return[16, column] < 0.06
     assert 5.5 < result.depth_m[0, 32] < 6.01
-    assert points.position_m[:, 2] == pytest.approx([5] * 4)
+    assert points_m[:, 2] == pytest.approx([5] * 4)
 
 
 def test_a_jump_of_the_pose_is_named_and_all_is_forgotten():

@@ -1,6 +1,7 @@
 """Rain and snow as single drops: sizes, speeds, optics, and where the drops are."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ from spisim.atmosphere import RAINS, refractive_index
 from spisim.atmosphere import rain as rain_medium
 from spisim.atmosphere import snow as snow_medium
 from spisim.atmosphere.drop_optics import flakes, water_drops
-from spisim.atmosphere.precipitation import rain, snow, terminal_speed_m_s
+from spisim.atmosphere.fall_speed import terminal_speed_m_s
+from spisim.atmosphere.precipitation import rain, snow
+from spisim.atmosphere.sections.rain import Rain
 from spisim.atmosphere.snow import flake_albedo
 from spisim.budget.wavelengths import WAVELENGTHS_NM
 from spisim.simulation.drops import drop_field
@@ -29,6 +32,21 @@ def paper():
 def test_drops_fall_as_gunn_and_kinzer_measured(diameter_mm, speed_m_s):
     # Gunn & Kinzer, J. Meteorol. 6, 243 (1949), which the formula was fitted to within 2 %.
     assert terminal_speed_m_s(np.array(diameter_mm)) == pytest.approx(speed_m_s, rel=0.025)
+
+
+def test_drops_fall_faster_in_thinner_air():
+    thin = Rain(rate_mm_per_h=5, model="drops", air_density_kg_m3=1.1).made(Path(), 1550.0)
+    diameter = np.array([0.7, 1.5, 4.0])
+    ratio = thin.fall_speed_m_s(diameter) / rain(5.0).fall_speed_m_s(diameter)
+    # Foote & du Toit 1969; 4 % at 1 km
+    assert ratio == pytest.approx((1.204 / 1.1) ** 0.4)
+
+
+def test_air_that_is_not_on_earth_is_refused():
+    with pytest.raises(InputError, match=r"air_density_kg_m3 should lie between 0.5 and 1.6"):
+        rain(5.0, air_density_kg_m3=1100.0)
+    with pytest.raises(ValueError, match="does not go with model medium"):
+        Rain(rate_mm_per_h=5, air_density_kg_m3=1.1)
 
 
 @pytest.mark.parametrize(

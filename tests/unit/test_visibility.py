@@ -33,7 +33,7 @@ from spisim_app.report.capture import write_report
 from spisim_live.results import Outcome
 from spisim_live.sinks.lines import result_report
 
-MOR = math.log(20)  # extinction times visibility, for a contrast of 5 %
+KOSCHMIEDER = math.log(50)  # extinction times visibility, for a contrast of 2 %
 RATIO = 1.07  # of the extinctions at 1550 and 550 nm
 RANGES = np.array([4.2, 5.5, 6.5, 8.0])
 STATED = Visibility(53.2, 0.21, 37.0)
@@ -46,7 +46,7 @@ def instrument(name: str = "fog") -> Instrument:
 
 
 def record(visibility_m: float | None, name: str = "fog", seed: int = 1, **scene) -> Spots:
-    extinction = 0.0 if visibility_m is None else RATIO * MOR / visibility_m
+    extinction = 0.0 if visibility_m is None else RATIO * KOSCHMIEDER / visibility_m
     received = light(instrument(name), RANGES, extinction_per_m=extinction, **scene)
     rng = np.random.default_rng(seed)
     return instrument(name).tof.record(received, instrument(name).spot_optics, rng)
@@ -84,7 +84,7 @@ def test_extinction_and_backscattering_give_the_visibility(
     precisions = 0.15**-2, 1 / (0.18**2 + backscatter_log_sigma**2)
     off = math.log(backscatter_per_sr / 0.044) * precisions[1] / sum(precisions)
     result = visibility_of(state, EXTINCTIONS_PER_M)
-    true_m = RATIO * MOR / (extinction * math.exp(off))
+    true_m = RATIO * KOSCHMIEDER / (extinction * math.exp(off))
     assert result.visibility_m == pytest.approx(true_m, rel=0.02)
     sigma = math.hypot(sum(precisions) ** -0.5, 0.03)
     assert result.log_sigma == pytest.approx(sigma, rel=0.1)
@@ -112,8 +112,11 @@ def test_the_constants_are_those_of_mie_theory():
     ratios, backscatter = [], []
     for kind, particles in FOGS.items():
         if isinstance(particles.sizes, GammaSizes) and particles.sizes.mode_radius_um >= 2:
-            medium = fog(50.0, kind, definition="mor")
-            ratios.append(medium.extinction_per_m / extinction_at_550nm(50.0, "mor"))
+            medium = fog(
+                50.0,
+                kind,
+            )
+            ratios.append(medium.extinction_per_m / extinction_at_550nm(50.0))
             straight_back = -np.cos(np.linspace(0, 0.02, 5))
             backscatter.append(medium.albedo * medium.phase.density(straight_back).mean())
     assert len(ratios) == 4

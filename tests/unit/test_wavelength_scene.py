@@ -44,7 +44,7 @@ def test_1550_nm_unless_told_otherwise(load: Load) -> None:
 def test_weather_is_that_of_the_wavelength(load: Load, wavelength_nm: int) -> None:
     expected = {
         "fog: {visibility_m: 500, kind: haze-l}": fog(500, "haze-l", wavelength_nm=wavelength_nm),
-        "smoke: {visibility_m: 20}": fog(20, "glycol", wavelength_nm=wavelength_nm),
+        "smoke: {visibility_m: 20}": fog(20, "fog-machine", wavelength_nm=wavelength_nm),
         "rain: {rate_mm_per_h: 10}": rain(10, wavelength_nm=wavelength_nm),
         "snow: {rate_mm_per_h: 2}": snow(2, wavelength_nm=wavelength_nm),
     }

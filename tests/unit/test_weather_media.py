@@ -293,8 +293,13 @@ def test_snow(kind: str, by_rate: dict[float, float]) -> None:
         (lambda: snow(1, wavelength_nm=2000), ["wavelength_nm", "2000"]),
         (lambda: snow(1, g=1.0), ["g should lie between -1 and 1"]),
         (lambda: fog(0, "soot"), ["visibility_m", "0"]),
-        (lambda: fog(math.inf, "glycol"), ["visibility_m", "inf"]),
-        (lambda: fog(50, "glycoll"), ["kind 'glycoll' of fog or smoke", "did you mean 'glycol'"]),
+        (lambda: fog(math.inf, "hazer"), ["visibility_m", "inf"]),
+        (lambda: fog(50, "hazerr"), ["kind 'hazerr' of fog or smoke", "did you mean 'hazer'"]),
+        (
+            lambda: fog(50, "glycol"),
+            ["'glycol'", "'fog-machine' or 'hazer'", "median_diameter_um: 1,"],
+        ),
+        (lambda: fog(9, "glycol-fine"), ["'glycol-fine'", "median_diameter_um: 0.6,"]),
         (lambda: fog(50, "soot", wavelength_nm=300), ["wavelength_nm", "400 and 1700", "300"]),
     ],
 )

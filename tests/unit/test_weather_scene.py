@@ -97,7 +97,7 @@ def test_everything_at_once_is_one_atmosphere(load: Load) -> None:
         [
             fog(100, "heavy-radiation"),
             rain(12, "joss-drizzle", diffraction="include"),
-            fog(30, "glycol"),
+            fog(30, "fog-machine"),
             snow(1, "dry", albedo=0.7, g=0.9),
         ]
     )
@@ -105,7 +105,7 @@ def test_everything_at_once_is_one_atmosphere(load: Load) -> None:
     assert [part.kind for part in air.parts] == [
         "heavy-radiation",
         "rain, 12 mm/h",
-        "glycol",
+        "fog-machine",
         "dry snow, 1 mm/h",
     ]
 
@@ -118,9 +118,9 @@ def test_rain_alone_is_no_mixture(load: Load) -> None:
 
 def test_smoke_fills_a_box(load: Load) -> None:
     (box,) = load(
-        "volumes: [{name: plume, size_m: [1, 1, 1], visibility_m: 3, kind: glycol-fine}]"
+        "volumes: [{name: plume, size_m: [1, 1, 1], visibility_m: 3, kind: fog-machine}]"
     ).volumes
-    assert box.medium.extinction_per_m == fog(3, "glycol-fine").extinction_per_m
+    assert box.medium.extinction_per_m == fog(3, "fog-machine").extinction_per_m
 
 
 def test_weather_that_nature_does_not_have_is_told(load: Load) -> None:

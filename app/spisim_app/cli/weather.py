@@ -31,8 +31,8 @@ def command(
     snow_kind: Annotated[str, typer.Option(help="wet or dry.")] = "wet",
     smoke: Smoke = None,
     smoke_kind: Annotated[
-        str, typer.Option(help="biomass, soot, glycol-fine or glycol.")
-    ] = "glycol",
+        str, typer.Option(help="biomass, soot, flare, fog-machine or hazer.")
+    ] = "fog-machine",
     wavelength: Annotated[
         float, real_option("Of the instrument.", minimum=700, maximum=1700, metavar="NM")
     ] = 1550.0,

@@ -12,7 +12,6 @@ from ..method import DepthEstimate
 from ..pixels import pixel_of
 from .correction import correction, fitted_kernel
 from .maps import MapMemory
-from .obstacles import LocalPoints, local_points
 from .points import RangeMemory
 from .unwrap import Expected, unwrapped
 
@@ -34,10 +33,13 @@ class FrameRanges:
 
 
 class Remembered(NamedTuple):
-    """A frame's map with the memory, the points of this, and why it was begun anew, if it was."""
+    """A frame's map with the memory, and why that was begun anew, if it was.
+
+    ``points_m`` (N, 3) are its points in the optical frame, in view or not.
+    """
 
     estimate: DepthEstimate
-    points: LocalPoints
+    points_m: Floats
     begun_anew: str | None
 
 
@@ -69,7 +71,8 @@ class FlightMemory:
         if log_depth is not None and estimate.sigma is not None:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
             estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
-        return Remembered(estimate, local_points(self.ranges.points, pose), why)
+        points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
+        return Remembered(estimate, points_m, why)
 
     def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
         if ranges.log_reflectance is None:

@@ -14,7 +14,6 @@ from ...capture.motion import pose_at
 from ..ahead import Ahead
 from ..memory import FlightMemory, FrameRanges, Remembered
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
-from ..obstacle import corridor_prior
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
 from .learned import FrameMap, decided
@@ -41,7 +40,7 @@ class Flight:
             if pose is not None:
                 remembered = memory.take(pose, whole.estimate, ranges_of(view, whole))
                 result = stated(remembered, whole, rays)
-                return replace(result, points_m=remembered.points.position_m)
+                return replace(result, points_m=remembered.points_m)
             note = "of the frame alone, as it has no pose"
             fallback = alone(view)
             return fallback and replace(fallback, note=_joined(note, fallback.note))
@@ -70,17 +69,16 @@ def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstima
     note = _joined(None if anew is None else f"begun anew: {anew}", whole.estimate.note)
     if not np.isfinite(result.depth_m).any():
         return replace(result, note=note)
-    return replace(decided(result, corridors(remembered, whole, rays)), note=note)
+    return replace(decided(result, Ahead.of(result, rays, prior_of(whole))), note=note)
 
 
-def corridors(remembered: Remembered, whole: FrameMap, rays: Floats) -> Ahead:
-    """What a map with the memory says of corridors."""
-    result, alone = remembered.estimate, whole.estimate.sigma
-    left = None if result.sigma is None or alone is None else result.sigma / alone
-    prior = corridor_prior("flight" if whole.frame else "others")
-    return Ahead(
-        rays, result.depth_m, result.sigma, result.no_return, prior, left, remembered.points
-    )
+def prior_of(whole: FrameMap) -> str:
+    """Name of the error model of corridors, that of the frame's own map.
+
+    Constants fitted to flights were worse in worlds of other families: flights are many frames,
+    but few worlds.
+    """
+    return "learned" if whole.frame else "others"
 
 
 def _joined(*notes: str | None) -> str | None:

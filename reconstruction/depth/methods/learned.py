@@ -23,7 +23,6 @@ from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
 from ..network_input import NetworkInput, inputs_of, of_fraction
 from ..observer import Observer
-from ..obstacle import corridor_prior
 from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
@@ -92,10 +91,7 @@ class LearnedSolver:
             return whole and whole.estimate
         if not whole.frame.ranged:
             return without_depth(whole.estimate)
-        result = whole.estimate
-        prior = corridor_prior("learned")
-        ahead = Ahead(self._rays, result.depth_m, result.sigma, result.no_return, prior)
-        return decided(result, ahead)
+        return decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
 
     def frame_map(self, view: View) -> FrameMap | None:
         """Predicted map of all pixels, also of those that have no return; None without spots."""

@@ -13,11 +13,11 @@ from ..visibility import (
     BACKSCATTER_PER_SR,
     EXTINCTION_RATIO,
     MAX_CLEAR,
-    MOR,
     ONE_SIDED,
     RATIO_LOG_SIGMA,
     Visibility,
 )
+from ..weather import KOSCHMIEDER
 from .fog_state import FogState
 from .modes import LOG_SIGMA, expected_backscatter
 
@@ -39,7 +39,7 @@ def visibility_of(fog: FogState, extinctions_per_m: Floats) -> Visibility:
     weight = np.exp(density - density.max())
     weight /= weight.sum()
     bound = fine[np.searchsorted(clear + (1 - clear) * np.cumsum(weight), 0.95)]
-    of_unit = MOR * EXTINCTION_RATIO
+    of_unit = KOSCHMIEDER * EXTINCTION_RATIO
     farthest_m = of_unit * np.exp(-ONE_SIDED * RATIO_LOG_SIGMA)
     if clear > MAX_CLEAR:
         return Visibility(np.nan, np.nan, float(farthest_m / np.exp(max(bound, log[1]))))

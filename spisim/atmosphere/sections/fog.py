@@ -8,11 +8,12 @@ from typing import Annotated, Literal
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from spisim.atmosphere.droplets import GammaSizes, LogNormalSizes, Particles
+from spisim.atmosphere.droplets import GammaSizes, LogNormalSizes, Particles, Sizes
 from spisim.atmosphere.fog import agreed_visibility, fog
 from spisim.atmosphere.medium import MAX_EXTINCTION_PER_M, Atmosphere, explicit
 from spisim.atmosphere.mie_phase import PHASES, PhaseName
 from spisim.atmosphere.phase import Blend, Phase, henyey_greenstein
+from spisim.atmosphere.spectrum import read_droplets
 from spisim.atmosphere.table import tabulate
 from spisim.atmosphere.weather import Weather
 from spisim.base.config import Fraction, Name, Number, Positive, Section
@@ -62,10 +63,10 @@ class BlendPart(PhaseDescription):
 
 
 class DropletDescription(Section):
-    """Sizes of droplets or particles, by a modified gamma distribution or a log-normal one.
+    """Sizes of droplets or particles, by a distribution, or as measured.
 
     n(r) ∝ r^alpha exp(-b r^gamma) with its peak at `mode_radius_um`, or 68 % of the particles
-    within a factor `sigma_g` of `median_diameter_um`.
+    within a factor `sigma_g` of `median_diameter_um`, or a file of a spectrum.
     """
 
     alpha: Number | None = None
@@ -78,6 +79,10 @@ class DropletDescription(Section):
     """Median diameter of the log-normal distribution."""
     sigma_g: Number | None = None
     """Its geometric standard deviation; above 1."""
+    spectrum: Name | None = None
+    """File of two columns, diameters and numbers; its first line names them with their units."""
+    sampled_cm3: Positive | None = None
+    """Air in which the droplets of the spectrum were counted."""
     n: Number | None = None
     """Real part of the particles' refractive index; by default water's."""
     k: Number = 0.0
@@ -86,17 +91,23 @@ class DropletDescription(Section):
     @model_validator(mode="after")
     def _one_way(self) -> DropletDescription:
         ways = {"alpha", "gamma", "mode_radius_um"}, {"median_diameter_um", "sigma_g"}
-        if self.model_fields_set - {"n", "k"} not in ways:
-            message = "needs alpha, gamma and mode_radius_um, or median_diameter_um and sigma_g"
+        given = self.model_fields_set - {"n", "k"}
+        if given not in ways and given - {"sampled_cm3"} != {"spectrum"}:
+            message = (
+                "needs alpha, gamma and mode_radius_um, or median_diameter_um and sigma_g, or "
+                "spectrum (with sampled_cm3)"
+            )
             raise PydanticCustomError("droplets", message)
         if "k" in self.model_fields_set and self.n is None:
             raise PydanticCustomError("droplets", "k needs n")
         return self
 
-    def made(self) -> Particles:
-        """The particles described."""
-        sizes: GammaSizes | LogNormalSizes
-        if self.alpha is not None:
+    def made(self, folder: Path) -> Particles:
+        """The particles described; files are relative to `folder`."""
+        sizes: Sizes
+        if self.spectrum is not None:
+            sizes = read_droplets(folder / self.spectrum, self.sampled_cm3)
+        elif self.alpha is not None:
             assert self.gamma is not None  # all three are given
             assert self.mode_radius_um is not None
             sizes = GammaSizes(self.alpha, self.gamma, self.mode_radius_um)
@@ -116,8 +127,9 @@ AnyPhase = Annotated[
 class Fog(Weather):
     """Fog by visibility or water, or a medium by coefficients that hold at any wavelength.
 
-    Its droplets are of a `kind`, or `droplets` gives their sizes. `phase` names a form for fog by
-    visibility or water; for a medium by coefficients it is a phase function.
+    Its droplets are of a `kind`, or `droplets` gives their sizes; a measured spectrum of them gives
+    their number as well. `phase` names a form for fog by droplets; for a medium by coefficients it
+    is a phase function.
     """
 
     visibility_m: Positive | None = None
@@ -146,17 +158,21 @@ class Fog(Weather):
             if isinstance(self.phase, PhaseDescription):
                 phase = self.phase.made(folder)
             return explicit(self.extinction_per_m, self.albedo, phase)
-        kind = self.kind if self.droplets is None else self.droplets.made()
-        visibility_m = agreed_visibility(
-            self.visibility_m, self.liquid_water_g_per_m3, kind, self.definition
-        )
+        kind = self.kind if self.droplets is None else self.droplets.made(folder)
+        visibility_m = None
+        if {"visibility_m", "liquid_water_g_per_m3"} & self.model_fields_set:
+            visibility_m = agreed_visibility(
+                self.visibility_m, self.liquid_water_g_per_m3, kind, self.definition
+            )
         form = self.phase if isinstance(self.phase, str) else "mie"
         return fog(visibility_m, kind, self.definition, wavelength_nm=wavelength_nm, phase=form)
 
     @model_validator(mode="after")
     def _one_way(self) -> Fog:
         given = self.model_fields_set
-        amounts = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
+        amounts: list[str] = [f for f in ("visibility_m", "liquid_water_g_per_m3") if f in given]
+        if not amounts and self.droplets is not None and self.droplets.spectrum is not None:
+            amounts = ["droplets"]
         if bool(amounts) == ("extinction_per_m" in given):
             raise PydanticCustomError(
                 "fog", "needs either visibility_m or extinction_per_m, or liquid_water_g_per_m3"

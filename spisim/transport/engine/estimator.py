@@ -21,12 +21,14 @@ from spisim.transport.engine.double_scattering import double_scattering_light
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.outputs import Outputs, weighted
+from spisim.transport.engine.path_weights import PathWeight
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat, replicas_of
 from spisim.transport.engine.tally import (
     Deposit,
     HistogramTally,
+    MakeTally,
     OrderTally,
     PathLengthBins,
     Sums,
@@ -151,19 +153,21 @@ def spot_histogram(
     seed: np.random.SeedSequence,
     strategy: Strategy = Strategy.BOTH,
     max_vertices: int = MAX_VERTICES,
+    path_weights: Sequence[PathWeight] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Estimate:
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
-    `histogram_orders` (3, beams, bins) splits it by scattering. `budget` counts paths per beam from
-    each end.
+    `histogram_orders` (3, beams, bins) splits it by scattering; `path_weights` add both of weighted
+    light. `budget` counts paths per beam from each end.
     """
     count = len(beams.origins_m)
     replicas = replicas_of(count)
-    histograms = partial(OrderTally, make=partial(HistogramTally, bins=bins))
+    histograms: MakeTally = partial(OrderTally, make=partial(HistogramTally, bins=bins))
+    kinds = [histograms, *weighted([histograms], path_weights)]
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
-        tallies = Tallies(count, [histograms], replicas)
+        tallies = Tallies(count, kinds, replicas)
         near = Beams.of(world, beams, int(samples))
         far = Detectors.of(detectors, int(samples))
         rays = near.times(SPOT_RAYS)

@@ -1,18 +1,19 @@
 """What a pass of the light transport records."""
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 from reconstruction.base.errors import InputError
+from spisim.transport.engine.path_weights import PathWeight, WeightedTally
 from spisim.transport.engine.tally import (
     HistogramTally,
     ImageTally,
+    MakeTally,
     OrderTally,
     PathLengthBins,
     PhasorTally,
     Tallies,
-    Tally,
 )
 
 #: Single precision resolves path lengths of 100 m to 0.1 mm: 1/300 of a period.
@@ -31,6 +32,9 @@ class Outputs:
         Modulation frequencies of the phasor images, Hz.
     bins
         Path-length bins of the transport cube; None for no cube.
+    weights
+        Sums of weighted light that are recorded beside every other output, named
+        ``<output>_<weight>``.
 
     Raises
     ------
@@ -41,6 +45,7 @@ class Outputs:
     orders: bool = False
     frequencies_hz: tuple[float, ...] = ()
     bins: PathLengthBins | None = None
+    weights: tuple[PathWeight, ...] = ()
 
     def __post_init__(self) -> None:
         for frequency_hz in self.frequencies_hz:
@@ -52,11 +57,16 @@ class Outputs:
 
     def tallies(self, cells: int, replicas: int) -> Tallies:
         """Empty tallies for one launch."""
-        kinds: list[Callable[[int], Tally]] = [ImageTally]
+        kinds: list[MakeTally] = [ImageTally]
         if self.frequencies_hz:
             kinds.append(partial(PhasorTally, frequencies_hz=self.frequencies_hz))
         if self.bins is not None:
             kinds.append(partial(HistogramTally, bins=self.bins))
         if self.orders:
             kinds = [partial(OrderTally, make=kind) for kind in kinds]
-        return Tallies(cells, kinds, replicas)
+        return Tallies(cells, [*kinds, *weighted(kinds, self.weights)], replicas)
+
+
+def weighted(kinds: Sequence[MakeTally], weights: Sequence[PathWeight]) -> list[MakeTally]:
+    """All kinds of tallies, with each weight."""
+    return [partial(WeightedTally, make=kind, weight=each) for each in weights for kind in kinds]

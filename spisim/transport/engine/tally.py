@@ -54,6 +54,10 @@ class Tally(Protocol):
         """Named sums (cells, ...), per unit detector area, of one of so many parts of the cells."""
 
 
+#: From the number of cells to a tally of them.
+MakeTally = Callable[[int], Tally]
+
+
 class ImageTally:
     """Transport per cell: `image` (cells,)."""
 
@@ -184,7 +188,7 @@ class OrderTally:
     `ORDERS`.
     """
 
-    def __init__(self, cells: int, make: Callable[[int], Tally]) -> None:
+    def __init__(self, cells: int, make: MakeTally) -> None:
         self._cells = cells
         self._parts = make(len(ORDERS) * cells)
 
@@ -203,9 +207,7 @@ class OrderTally:
 class Tallies:
     """All tallies of one launch, behind a check of what can be summed."""
 
-    def __init__(
-        self, cells: int, kinds: Sequence[Callable[[int], Tally]], replicas: int = 1
-    ) -> None:
+    def __init__(self, cells: int, kinds: Sequence[MakeTally], replicas: int = 1) -> None:
         self._cells, self._replicas = cells, replicas
         self._tallies = [kind(replicas * cells) for kind in kinds]
         self._check = Check(replicas * cells)

@@ -1,0 +1,96 @@
+"""Weights of paths by what they met in homogeneous fog: derivatives, and other extinctions.
+
+Fog of extinction σ and albedo ω gives a path of length L with n scatterings the factor
+(ω σ)ⁿ exp(−σ L), whatever strategy has built the path. So
+
+    ∂ log f / ∂ ln σ = n − σ L,    ∂ log f / ∂ ln ω = n,    f(r σ) / f(σ) = rⁿ exp(−(r − 1) σ L),
+
+and contributions times one of these, summed beside the light itself, are unbiased estimates of its
+derivative, or of the light at another extinction, from the same paths: perturbation Monte Carlo
+(C. K. Hayakawa et al., Opt. Lett. 26, 1335 (2001)). Weights of an extinction far away vary so much
+between paths that few of them carry the estimate.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Protocol
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from spisim.transport.engine.accumulator import Check
+from spisim.transport.engine.tally import Contribution, MakeTally
+from spisim.transport.jit import Float, UInt
+
+#: Weight from the number of scatterings and the path length in metres.
+OfPath = Callable[[UInt, Float], Float]
+
+
+class PathWeight(Protocol):
+    """A weight of paths; sums of weighted light are named ``<sum>_<name>``."""
+
+    name: str
+
+    def compiled(self) -> OfPath:
+        """The weight, whose constants are opaque: other values need no other kernel."""
+
+
+@dataclass(frozen=True)
+class Score:
+    """n ``per_scattering`` − L ``per_m``: the derivative of the logarithm of a path's light."""
+
+    name: str
+    per_scattering: float
+    per_m: float
+
+    def compiled(self) -> OfPath:
+        """See `PathWeight`."""
+        each, per_m = (dr.opaque(mi.Float, x) for x in (self.per_scattering, self.per_m))
+        return lambda scatterings, length_m: each * scatterings - per_m * length_m
+
+
+@dataclass(frozen=True)
+class ExtinctionRatio:
+    """rⁿ exp(−(r − 1) σ L), to the power ``power``: fog of ``ratio`` r times its extinction σ."""
+
+    name: str
+    ratio: float
+    extinction_per_m: float
+    power: int = 1
+
+    def compiled(self) -> OfPath:
+        """See `PathWeight`."""
+        each = dr.opaque(mi.Float, self.power * np.log(self.ratio))
+        per_m = dr.opaque(mi.Float, self.power * (self.ratio - 1) * self.extinction_per_m)
+        return lambda scatterings, length_m: dr.exp(each * scatterings - per_m * length_m)
+
+
+class WeightedTally:
+    """Another tally of weighted light, behind a check of what can be summed."""
+
+    def __init__(self, cells: int, make: MakeTally, weight: PathWeight) -> None:
+        self._tally, self._name, self._of_path = make(cells), weight.name, weight.compiled()
+        self._check = Check(cells)
+
+    def add(self, light: Contribution) -> None:
+        value = light.value * self._of_path(light.scatterings, light.length_m)
+        passed = self._check.passed(value, light.length_m, light.cell, light.active)
+        self._tally.add(light._replace(value=value, active=passed))
+
+    @cached_property
+    def _too_large(self) -> int:
+        return self._check.read()
+
+    def read(self, part: int, parts: int) -> Mapping[str, Floats]:
+        """See `Tally`; InputError if weighted light is too large to be summed."""
+        if self._too_large:
+            raise InputError(
+                f"{self._name}: {self._too_large} weights of paths are not finite: too far from the "
+                "fog that was traced"
+            )
+        sums = self._tally.read(part, parts)
+        return {f"{name}_{self._name}": values for name, values in sums.items()}
