@@ -89,8 +89,8 @@ class WeightedTally:
         """See `Tally`; InputError if weighted light is too large to be summed."""
         if self._too_large:
             raise InputError(
-                f"{self._name}: {self._too_large} weights of paths are not finite: too far from the "
-                "fog that was traced"
+                f"{self._name}: {self._too_large} weights of paths are not finite: too far "
+                "from the fog that was traced"
             )
         sums = self._tally.read(part, parts)
         return {f"{name}_{self._name}": values for name, values in sums.items()}
