@@ -46,6 +46,24 @@ def command(
             metavar="M",
         ),
     ] = None,
+    sensitivity: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--sensitivity",
+            metavar="NAME",
+            help="Add the derivative by a parameter of the fog, such as scene.fog.visibility_m.",
+        ),
+    ] = None,
+    also_visibility: Annotated[
+        list[float] | None,
+        opt.real_option(
+            "Add the image in the same fog of another visibility, from the same paths.",
+            "--also-visibility",
+            minimum=0.1,
+            maximum=1e6,
+            metavar="M",
+        ),
+    ] = None,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
@@ -58,24 +76,36 @@ def command(
     """
     from reconstruction.base.files import require_outputs
     from spisim.simulation.light import NEAR_PATH_M, solve
-    from spisim.simulation.light.files import light_channels, write_histograms, write_truth
+    from spisim.simulation.light.files import (
+        fog_channels,
+        light_channels,
+        write_histograms,
+        write_truth,
+    )
+    from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
     from spisim.transport import Outputs, PathLengthBins, ground_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
     histograms = files[1].path
+    carried = instrument_with(instrument, wavelength)
+    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
+    derivatives = sensitivities(loaded, sensitivity or ())
+    others = {each: OtherFog.of_visibility(loaded, each) for each in also_visibility or ()}
     outputs = Outputs(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
+        weights=weights_of([*derivatives, *others.values()]),
     )
-    carried = instrument_with(instrument, wavelength)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with progress_bar("Tracing light", progress) as advance:
         traced = solve(
             loaded, carried, **light.arguments, seed=seed, outputs=outputs, progress=advance
         )
-    write_truth(output, ground_truth(loaded, carried), light_channels(traced, frequency or ()))
+    channels = light_channels(traced, frequency or ())
+    channels |= fog_channels(traced, derivatives, others)
+    units = {f"transport_per.{each.parameter}": each.unit for each in derivatives}
+    write_truth(output, ground_truth(loaded, carried), channels, units)
     write_histograms(histograms, traced)
     if json:
         print_json(
@@ -85,6 +115,13 @@ def command(
                 "paths": traced.paths,
                 "seconds": traced.seconds,
                 "transport_mean": float(traced.image.mean()),
+                "sensitivities": {
+                    each.parameter: float(each.of(traced)[0].mean()) for each in derivatives
+                },
+                "paths_that_carry": {
+                    f"{visibility_m:g} m": other.carried(traced)
+                    for visibility_m, other in others.items()
+                },
             }
         )
     else:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
+from spisim.simulation.light.sensitivity import OtherFog, Sensitivity
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -21,8 +22,13 @@ UNITS = {"range_m": "m", "depth_m": "m", "path_length_m": "m", "cube_path_length
 OVER_PATH_LENGTH = ("spot_orders", "cube", "cube_orders", "cube_path_length_m")
 
 
-def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.floating]]) -> None:
-    """Write the ground truth, and further (H, W) channels, as OpenEXR.
+def write_truth(
+    path: Path,
+    truth: GroundTruth,
+    extra: Mapping[str, NDArray[np.floating]],
+    extra_units: Mapping[str, str] | None = None,
+) -> None:
+    """Write the ground truth, and further (H, W) channels with their units, as OpenEXR.
 
     The header states the unit of every channel and the names behind `object_id`.
     """
@@ -35,7 +41,8 @@ def write_truth(path: Path, truth: GroundTruth, extra: Mapping[str, NDArray[np.f
         **{f"normal.{axis}": truth.normal[..., k] for k, axis in enumerate("XYZ")},
         **extra,
     }
-    units = {f"units.{name}": UNITS.get(name, "1") for name in channels}
+    every = UNITS | dict(extra_units or {})
+    units = {f"units.{name}": every.get(name, "1") for name in channels}
     names = {f"object.{k}": name for k, name in enumerate(truth.object_names)}
     write_exr(path, "transport image", channels, units | names)
 
@@ -57,6 +64,20 @@ def light_channels(
             phasors |= _by_order(name, light.extra["phasor_orders"][:, number])
         for layer, phasor in phasors.items():
             channels |= {f"{layer}.real": phasor.real, f"{layer}.imag": phasor.imag}
+    return channels
+
+
+def fog_channels(
+    light: Transport, derivatives: Sequence[Sensitivity], others: Mapping[float, OtherFog]
+) -> dict[str, NDArray[np.floating]]:
+    """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
+    channels: dict[str, NDArray[np.floating]] = {}
+    for each in derivatives:
+        name = f"transport_per.{each.parameter}"
+        channels[name], channels[f"{name}_error"] = each.of(light)
+    for visibility_m, other in others.items():
+        name = f"transport_at_{visibility_m:g}m"
+        channels[name], channels[f"{name}_error"] = other.image(light)
     return channels
 
 

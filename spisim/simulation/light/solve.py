@@ -20,6 +20,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.path_weights import PathWeight
 from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
@@ -164,6 +165,7 @@ def solve(
             (spp, transport_noise_share),
             streams[1],
             _part(progress, 0.8, 1.0),
+            outputs.weights,
         )
     seconds, shape = time.perf_counter() - began, placed.projector.shape
     logger.info(
@@ -183,7 +185,8 @@ def solve(
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape),
+        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape)
+        | _weighted(outputs, image if instrument.images else None, spots, shape),
     )
 
 
@@ -243,6 +246,7 @@ def trace_spots(
     sampling: SampleBudget,
     seed: np.random.SeedSequence,
     progress: Callable[[float], None] | None,
+    path_weights: Sequence[PathWeight] = (),
 ) -> tuple[Estimate, Floats]:
     """Light of the lasers on their detectors, and the path lengths (bins,) of its histogram."""
     spp, noise_share = sampling
@@ -259,7 +263,9 @@ def trace_spots(
     budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
-    result = ranging_histogram(world, placed, bins, budget, seed=seed, progress=progress)
+    result = ranging_histogram(
+        world, placed, bins, budget, seed=seed, path_weights=path_weights, progress=progress
+    )
     return result, bins.centres_m
 
 
@@ -271,6 +277,7 @@ def ranging_histogram(
     *,
     seed: np.random.SeedSequence,
     max_vertices: int = MAX_VERTICES,
+    path_weights: Sequence[PathWeight] = (),
     progress: Callable[[float], None] | None = None,
 ) -> Estimate:
     """Light of spots or zones by path length; see `spot_histogram`.
@@ -279,9 +286,10 @@ def ranging_histogram(
     """
     options: Any = {"seed": seed, "max_vertices": max_vertices, "progress": progress}
     if placed.zones is None:
+        options["path_weights"] = path_weights
         return spot_histogram(world, placed.beams, placed.tof, bins, budget, **options)
     flood = replace(placed.tof, positions_m=placed.tof.positions_m[:1], axes=placed.tof.axes[:1])
-    outputs = Outputs(orders=True, bins=bins)
+    outputs = Outputs(orders=True, bins=bins, weights=tuple(path_weights))
     return transport_image(world, placed.zones, flood, budget, outputs=outputs, **options)
 
 
@@ -369,6 +377,25 @@ def _extra(
         extra["cube_path_length_m"] = outputs.bins.centres_m
         if outputs.orders:
             extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, outputs.bins.count)
+    return extra
+
+
+def _weighted(
+    outputs: Outputs, image: Estimate | None, spots: Estimate, shape: tuple[int, int]
+) -> dict[str, NDArray[Any]]:
+    """Sums of weighted light of pixels and spots, and their standard errors."""
+    extra: dict[str, NDArray[Any]] = {}
+    for weight in outputs.weights:
+        for estimate, sums, name, form in (
+            (image, "image", "image", shape),
+            (spots, "histogram", "spot_histogram", None),
+        ):
+            if estimate is not None and f"{sums}_{weight.name}" in estimate.mean:
+                for kind, ending in ((estimate.mean, ""), (estimate.error, "_error")):
+                    values = kind[f"{sums}_{weight.name}"]
+                    extra[f"{name}_{weight.name}{ending}"] = (
+                        values if form is None else values.reshape(form)
+                    )
     return extra
 
 

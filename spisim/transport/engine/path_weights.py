@@ -33,7 +33,9 @@ OfPath = Callable[[UInt, Float], Float]
 class PathWeight(Protocol):
     """A weight of paths; sums of weighted light are named ``<sum>_<name>``."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Ending of the names of its sums."""
 
     def compiled(self) -> OfPath:
         """The weight, whose constants are opaque: other values need no other kernel."""
@@ -82,15 +84,18 @@ class WeightedTally:
         self._tally.add(light._replace(value=value, active=passed))
 
     @cached_property
-    def _too_large(self) -> int:
-        return self._check.read()
+    def _can_be_summed(self) -> bool:
+        try:
+            return self._check.read() == 0
+        except InputError:  # of light itself it would say that a surface is too close
+            return False
 
     def read(self, part: int, parts: int) -> Mapping[str, Floats]:
         """See `Tally`; InputError if weighted light is too large to be summed."""
-        if self._too_large:
+        if not self._can_be_summed:
             raise InputError(
-                f"{self._name}: {self._too_large} weights of paths are not finite: too far "
-                "from the fog that was traced"
+                f"{self._name}: weights of paths are too large to be summed; this is too far from "
+                "the fog that was traced"
             )
         sums = self._tally.read(part, parts)
         return {f"{name}_{self._name}": values for name, values in sums.items()}

@@ -1,0 +1,83 @@
+"""What light says of its own dependence on the fog, and what is refused."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import spisim
+import worlds
+from reconstruction.base.errors import InputError
+from spisim.simulation.light import solve
+from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
+from spisim.transport import Outputs
+
+VISIBILITY_M = 50.0
+NAMES = ("scene.fog.visibility_m", "scene.fog.extinction_per_m", "scene.fog.albedo")
+
+
+def foggy(**changes):
+    scene = worlds.scene(worlds.plane(4.0), extinction_per_m=0.08, g=0.8)
+    fog = replace(scene.atmosphere, visibility_m=VISIBILITY_M, **changes)
+    return replace(scene, atmosphere=fog)
+
+
+@pytest.fixture(scope="module")
+def light():
+    scene = foggy()
+    wanted = [*sensitivities(scene, NAMES), OtherFog.of_visibility(scene, 70.0)]
+    instrument = spisim.load_instrument("paper")
+    outputs = Outputs(weights=weights_of(wanted))
+    return solve(scene, instrument, spp=16, outputs=outputs), wanted
+
+
+def test_derivatives_by_visibility_and_extinction_say_the_same(light):
+    transport, (visibility, extinction, albedo, _) = light
+    for name in ("image", "spot_histogram"):
+        by_visibility, error = visibility.of(transport, name)
+        np.testing.assert_allclose(
+            by_visibility * VISIBILITY_M, -0.08 * extinction.of(transport, name)[0]
+        )
+        assert (error >= 0).all()
+        assert (albedo.of(transport, name)[0] >= 0).all()
+    assert (visibility.unit, extinction.unit, albedo.unit) == ("1/m", "m", "1")
+
+
+def test_other_fog_is_carried_by_most_paths_and_goes_on_from_the_derivative(light):
+    transport, (visibility, *_, other) = light
+    assert 0.8 < other.carried(transport) <= 1
+    image, _ = other.image(transport)
+    first_order = transport.image + 20 * visibility.of(transport)[0]
+    assert image.sum() == pytest.approx(first_order.sum(), rel=0.25)
+
+
+def test_fog_too_far_away_is_refused():
+    scene = foggy()
+    other = OtherFog.of(scene, 8.0)
+    outputs = Outputs(weights=other.weights)
+    transport = solve(scene, spisim.load_instrument("paper"), spp=4, outputs=outputs)
+    with pytest.raises(InputError, match=r"8 times the extinction is too far .* of the paths"):
+        other.image(transport)
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "message"),
+    [
+        (foggy(), "scene.fog.visibility", "did you mean 'scene.fog.visibility_m'"),
+        (foggy(albedo=0.0), "scene.fog.albedo", "needs light that fog scatters"),
+        (worlds.scene(worlds.plane(4.0)), NAMES[0], "the air is clear"),
+        (worlds.scene(extinction_per_m=0.1), NAMES[0], "the visibility of this fog is unknown"),
+        (replace(foggy(), volumes=worlds.bank(0.1)), NAMES[0], "remove other weather and volumes"),
+    ],
+)
+def test_what_paths_do_not_tell_is_refused(scene, name, message):
+    with pytest.raises(InputError, match=message):
+        sensitivities(scene, [name])
+
+
+@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf, np.nan])
+def test_a_ratio_that_is_none_is_refused(ratio):
+    with pytest.raises(InputError, match=r"ratio = .*must be positive and finite"):
+        OtherFog.of(foggy(), ratio)
+    with pytest.raises(InputError, match="that of the scene's fog is unknown"):
+        OtherFog.of_visibility(worlds.scene(extinction_per_m=0.1), 20.0)
