@@ -3,6 +3,7 @@
 from .bases import BASES, basis_of
 from .basis import Basis, checked_shape
 from .decoder import Decoder, decoder_for
+from .factors import with_throughput
 from .hadamard import fwht, sequency
 from .operator import MatrixOperator, MeasurementOperator, RowOperator, SeenAtoms
 from .orders import ORDERS, pattern_order
@@ -56,4 +57,5 @@ __all__ = [
     "redundant_combinations",
     "sequency",
     "transposed",
+    "with_throughput",
 ]

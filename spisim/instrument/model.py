@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -218,6 +219,14 @@ class Instrument(Section):
         if not self.images:
             return (NO_PATTERN,)
         return self.imaging.plan.cycle(self.imaging.projector.shape)
+
+    @property
+    def recorded_plans(self) -> tuple[PatternPlan, ...]:
+        """The same as captures state them: without throughput, unless it is calibrated."""
+        known = self.plan is None or self.plan.throughput is None or self.plan.throughput.stated
+        return tuple(
+            each if known else replace(each, throughput=None) for each in self.pattern_plans
+        )
 
     def __copy__(self) -> Self:
         """A copy without the cached patterns: it may get another plan."""

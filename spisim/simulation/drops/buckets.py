@@ -90,6 +90,7 @@ def on_buckets(
         fields = [_in_view(one, frame) for one in drops]
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
+            lit *= plan.factors[exposure]
             nearby = pictures[:, between.keys[frame, exposure]]
             picture = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
             left = np.ones(lit.size)

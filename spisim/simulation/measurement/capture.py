@@ -50,7 +50,7 @@ def record(
     readings, mean = record_frames(
         scene, instrument, light, truths, streams, noise=noise, frames=frames, steered=steered
     )
-    plan, *following_plans = instrument.pattern_plans[:frames]
+    plan, *following_plans = instrument.recorded_plans[:frames]
     return Capture(
         plan=plan,
         following_plans=tuple(following_plans),

@@ -179,7 +179,8 @@ def _readings(
     plans = instrument.pattern_plans
     for turn in range(min(len(plans), len(readings))):
         plan = plans[(first + turn) % len(plans)]
-        light = (1 - dark) * expose(plan, images) + dark * total + steady[:, None]  # (keys, M)
+        leaked = dark * total * plan.factors
+        light = (1 - dark) * expose(plan, images) + leaked + steady[:, None]  # (keys, M)
         frames = slice(turn, None, len(plans))
         nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]
         readings[frames] += (between.fractions[frames] * nearby).sum(axis=-1)
