@@ -14,6 +14,8 @@ from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
 from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
+from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -23,8 +25,6 @@ from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudge
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
-from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
-from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
@@ -49,7 +49,7 @@ class Transport:
     Without lasers the arrays of spots have length 0; without a projector `image` is one dark pixel.
 
     `*_error` are standard errors of the Monte Carlo estimate; those of pixels and bins are smoothed
-    over their neighbours (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
+    over their neighbours (see `stated_error`). `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
     (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, spots, bins).
@@ -60,7 +60,7 @@ class Transport:
     #: (spots, bins): fraction of a laser's, or the flood's, power on its detector's aperture.
     spot_histogram: Floats
     spot_histogram_error: Floats
-    #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
+    #: (bins,): whole optical path, emitter to detector; see `spisim.simulation.light.path_bins`.
     path_length_m: Floats
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     daylight_error_w: float

@@ -12,6 +12,7 @@ from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
+from spisim.simulation.drops import FallingDrops, Interpolation, on_buckets
 from spisim.simulation.light import Light, Transport
 from spisim.simulation.measurement.electronics import (
     Memory,
@@ -19,7 +20,6 @@ from spisim.simulation.measurement.electronics import (
     slow_part,
     with_carry_over,
 )
-from spisim.transport.drops import FallingDrops, Interpolation, on_buckets
 
 #: Phases at which the windows of taps are tabulated for light of any path length.
 PHASES = 721

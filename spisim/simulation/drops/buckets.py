@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
-from spisim.transport.drops.discs import (
+from spisim.simulation.drops.discs import (
     Fractions,
     disc_points,
     on_the_way_back,
     on_the_way_out,
     passing,
 )
-from spisim.transport.drops.echo import echo
-from spisim.transport.drops.falling import FallingDrops
-from spisim.transport.drops.field import DropField
+from spisim.simulation.drops.echo import echo
+from spisim.simulation.drops.falling import FallingDrops
+from spisim.simulation.drops.field import DropField
 
 
 class Interpolation(NamedTuple):
