@@ -15,7 +15,7 @@ from spisim.atmosphere.structure import Structure
 from spisim.instrument import Instrument, SpotLight
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.scene.model import Volume
-from spisim.transport import NEAR_PATH_M
+from spisim.simulation.light import NEAR_PATH_M
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram

@@ -3,7 +3,7 @@
 A world is flown through by a simple reactive planner: of the headings in view it takes that with a
 free corridor which lies nearest to its goal, as fast as the corridor is long, and turns on the spot
 where none is free. Goals are drawn in the world's free air; one that is not reached in time is
-given up. What touches a surface is set back to where it was a second before.
+given up. What touches a surface begins again where the flight began, with another goal.
 
 The rig's frames are taken at `FRAMES_PER_S`, a quarter of its rate: a memory gets a quarter of its
 points. Light is the surrogate's, poses are off as an autopilot's.
@@ -43,7 +43,6 @@ FREE_M = 2.0
 GOAL_M, REACHED_M, GOAL_S = (6.0, 14.0), 1.0, 12.0
 COMMIT_S = 1.0
 """After turning on the spot it keeps to what was free so long."""
-BACK_S = 1.0
 SENSES = {
     "single frame": ("fog", "learned"),
     "memory": ("fog", "flight"),
@@ -260,8 +259,7 @@ def fly(family: str, seed: int, weather: str, sense: str) -> Flown:
         way_m += float(np.linalg.norm(drone.position_m - before_m))
         if obstacles.nearest(drone.position_m, time_s)[0] < CLEARANCE_M:
             hits.append(drone.position_m)
-            del path[-round(BACK_S * FRAMES_PER_S) :]
-            drone.position_m = path[-1] if path else start[:3, 3]
+            drone.position_m = start[:3, 3].copy()
             drone.velocity_m_s = np.zeros(3)
             planner = Planner(eyes.max_rad)
             goal, since_s = next(goals), time_s

@@ -1,4 +1,4 @@
-"""Checks of what solvers of methods return, before anything uses it."""
+"""Checks of frames to reconstruct, and of what solvers of methods return, before their use."""
 
 from dataclasses import replace
 from typing import Any, get_args
@@ -7,8 +7,30 @@ import numpy as np
 
 from .base.arrays import Floats
 from .base.errors import InputError
+from .capture import Frames, Setup
 from .depth import DepthEstimate
+from .image import Estimate
 from .ranging import Ranges, Status
+
+
+def check_frames(frames: Any, setup: Setup) -> None:
+    """Raise InputError unless frames are of a recording that has the setup."""
+    if not isinstance(frames, Frames) or not len(frames):
+        raise InputError(f"got {type(frames).__name__}, expected `Frames`, as of Capture.batch")
+    expected, given = (
+        (
+            f"{exposures} exposures, {type(part.spots).__name__} "
+            f"of {0 if part.spots is None else len(part.spots.directions)} "
+            f"{'' if part.spots is None or part.spots.pointing is None else 'steered '}spots, "
+            f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
+        )
+        for part, exposures in (
+            (setup, setup.plan.exposures),
+            (frames, frames.buckets.counts.shape[1]),
+        )
+    )
+    if given != expected:
+        raise InputError(f"frames of another recording: they have {given}; compiled for {expected}")
 
 
 def checked(who: str, values: Any, shape: tuple[int, ...]) -> Floats:
@@ -22,6 +44,19 @@ def checked(who: str, values: Any, shape: tuple[int, ...]) -> Floats:
     if np.isinf(array).any():
         raise InputError(f"{who} returned values that are not finite")
     return array.astype(np.float64, copy=False)
+
+
+def checked_image(who: str, estimate: Any, shape: tuple[int, int]) -> Estimate:
+    """Finite values (H, W), and standard deviations if there are any; InputError for others."""
+    if not isinstance(estimate, Estimate):
+        raise InputError(f"{who} returned {type(estimate).__name__}, not an Estimate")
+    image, sigma = checked(who, estimate.image, shape), estimate.sigma
+    if sigma is not None:
+        sigma = checked(f"{who}, as sigma,", sigma, shape)
+    for values in (image, *([] if sigma is None else [sigma])):
+        if not np.isfinite(values).all():
+            raise InputError(f"{who} returned values that are not finite")
+    return Estimate(image, sigma, estimate.note)
 
 
 def checked_depths(who: str, estimate: Any, shape: tuple[int, int]) -> DepthEstimate:

@@ -12,7 +12,7 @@ from .base.arrays import Floats
 from .base.errors import InputError
 from .base.timing import timed
 from .capture import Frames, Recording, Setup, Spots
-from .checks import checked, checked_depths, checked_ranges
+from .checks import check_frames, checked_depths, checked_image, checked_ranges
 from .chosen_methods import (
     Methods,
     check_methods,
@@ -129,7 +129,7 @@ class Reconstructor:
         InputError
             For frames of another recording, and if no reading of a frame is usable.
         """
-        self._check(frames)
+        check_frames(frames, self.setup)
         buckets = frames.buckets
         readings = zip(buckets.signal, buckets.variance, buckets.usable, strict=True)
         decoded = [
@@ -165,26 +165,6 @@ class Reconstructor:
                 for each, estimate in zip(same, estimates, strict=True):
                     each.estimates[name] = estimate
                     each.timings[f"image {name}"] = timings["all"] / len(same)
-
-    def _check(self, frames: Frames) -> None:
-        if not isinstance(frames, Frames) or not len(frames):
-            raise InputError(f"got {type(frames).__name__}, expected `Frames`, as of Capture.batch")
-        expected, given = (
-            (
-                f"{exposures} exposures, {type(part.spots).__name__} "
-                f"of {0 if part.spots is None else len(part.spots.directions)} "
-                f"{'' if part.spots is None or part.spots.pointing is None else 'steered '}spots, "
-                f"{'no ' if part.pattern_taps is None else ''}taps of patterns"
-            )
-            for part, exposures in (
-                (self.setup, self.setup.plan.exposures),
-                (frames, frames.buckets.counts.shape[1]),
-            )
-        )
-        if given != expected:
-            raise InputError(
-                f"frames of another recording: they have {given}; compiled for {expected}"
-            )
 
     def _frame(self, decoded: "_Decoded") -> Result:
         frame, readings, coefficients, outliers, timings, _ = decoded
@@ -276,8 +256,11 @@ class Reconstructor:
                 if name not in estimates:
                     with timed(decoded.timings, f"image {name}"):
                         estimates[name] = readings.solver(name)(decoded.coefficients)
-                estimate = self._checked_image(name, readings, estimates[name])
+                who = f"image method {name!r}"
+                estimate = checked_image(who, estimates[name], self._shape)
                 images[name] = estimate.image
+                if not readings.has_dc:  # assume that the darkest pixel is dark
+                    images[name] = estimate.image - estimate.image.min()
                 if estimate.sigma is not None:
                     sigmas[name] = estimate.sigma
                 if estimate.note is not None:
@@ -285,21 +268,6 @@ class Reconstructor:
         if not images:
             raise InputError("every image method failed")
         return images, sigmas
-
-    def _checked_image(self, name: str, readings: UsableReadings, estimate: Estimate) -> Estimate:
-        who = f"image method {name!r}"
-        if not isinstance(estimate, Estimate):
-            raise InputError(f"{who} returned {type(estimate).__name__}, not an Estimate")
-        image = checked(who, estimate.image, self._shape)
-        sigma = estimate.sigma
-        if sigma is not None:
-            sigma = checked(f"{who}, as sigma,", sigma, self._shape)
-        for values in (image, *([] if sigma is None else [sigma])):
-            if not np.isfinite(values).all():
-                raise InputError(f"{who} returned values that are not finite")
-        if not readings.has_dc:  # assume that the darkest pixel is dark
-            image = image - image.min()
-        return Estimate(image, sigma, estimate.note)
 
     def _brightness(
         self,

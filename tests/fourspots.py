@@ -15,6 +15,14 @@ CHARGE = {
     "noise_electrons": 0.0,
     "excess_noise_factor": 1.0,
 }
+#: Of a projector of 20° in height and width.
+TAN_HALF_FIELD = np.tan(np.radians(10))
+
+
+def spots_at(positions):
+    """Unit vectors (4, 3) towards positions in the field, in half widths and half heights."""
+    towards = np.concatenate([np.array(positions) * TAN_HALF_FIELD, np.ones((4, 1))], axis=1)
+    return towards / np.linalg.norm(towards, axis=1, keepdims=True)
 
 
 def counts(electrons):

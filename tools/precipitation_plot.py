@@ -13,10 +13,10 @@ import spisim
 from spisim.atmosphere import CLEAR
 from spisim.atmosphere.precipitation import rain, snow
 from spisim.atmosphere.structure import Structure
+from spisim.simulation.drops import falling_drops
 from spisim.simulation.light import trace
 from spisim.simulation.measurement import bucket_light, spot_light
 from spisim.transport import ground_truth
-from spisim.transport.drops import falling_drops
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "precipitation.png"
 FRAMES, SEED = 8, 3

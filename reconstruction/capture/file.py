@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
+from ..base.arrays import Floats
 from ..base.errors import InputError
 from ..base.files import write_atomically
 from ..operators import BASES, PatternPlan
@@ -40,7 +41,7 @@ FORMAT = hdf5.Format(
     name="spisim-capture",
     kind="capture",
     oldest=(2, 0),
-    version=(4, 0),
+    version=(4, 1),
     remedy="record, simulate or import it again",
 )
 KINDS = {"simulation": "simulated capture", "hardware": "hardware capture"}
@@ -245,6 +246,8 @@ def _datasets_of_plans(plans: Sequence[PatternPlan]) -> Iterator[tuple[str, Any,
         yield f"patterns/{name}", getattr(first, name), "1"
     for name in first.patterns.arrays:
         yield f"patterns/{name}", getattr(first.patterns, name), "1"
+    if first.throughput is not None:
+        yield "patterns/throughput", first.throughput, "1"
 
 
 def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
@@ -257,8 +260,9 @@ def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
     arrays = {name: file.get(f"patterns/{name}", "1") for name in basis.arrays}
     patterns, order = basis.restored((height, width), arrays), file.text("patterns/order")
     index, polarity = (file.numbers(f"patterns/{name}") for name in ("index", "polarity"))
+    throughput = _read_throughput(file)
     if index.ndim != 2:
-        return [PatternPlan((height, width), index, polarity, order, patterns)]
+        return [PatternPlan((height, width), index, polarity, order, patterns, throughput)]
     if polarity.shape != index.shape:
         raise InputError(
             f"patterns/polarity has shape {polarity.shape}, expected {index.shape} as of "
@@ -267,9 +271,16 @@ def _read_plans(file: hdf5.Tables) -> list[PatternPlan]:
     if not 1 <= len(index) <= MAX_PLANS:
         raise InputError(f"patterns/index has {len(index)} rows; 1..{MAX_PLANS} are allowed")
     return [
-        PatternPlan((height, width), *each, order, patterns)
+        PatternPlan((height, width), *each, order, patterns, throughput)
         for each in zip(index, polarity, strict=True)
     ]
+
+
+def _read_throughput(file: hdf5.Tables) -> Floats | None:
+    """Factor of each row of the basis, which files since version 4.1 may state."""
+    if "patterns/throughput" not in file:
+        return None
+    return np.asarray(file.get("patterns/throughput", "1"))
 
 
 def _read_provenance(file: hdf5.Contents) -> Provenance:

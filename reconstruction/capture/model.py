@@ -129,6 +129,8 @@ class Setup:
             arrays = [getattr(plan.patterns, name) for name in plan.patterns.arrays]
             digest = _digest(np.array(plan.shape), plan.index, plan.polarity, *arrays)
             digest.update(plan.basis.encode())
+            if plan.throughput is not None:
+                digest.update(_digest(plan.throughput).digest())
             digests.append(bytes(digest.digest()))
         return digests
 
@@ -323,6 +325,8 @@ def check_plans(plans: Sequence[PatternPlan]) -> None:
                     f"the patterns of frame {frame} have {what} {value}, those of the first "
                     f"{expected}"
                 )
+        if not np.array_equal(plan.factors_of(first.index), first.factors):
+            raise InputError(f"the throughput of frame {frame} is not that of the first")
 
 
 def check_part(group: str, part: object, sizes: dict[str, int]) -> None:

@@ -19,6 +19,7 @@ COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
     "import": ("importing", "array of bucket readings -> capture"),
     "export": ("export", "captures -> depth images, point clouds, NeRF and ROS 2 files"),
+    "calibrate": ("calibrate", "capture -> capture with the throughput of its patterns"),
     "check": ("check", "captures in fog -> path calibration of the spots"),
 }
 """Module, imported on demand, and summary of each command."""

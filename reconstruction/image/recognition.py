@@ -1,10 +1,7 @@
 """Recognition of the layout of readings, by the power spectrum of images.
 
-A layout is a named order of Hadamard rows and a named sequence of polarities. For each layout, the
-M readings are mapped, without change of volume, to K coefficients of rows and M - K sums in which
-the rows cancel, which are equal but for noise and drift. The likelihood of the readings is that of
-both: of the coefficients under the spectrum of images (`spectra`), of the sums as Gaussian noise
-about a common mean.
+A layout is a named order of Hadamard rows and a named sequence of polarities. Layouts are compared
+by the likelihood of the readings under each (`layout_likelihood`).
 
 An image cannot be distinguished from its mirror images by its spectrum, nor a square one from its
 transpose.
@@ -12,24 +9,18 @@ transpose.
 
 from collections.abc import Iterator
 from functools import lru_cache
-from math import log
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats
 from ..base.errors import InputError, nearest
-from ..operators import ORDERS, POLARITIES, PatternPlan, RowOperator, ordered_rows, transposed
+from ..operators import ORDERS, POLARITIES, PatternPlan, ordered_rows, transposed
 from ..operators.bases.hadamard import Hadamard
-from .spectra import USUAL_MODEL, Fit, fit, gaussian, heavy_tails, spectra
+from .layout_likelihood import MAX_ROUGH, coarseness, fit_plan, fit_some, parts_of, row_spectra
+from .spectra import heavy_tails
 from .transforms import other_spectra
 
-MAX_FITTED, MAX_ROUGH = 4096, 1024
-"""Coefficients in the final and in the rough fit; of more, a random subset, the same for each
-order."""
-MAX_FRAMES = 4
-"""Maximum number of frames that are fitted."""
 MAX_REFINED = 14
 """Layouts, the most probable under the usual spectrum, that are fitted with all spectra."""
 TEMPERATURE, WORTH = 2.0, 400
@@ -38,8 +29,6 @@ they become probabilities: coefficients of one image are less independent than t
 and no spectrum is exactly that of a model, so that the information saturates (J. W. Miller, D. B.
 Dunson, J. Am. Stat. Assoc. 114, 1113 (2019)). Fitted to the mean log probability of the true
 layout, for scenes that tools/drawn_images.py generates for training."""
-NEGATIVE = 20.0
-"""Log odds against negative readings of light, which only a subtracted offset can cause."""
 MIN_GAIN = 6.0
 """Log likelihood that the spectrum of images must gain over a white one to identify a layout;
 coefficients in random order gain up to 4."""
@@ -190,16 +179,16 @@ def plan_inconsistency(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     """
     if plan.basis != "hadamard" or not np.ptp(readings, axis=1).any():
         return None
-    roughly = _fit(plan, readings, rough=True)
+    roughly = fit_plan(plan, readings, rough=True)
     if roughly is None:
         return None
-    declared = _fit(plan, readings)
+    declared = fit_plan(plan, readings)
     assert declared is not None
     likely = _likely(readings, plan.shape)
     gap = likely[0][1] - roughly.image if likely else 0.0
-    if gap > MIN_MARGIN * _coarseness(readings, MAX_ROUGH):
+    if gap > MIN_MARGIN * coarseness(readings, MAX_ROUGH):
         best = _ranked(readings, plan.shape)[0]
-        if best.likelihood - declared.image > MIN_MARGIN * _coarseness(readings):
+        if best.likelihood - declared.image > MIN_MARGIN * coarseness(readings):
             actual = _other_transform(best.layout.plan, readings) or str(best.layout)
             return (
                 "the readings do not look like an image in the pattern plan's order; they look "
@@ -223,7 +212,7 @@ def _ranked(
     tried = [
         (layout, result)
         for layout, _ in likely
-        if (result := _fit(layout.plan, readings)) is not None
+        if (result := fit_plan(layout.plan, readings)) is not None
     ]
     likelihoods = np.array([result.image for _, result in tried])
     temperature = TEMPERATURE * (1 + readings.shape[1] / WORTH)
@@ -242,7 +231,7 @@ def _likely(
     result = [
         (layout, rough.image)
         for layout in candidate_layouts(shape, readings.shape[1], polarity)
-        if (rough := _fit(layout.plan, readings, rough=True)) is not None
+        if (rough := fit_plan(layout.plan, readings, rough=True)) is not None
     ]
     return sorted(result, key=lambda each: -each[1])
 
@@ -252,15 +241,15 @@ def _other_transform(plan: PatternPlan, readings: NDArray[Any]) -> str | None:
     if plan.sampled < plan.pixels or plan.distinct[0] != plan.patterns.dc_row:
         return None
     sequence = np.argsort(plan.distinct)
-    parts = _parts(plan, readings[0].astype(np.float64))
-    bar = _fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
+    parts = parts_of(plan, readings[0].astype(np.float64))
+    bar = fit_some(parts.values, row_spectra(plan.shape), parts.rows).image
     for order in _unnamed_orders(plan.shape):
-        result = _fit_some(parts.values, row_spectra(plan.shape), order[sequence[parts.rows]]).image
+        result = fit_some(parts.values, row_spectra(plan.shape), order[sequence[parts.rows]]).image
         bar = max(bar, result)
-    bar += OTHER_TRANSFORM * _coarseness(readings)
+    bar += OTHER_TRANSFORM * coarseness(readings)
     likeliest = None
     for name, models in other_spectra(plan.shape):
-        result = _fit_some(parts.values, models, sequence[parts.rows]).image
+        result = fit_some(parts.values, models, sequence[parts.rows]).image
         if result > bar:
             likeliest, bar = name, result
     return likeliest
@@ -278,7 +267,7 @@ def _unnamed_orders(shape: tuple[int, int]) -> list[NDArray[np.int64]]:
 
 def _scattered(plan: PatternPlan, readings: NDArray[Any]) -> bool:
     """Whether coefficients vary more than noise although their rows should vary little."""
-    parts = _parts(plan, readings.astype(np.float64))
+    parts = parts_of(plan, readings.astype(np.float64))
     usual = row_spectra(plan.shape).mean(axis=0)[parts.rows]
     spread = parts.rows.size * np.log(usual.mean()) - np.log(usual).sum()
     return bool(spread > MIN_SPREAD and heavy_tails(parts.values) > MIN_MARGIN)
@@ -306,98 +295,3 @@ def dark_estimate(plan: PatternPlan, readings: NDArray[Any]) -> float:
     background = np.median(readings[varying][expected <= np.median(expected)])
     lit = readings[~varying]
     return float(2 * background - lit.mean()) if lit.size else np.nan
-
-
-class _Parts(NamedTuple):
-    """Coefficients ``values`` (K,) of ``rows`` (K,), sums without rows, and the DC coefficient."""
-
-    rows: NDArray[np.int32]
-    values: Floats
-    sums: Floats
-    dc: float
-
-
-def _parts(plan: PatternPlan, readings: Floats) -> _Parts:
-    both = _pairs(plan)
-    if both is not None:
-        plus, minus = both
-        rows = plan.index[plus]
-        sums = (readings[plus] + readings[minus]) / np.sqrt(2)
-        values = (readings[plus] - readings[minus]) / np.sqrt(2)
-        lit = rows == plan.patterns.dc_row
-        dc = float(values[lit][0]) if lit.any() else np.nan
-        return _Parts(rows[~lit], values[~lit], sums - np.median(sums), dc)
-    varying = plan.index != plan.patterns.dc_row
-    rows, values = plan.index[varying], readings[varying]
-    if not plan.polarity.any():
-        return _Parts(rows, values, np.empty(0), np.nan)
-    expected = row_spectra(plan.shape).mean(axis=0)[rows]
-    background = np.median(values[expected <= np.median(expected)])
-    values, dc = values - background, readings[~varying] - background
-    if dc.size == 2:  # all-on and dark: half their sum is the background plus noise
-        rows = np.append(rows, rows[np.argmin(expected)])
-        values = np.append(values, dc.sum() / np.sqrt(2))
-    return _Parts(rows, values, np.empty(0), float(dc @ plan.polarity[~varying]))
-
-
-def _pairs(plan: PatternPlan) -> tuple[NDArray[np.intp], NDArray[np.intp]] | None:
-    """Exposures of both polarities of every row; None unless each row has just these two."""
-    plus, minus = (np.flatnonzero(plan.polarity == sign) for sign in (1, -1))
-    if plus.size + minus.size < plan.exposures or plus.size != minus.size:
-        return None
-    rows = plan.index[plus]
-    minus = minus[np.argsort(plan.index[minus])][np.argsort(np.argsort(rows))]
-    return (plus, minus) if (rows == plan.index[minus]).all() else None
-
-
-def _fit(plan: PatternPlan, readings: NDArray[Any], *, rough: bool = False) -> Fit | None:
-    """Mean log likelihoods of some frames under a plan, None if it is not supported."""
-    exposures = np.bincount(plan.index[plan.index != plan.patterns.dc_row])
-    if exposures.max(initial=0) == 0 or (exposures.max() > 1 and _pairs(plan) is None):
-        return None
-    frames = np.unique(np.linspace(0, len(readings) - 1, MAX_FRAMES).astype(int))
-    models = row_spectra(plan.shape)
-    models, maximum = (models[[USUAL_MODEL]], MAX_ROUGH) if rough else (models, MAX_FITTED)
-    fits = [
-        _fit_frame(plan, readings[frame].astype(np.float64), models, maximum) for frame in frames
-    ]
-    return Fit(*np.mean(fits, axis=0))
-
-
-def _fit_frame(plan: PatternPlan, readings: Floats, models: Floats, maximum: int) -> Fit:
-    scale = float(np.abs(readings).max()) or 1.0
-    rows, values, sums, dc = _parts(plan, readings / scale)
-    result = _fit_some(values, models, rows, maximum)
-    others = readings.size - values.size - sums.size  # DC may be anything
-    penalty = others * log(2.0)
-    if plan.polarity.any():  # the background is one more parameter
-        penalty += log(readings.size) / 2 + NEGATIVE * (readings.min() < 0)
-    if dc < 0:  # all-on is darker than all-off
-        penalty += min(readings.size, dc**2 / (2 * np.mean(values**2) + np.finfo(float).tiny))
-    common = gaussian(sums) - penalty
-    return Fit(result.image + common, result.white + common)
-
-
-def _fit_some(values: Floats, models: Floats, rows: NDArray[Any], maximum: int = MAX_FITTED) -> Fit:
-    """Fit of a subset of many values, scaled to all."""
-    if values.size <= maximum:
-        return fit(values, models[:, rows])
-    some = np.random.default_rng(0).choice(values.size, maximum, replace=False)
-    fraction = values.size / maximum
-    return Fit(*(fraction * each for each in fit(values[some], models[:, rows[some]])))
-
-
-def _coarseness(readings: NDArray[Any], maximum: int = MAX_FITTED) -> float:
-    """Factor by which log likelihoods are less certain, as a subset represents all readings."""
-    return max(readings.shape[1] / maximum, 1.0)
-
-
-@lru_cache(maxsize=4)
-def row_spectra(shape: tuple[int, int]) -> Floats:
-    """Variances (models, N) of all Hadamard rows in images, 0 for DC."""
-    basis = Hadamard(shape)
-    operator = RowOperator(basis, np.arange(basis.rows, dtype=np.int32))
-    varying = spectra(operator)
-    result = np.zeros((len(varying), basis.rows))
-    result[:, operator.varying] = varying
-    return result

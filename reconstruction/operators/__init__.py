@@ -23,6 +23,7 @@ from .polarities import POLARITIES
 from .redundancy import Drift, drift_of, redundant_combinations
 from .sparse import SparseRows
 from .throughput import Throughput
+from .unequal import with_throughput
 
 __all__ = [
     "BASES",
@@ -56,4 +57,5 @@ __all__ = [
     "redundant_combinations",
     "sequency",
     "transposed",
+    "with_throughput",
 ]

@@ -3,6 +3,7 @@
 A row of the decoder averages the readings of one pattern. It uses y where the recorder has formed
 the difference, y+ - y- where both polarities were exposed, and otherwise 2 (y - dark) - (all -
 dark) or its complement; the all-on and the dark reading are those of the DC row at both polarities.
+Where the throughput t of patterns is known, y - dark is divided by it.
 Dense patterns without these two are compared with their mean (F. Ferri et al., Phys. Rev. Lett.
 104, 253603 (2010)). For an orthogonal basis this is refused, as one more exposure is better.
 """
@@ -107,7 +108,10 @@ def decoder_for(plan: PatternPlan, usable: Mask | None = None) -> Decoder:
     complete = matrix.resting_on(usable)
     matrix, index = matrix.only(complete), plan.distinct[complete]
     shared = np.bincount(matrix.columns, minlength=plan.exposures) > 1
-    return Decoder(matrix, RowOperator(plan.patterns, index), index, shared)
+    operator = RowOperator(plan.patterns, index)
+    if plan.throughput is not None:  # photon noise, the root of the light, over the throughput
+        operator.usual_noise = plan.factors_of(index) ** -0.5
+    return Decoder(matrix, operator, index, shared)
 
 
 def _row_decoder(plan: PatternPlan) -> SparseRows:
@@ -119,18 +123,19 @@ def _row_decoder(plan: PatternPlan) -> SparseRows:
     }
     entries: list[tuple[int, NDArray[np.intp], float]] = []
     dc_row = plan.patterns.dc_row
+    gain = dict(zip(plan.index.tolist(), (1 / plan.factors).tolist(), strict=True))
     for k, row in rows.items():
         signed, plus, minus = ((k, p) in exposures for p in (0, 1, -1))
         if signed:
-            entries.append((row, exposures[k, 0], 1.0))
+            entries.append((row, exposures[k, 0], gain[k]))
         elif plus and minus:
-            entries += [(row, exposures[k, 1], 1.0), (row, exposures[k, -1], -1.0)]
+            entries += [(row, exposures[k, 1], gain[k]), (row, exposures[k, -1], -gain[k])]
         elif (dc_row, 1) in exposures and (dc_row, -1) in exposures:
-            sign = 1.0 if plus else -1.0
+            sign, of_all = (1.0 if plus else -1.0), gain[int(dc_row or 0)]
             entries += [
-                (row, exposures[k, 1 if plus else -1], 2 * sign),
-                (row, exposures[dc_row, 1], -sign),
-                (row, exposures[dc_row, -1], -sign),
+                (row, exposures[k, 1 if plus else -1], 2 * sign * gain[k]),
+                (row, exposures[dc_row, 1], -sign * of_all),
+                (row, exposures[dc_row, -1], -sign * (2 * gain[k] - of_all)),
             ]
         else:
             raise InputError(
@@ -154,10 +159,11 @@ def _dense_decoder(plan: PatternPlan, usable: Mask) -> Decoder:
 
 
 def _exposed_patterns(plan: PatternPlan) -> Floats:
-    """Displayed pattern of every exposure, (M, N)."""
+    """Displayed pattern of every exposure times its throughput, (M, N)."""
     signed = plan.patterns.matrix(plan.index)
     polarity = plan.polarity[:, None]
-    return np.where(polarity == 0, signed, (1 + polarity * signed) / 2)
+    displayed = np.where(polarity == 0, signed, (1 + polarity * signed) / 2)
+    return np.asarray(plan.factors[:, None] * displayed)
 
 
 def _without_background(plan: PatternPlan, usable: Mask) -> Floats:

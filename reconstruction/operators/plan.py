@@ -1,7 +1,7 @@
 """Pattern plans: the pattern that each exposure displays."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ from .bases import basis_of
 from .bases.dense import Dense
 from .bases.hadamard import Hadamard
 from .basis import Basis
+from .factors import checked_factors
 from .orders import pattern_order
 from .polarities import POLARITIES, Exposures
 
@@ -34,6 +35,9 @@ class PatternPlan:
         Name of the order of ``index``, for information only.
     patterns
         Basis of the rows; natural-order Hadamard by default.
+    throughput
+        Factor (rows,) on the light of each row of the basis and of its complement, relative to the
+        mean, nan where unknown; 1 for all by default.
 
     Raises
     ------
@@ -46,6 +50,7 @@ class PatternPlan:
     polarity: NDArray[np.int8]
     order: str = "custom"
     patterns: Basis = field(default=None)  # type: ignore[assignment]
+    throughput: Floats | None = None
 
     def __post_init__(self) -> None:
         patterns = Hadamard(self.shape) if self.patterns is None else self.patterns
@@ -65,6 +70,9 @@ class PatternPlan:
             raise InputError(
                 f"pattern polarity must be -1, 0 or +1 for each of the {index.size} exposures"
             )
+        if self.throughput is not None:
+            checked = checked_factors(self.throughput, patterns.rows, "pattern throughput")
+            object.__setattr__(self, "throughput", checked)
         object.__setattr__(self, "patterns", patterns)
         object.__setattr__(self, "shape", shape)
         object.__setattr__(self, "index", index.astype(np.int32))
@@ -91,6 +99,17 @@ class PatternPlan:
         return self.index.size
 
     @cached_property
+    def factors(self) -> Floats:
+        """Throughput of each exposure (M,), 1 where it is unknown."""
+        return self.factors_of(self.index)
+
+    def factors_of(self, rows: NDArray[np.int32]) -> Floats:
+        """Throughput of some rows of the basis, 1 where it is unknown."""
+        if self.throughput is None:
+            return np.ones(rows.size)
+        return np.nan_to_num(self.throughput[rows], nan=1.0)
+
+    @cached_property
     def distinct(self) -> NDArray[np.int32]:
         """The K distinct indices, in the order of their first exposure."""
         values, first = np.unique(self.index, return_index=True)
@@ -108,9 +127,7 @@ class PatternPlan:
 
     def only(self, exposures: NDArray[np.bool_]) -> "PatternPlan":
         """Plan of the exposures selected by a mask (M,)."""
-        return PatternPlan(
-            self.shape, self.index[exposures], self.polarity[exposures], self.order, self.patterns
-        )
+        return replace(self, index=self.index[exposures], polarity=self.polarity[exposures])
 
 
 NO_PATTERN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
@@ -224,7 +241,9 @@ def ordered_rows(basis: Basis, order: str | None = None) -> NDArray[np.int64]:
 
 
 def expose(plan: PatternPlan, image: ArrayLike) -> Floats:
-    """Light collected under each displayed pattern P_k, sum_u P_k(u) image(u).
+    """Light collected under each displayed pattern P_k, t_k sum_u P_k(u) image(u).
+
+    t_k is the pattern's throughput.
 
     Parameters
     ----------
@@ -249,7 +268,8 @@ def expose(plan: PatternPlan, image: ArrayLike) -> Floats:
     else:  # summed like the rows, so that a dark exposure is exactly 0
         sums = plan.patterns.project(flat, np.append(plan.index, np.int32(dc_row)))
         signed, total = sums[..., :-1], sums[..., -1:]
-    return np.where(plan.polarity == 0, signed, (total + plan.polarity * signed) / 2)
+    light = np.where(plan.polarity == 0, signed, (total + plan.polarity * signed) / 2)
+    return light if plan.throughput is None else light * plan.factors
 
 
 def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
@@ -260,11 +280,11 @@ def illumination(plan: PatternPlan, k: int) -> NDArray[np.float32]:
 
 
 def mean_illumination(plan: PatternPlan) -> Floats:
-    """Mean of all displayed patterns, (H, W)."""
-    weight = np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
+    """Mean of all displayed patterns, (H, W), weighted by their throughput."""
+    weight = plan.factors * np.where(plan.polarity == 0, 1.0, plan.polarity / 2)
     index, inverse = np.unique(plan.index, return_inverse=True)
     rows = plan.patterns.combine(np.bincount(inverse, weight), index)
-    steady = np.count_nonzero(plan.polarity) / 2
+    steady = plan.factors[plan.polarity != 0].sum() / 2
     return np.asarray((rows + steady) / plan.exposures).reshape(plan.shape)
 
 
@@ -283,10 +303,13 @@ def transposed(plan: PatternPlan) -> PatternPlan:
     if isinstance(plan.patterns, Hadamard):
         down, along = np.divmod(plan.index, width)
         index = along * height + down
-        return PatternPlan((width, height), index, plan.polarity, plan.order)
+        factors = plan.throughput
+        if factors is not None:
+            factors = factors.reshape(plan.shape).T.ravel()
+        return PatternPlan((width, height), index, plan.polarity, plan.order, throughput=factors)
     if isinstance(plan.patterns, Dense):
         basis = Dense(plan.patterns.patterns.transpose(0, 2, 1))
-        return PatternPlan(basis.shape, plan.index, plan.polarity, plan.order, basis)
+        return replace(plan, shape=basis.shape, patterns=basis)
     raise InputError(f"patterns of the basis {plan.basis!r} cannot be transposed")
 
 

@@ -1,9 +1,9 @@
 """Redundant readings: combinations in which the light cancels and only noise remains.
 
 A pattern and its complement add up to the fully lit display, y+ + y- = all + 2 background, for
-every pattern; repeated exposures of one pattern are equal. Differences of successive sums are
-noise, nearly unaffected by slow drift. Where no exposure is repeated, more readings than pixels
-over-determine image and background.
+every pattern, once divided by a known throughput; repeated exposures of one pattern are equal.
+Differences of successive sums are noise, nearly unaffected by slow drift. Where no exposure is
+repeated, more readings than pixels over-determine image and background.
 """
 
 from collections import defaultdict
@@ -52,7 +52,7 @@ def _surplus(plan: PatternPlan, usable: Mask) -> SparseRows:
         return matrix_of([], plan.exposures)
     seen = np.ones((readings.size, unknowns))
     for row, reading in enumerate(readings):
-        seen[row, :-1] = illumination(plan, int(reading)).ravel()
+        seen[row, :-1] = plan.factors[reading] * illumination(plan, int(reading)).ravel()
     left = np.linalg.qr(seen, mode="complete").Q[:, unknowns:].T
     rows = np.repeat(np.arange(len(left)), readings.size)
     columns = np.tile(readings, len(left))
@@ -125,10 +125,13 @@ def equal_sums(plan: PatternPlan, usable: Mask) -> list[list[Weights]]:
 
 
 def complements(plan: PatternPlan, usable: Mask) -> list[tuple[Weights, Weights]]:
-    """Mean of each pattern's usable readings and of its complement's, where both exist."""
+    """Mean of each pattern's usable readings and of its complement's, where both exist.
+
+    Both are divided by the pattern's throughput.
+    """
     readings = _by_pattern(plan, usable)
     pairs = [(plus, readings.get((k, -1))) for (k, sign), plus in readings.items() if sign == 1]
-    return [(_mean(plus), _mean(minus)) for plus, minus in pairs if minus]
+    return [(_mean(plan, plus), _mean(plan, minus)) for plus, minus in pairs if minus]
 
 
 def _by_pattern(plan: PatternPlan, usable: Mask) -> dict[tuple[int, int], list[int]]:
@@ -152,5 +155,5 @@ def _of_length_1(weights: Weights) -> Weights:
     return {reading: value / length for reading, value in weights.items()}
 
 
-def _mean(readings: list[int]) -> Weights:
-    return dict.fromkeys(readings, 1 / len(readings))
+def _mean(plan: PatternPlan, readings: list[int]) -> Weights:
+    return dict.fromkeys(readings, 1 / len(readings) / float(plan.factors[readings[0]]))

@@ -7,17 +7,16 @@ from trimesh.creation import icosphere, torus
 
 from reconstruction.base.arrays import Floats
 from spisim.scene.families import Family, Parameters, Pose, SceneBuilder, drawn, drawn_log, one_of
+from spisim_worlds.parts import vault
 from spisim_worlds.parts.natural import blob
 from spisim_worlds.parts.props import add_worker, cone, drum, gas_cylinder, pallet, tyre
 from spisim_worlds.parts.shapes import (
     Mesh,
     block,
-    grid_mesh,
     lathe,
     moved,
     prism,
     rod,
-    sheet,
     spread,
     tube,
     union,
@@ -25,7 +24,6 @@ from spisim_worlds.parts.shapes import (
 
 #: The tunnel starts this far behind the drone.
 START_M = -2.0
-NICHE_LENGTH_M, NICHE_HEIGHT_M = 1.2, 1.9
 
 
 class TunnelParameters(Parameters):
@@ -59,22 +57,24 @@ def build(parameters: TunnelParameters, rng: np.random.Generator) -> SceneBuilde
     position = (0.0, -rng.uniform(0.2, 0.45) * radius, rng.uniform(0.9, 1.3))
     ahead = 0.7 * parameters.length_m
     builder = SceneBuilder(position, (ahead, rng.uniform(0.3, 0.6) * radius, rng.uniform(0.8, 1.3)))
-    outline = _outline(parameters)
+    outline = vault.outline_of(parameters.profile, radius)
     positions = _niches(parameters, rng)
-    builder.mesh("lining", parameters.lining, _lining(parameters, outline, positions))
-    builder.mesh("ribs", "concrete", _ribs(parameters, outline))
+    lining = vault.lining(outline, START_M, parameters.length_m, positions)
+    builder.mesh("lining", parameters.lining, lining)
+    joints = np.arange(START_M + 0.3, parameters.length_m - 0.2, parameters.rib_spacing_m)
+    builder.mesh("ribs", "concrete", vault.ribs(outline, joints))
     length = parameters.length_m - START_M
     floor = (length, 2 * radius, 0.02)
     builder.box("floor", "concrete-weathered", floor, (START_M + length / 2, 0, -0.005))
     _ENDS[parameters.end](builder, parameters, rng)
     _pipes(builder, parameters, outline, rng)
     _tray(builder, parameters, outline, rng)
-    _lamps(builder, parameters)
-    _hanging(builder, parameters, rng)
+    _lamps(builder, parameters, outline)
+    _hanging(builder, parameters, outline, rng)
     _on_the_floor(builder, parameters, rng)
     _look_elsewhere(builder, parameters)
     _stores(builder, parameters, rng)
-    _frames(builder, parameters, rng)
+    _frames(builder, parameters, outline, rng)
     return builder
 
 
@@ -109,13 +109,15 @@ def _stores(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
             builder.mesh(name, material, spread(mesh, positions, turns, sizes))
 
 
-def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator) -> None:
+def _frames(
+    builder: SceneBuilder, parameters: TunnelParameters, outline: Floats, rng: np.random.Generator
+) -> None:
     """Add posts and a beam across every metre or two, as under rock pressure."""
     if not parameters.props:
         return
-    high, half = 0.92 * float(_outline(parameters)[:, 1].max()), 0.72 * parameters.radius_m
+    high, half = 0.92 * float(outline[:, 1].max()), 0.72 * parameters.radius_m
     wide = rng.uniform(0.1, 0.22)
-    high = min(high, float(np.interp(half, *_vault(parameters))) - 0.05)
+    high = min(high, float(np.interp(half, *vault.half_profile(outline))) - 0.05)
     frame = [block((wide, wide, high), (0, s * half, high / 2)) for s in (-1, 1)]
     frame.append(block((wide, 2 * half + wide, wide), (0, 0, high)))
     x = rng.uniform(1.8, 4) + np.arange(parameters.props) * rng.uniform(0.9, 3.0)
@@ -126,100 +128,11 @@ def _frames(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.
         builder.mesh("frames", material, spread(union(frame), positions, 0, 1))
 
 
-def _vault(parameters: TunnelParameters) -> tuple[Floats, Floats]:
-    """Return distances from the middle, ascending, and the height of the vault there."""
-    outline = _outline(parameters)
-    left = outline[: int(outline[:, 1].argmax()) + 1]
-    upper = left[left[:, 1] >= left[int(left[:, 0].argmax()), 1]][::-1]
-    return upper[:, 0], upper[:, 1]
-
-
-def _outline(parameters: TunnelParameters) -> Floats:
-    """Return points (n, 2), (y, z), of the vault from the floor on the left over the top.
-
-    A round tunnel is cut by its floor 0.6 radii below its middle; a horseshoe has upright walls.
-    """
-    radius = parameters.radius_m
-    if parameters.profile == "horseshoe":
-        arc = np.linspace(0, np.pi, 19)
-        vault = radius * np.column_stack([np.cos(arc), np.sin(arc)]) + (0, 0.55 * radius)
-        return np.vstack([[radius, 0], vault, [-radius, 0]])
-    if parameters.profile == "box":
-        high = max(1.25 * radius, 2.4)
-        wall = [(1.0, z) for z in np.linspace(0, 0.85, 13)]
-        half = np.array([*wall, (0.85, 1), (0.4, 1), (0, 1)]) * (radius, high)
-        return np.vstack([half, half[-2::-1] * (-1, 1)])
-    if parameters.profile == "oval":
-        arc, flat = np.linspace(-0.35, np.pi + 0.35, 41), max(0.75, 1.8 / radius)
-        outline = np.column_stack([np.cos(arc), flat * (np.sin(arc) + np.sin(0.35))])
-        return np.asarray(radius * outline)
-    low = np.arcsin(0.6)
-    arc = np.linspace(-low, np.pi + low, 25)
-    return np.asarray(radius * np.column_stack([np.cos(arc), np.sin(arc)]) + (0, 0.6 * radius))
-
-
-def _left_wall(outline: Floats, height: float) -> float:
-    """Return y of the left wall at a height."""
-    left = outline[: len(outline) // 2 + 1]
-    return float(np.interp(height, left[:, 1], left[:, 0]))
-
-
 def _niches(parameters: TunnelParameters, rng: np.random.Generator) -> list[float]:
     """Return starts of niches along x, separated from each other."""
-    slots = np.arange(2.5, parameters.length_m - NICHE_LENGTH_M - 0.3, NICHE_LENGTH_M + 0.6)
+    wide = vault.NICHE_LENGTH_M
+    slots = np.arange(2.5, parameters.length_m - wide - 0.3, wide + 0.6)
     return sorted(float(x) for x in rng.permutation(slots)[: parameters.niches])
-
-
-def _lining(parameters: TunnelParameters, outline: Floats, niches: list[float]) -> Mesh:
-    """Sheet along the outline, open where niches are, and the niches themselves."""
-    k = int(np.argmax(outline[:, 1] > NICHE_HEIGHT_M)) - 1
-    edges = [START_M, *(x + d for x in niches for d in (0.0, NICHE_LENGTH_M)), parameters.length_m]
-    parts = [_stretch(outline[k:], START_M, parameters.length_m)]
-    parts += [
-        _stretch(outline[: k + 1], a, b) for a, b in zip(edges[::2], edges[1::2], strict=True)
-    ]
-    for x in niches:
-        parts.append(_niche(outline[: k + 1], x, x + NICHE_LENGTH_M))
-    return union(parts)
-
-
-def _stretch(outline: Floats, start: float, end: float) -> Mesh:
-    lines = [np.column_stack([np.full(len(outline), x), outline]) for x in (start, end)]
-    return grid_mesh(np.stack(lines))
-
-
-def _niche(edge: Floats, start: float, end: float) -> Mesh:
-    """Walls, floor and head of a recess, 0.6 m deep, whose opening runs up along (y, z)."""
-    deep = edge[:, 0].max() + 0.6
-    (foot_y, bottom), (head_y, top) = edge[0], edge[-1]
-    floor = [
-        (start, foot_y, bottom),
-        (end, foot_y, bottom),
-        (end, deep, bottom),
-        (start, deep, bottom),
-    ]
-    back = [(start, deep, bottom), (end, deep, bottom), (end, deep, top), (start, deep, top)]
-    head = [(start, head_y, top), (end, head_y, top), (end, deep, top), (start, deep, top)]
-    sides = []
-    for x in (start, end):
-        front = np.column_stack([np.full(len(edge), x), edge])
-        behind = np.column_stack([front[:, 0], np.full(len(edge), deep), edge[:, 1]])
-        sides.append(grid_mesh(np.stack([front, behind])))
-    return union([sheet(floor), sheet(back), sheet(head), *sides])
-
-
-def _ribs(parameters: TunnelParameters, outline: Floats) -> Mesh:
-    """Bands across the vault, every joint of the lining."""
-    centre = np.array([0.0, outline[:, 1].mean()])
-    inner = centre + (outline - centre) * 0.975
-    parts = []
-    for x in np.arange(START_M + 0.3, parameters.length_m - 0.2, parameters.rib_spacing_m):
-        lines = [
-            np.column_stack([np.full(len(line), position), line])
-            for position, line in ((x, outline), (x, inner), (x + 0.15, inner), (x + 0.15, outline))
-        ]
-        parts.append(grid_mesh(np.stack(lines)))
-    return union(parts)
 
 
 def _bulkhead(
@@ -277,7 +190,7 @@ def _pipes(
     for i in range(parameters.pipes):
         radius = parameters.pipe_mm / 2000 * (1.0 if i == 0 else rng.uniform(0.35, 0.8))
         height += radius
-        y = min(_left_wall(outline, height + d) for d in (-radius, radius)) - radius - 0.1
+        y = min(vault.left_wall(outline, height + d) for d in (-radius, radius)) - radius - 0.1
         pipe = [rod((START_M, y, height), (end, y, height), radius, sections=16)]
         for x in np.arange(rng.uniform(1.5, 2.5), end, rng.uniform(1.8, 3.0)):
             pipe += [
@@ -312,7 +225,7 @@ def _tray(
 ) -> None:
     """Ladder tray on consoles at shoulder height, with cables that hang through between rungs."""
     z = 1.65
-    y = min(_left_wall(outline, z + d) for d in (-0.05, 0.15)) - 0.22
+    y = min(vault.left_wall(outline, z + d) for d in (-0.05, 0.15)) - 0.22
     end = parameters.length_m - 0.05
     rails = [
         block((end - START_M, 0.012, 0.06), ((end + START_M) / 2, y + d, z)) for d in (-0.15, 0.15)
@@ -337,9 +250,9 @@ def _tray(
     builder.mesh("cables", "rubber-black", union(cables))
 
 
-def _lamps(builder: SceneBuilder, parameters: TunnelParameters) -> None:
+def _lamps(builder: SceneBuilder, parameters: TunnelParameters, outline: Floats) -> None:
     """Bulkhead lamps in cages below the vault, and the conduit that feeds them."""
-    top = _outline(parameters)[:, 1].max() - 0.06
+    top = outline[:, 1].max() - 0.06
     glass = lathe([(0, -0.22), (0.05, -0.2), (0.07, -0.1), (0.07, 0.0), (0, 0.0)], sections=16)
     hoops = []
     for a in np.linspace(0, 2 * np.pi, 7)[:-1]:
@@ -353,9 +266,11 @@ def _lamps(builder: SceneBuilder, parameters: TunnelParameters) -> None:
     builder.mesh("conduit", "pvc", conduit)
 
 
-def _hanging(builder: SceneBuilder, parameters: TunnelParameters, rng: np.random.Generator) -> None:
+def _hanging(
+    builder: SceneBuilder, parameters: TunnelParameters, outline: Floats, rng: np.random.Generator
+) -> None:
     """Loose cables, either down from the vault or in a slack loop across the way."""
-    radius, top = parameters.radius_m, float(_outline(parameters)[:, 1].max())
+    radius, top = parameters.radius_m, float(outline[:, 1].max())
     wires = []
     eye, target = np.array(builder.position_m), np.array(builder.look_at_m)
     for i in range(parameters.hanging):

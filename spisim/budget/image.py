@@ -7,10 +7,11 @@ the patterns sample a fraction S. With the noise ν of each of K coefficients
 
     SNR of a coefficient = √(S N (C x̄)² / K) / ν
     noise of a pixel of the zero-filled image = ν √(K / N)
-    correlation of that image = √S / √(1 + 1 / SNR²)
+    correlation of that image = √S / √(1 + 1 / SNR² + t²)
 
-so below an SNR of 1 a flat image is nearer to the truth. Averaging F frames multiplies the SNR by
-√F. Not valid if the DC coefficient, shared by single-ended readings, is noisier than they are.
+with the unknown rms throughput t of patterns; below an SNR of 1 a flat image is nearer to the
+truth. Averaging F frames multiplies the SNR by √F. Not valid if the DC coefficient, shared by
+single-ended readings, is noisier than they are.
 """
 
 from dataclasses import dataclass
@@ -80,6 +81,7 @@ class ImageBudget:
     seen: float
     across: Resolution
     down: Resolution
+    throughput_rms: float = 0.0  # scatter of the patterns' throughput, unless captures state it
 
     @property
     def pixel_snr(self) -> float:
@@ -102,12 +104,14 @@ class ImageBudget:
         if wanted >= self.best_correlation or self.coefficient_snr < MIN_SNR:
             return None
         fraction = wanted / self.best_correlation
-        return max(ceil(fraction**2 / (1 - fraction**2) / self.coefficient_snr**2), 1)
+        left = 1 - fraction**2 * (1 + self.throughput_rms**2)
+        return max(ceil(fraction**2 / left / self.coefficient_snr**2), 1) if left > 0 else None
 
     def averaged_correlation(self, frames: int) -> float:
         """Correlation of the zero-filled mean of some frames."""
         power = frames * self.coefficient_snr**2
-        return self.best_correlation * float(np.sqrt(power / (1 + power)))
+        wrong = power * (1 + self.throughput_rms**2)
+        return self.best_correlation * float(np.sqrt(power / (1 + wrong)))
 
 
 def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
@@ -146,6 +150,7 @@ def image_budget(instrument: Instrument, target: Target) -> ImageBudget:
         seen=seen,
         across=across,
         down=down,
+        throughput_rms=float(np.std(instrument.recorded_plans[0].factors / plan.factors)),
     )
 
 
@@ -172,7 +177,7 @@ def image_warnings(instrument: Instrument, target: Target) -> list[str]:
 def _coefficient_variance(instrument: Instrument, decoder: Decoder, all_on: NoiseBudget) -> Floats:
     """Variance (K,) of coefficients, electrons², from that of a reading with all pixels on."""
     plan, dark = instrument.pattern_plan, instrument.imaging.projector.dark_level
-    lit = dark + (1 - dark) * expose(plan, np.full(plan.shape, 1 / plan.pixels))
+    lit = dark * plan.factors + (1 - dark) * expose(plan, np.full(plan.shape, 1 / plan.pixels))
     steady = sum(float(value) for name, value in all_on.variances.items() if name != "signal")
     return decoder.own_variance(float(all_on.variances["signal"]) * lit + steady)
 

@@ -108,6 +108,7 @@ def _picture(budget: ImageBudget, frame_time_s: float, correlation: float | None
         "pixel_snr": budget.pixel_snr,
         "correlation": budget.correlation,
         "best_correlation": budget.best_correlation,
+        "throughput_rms": budget.throughput_rms,
         "frames_to_average": frames,
         "averaging_time_s": None if frames is None else frames * frame_time_s,
         "averaged_correlation": averaged,
@@ -202,6 +203,7 @@ def _noise_table(sides: Mapping[str, Mapping[str, Any]]) -> ReportTable:
 
 def _image_table(image: Mapping[str, Any]) -> ReportTable:
     across, down = image["gratings"]["across"], image["gratings"]["down"]
+    rms = image["throughput_rms"]
     frames, time_s = image["frames_to_average"], image["averaging_time_s"]
     averaged = "none are enough" if frames is None else f"{frames} ({_short(1e3 * time_s)} ms)"
     correlations = f"{image['correlation']:.2f} ({image['best_correlation']:.2f})"
@@ -211,6 +213,7 @@ def _image_table(image: Mapping[str, Any]) -> ReportTable:
         ("signal over noise of a coefficient", _short(image["coefficient_snr"])),
         ("signal over noise of a pixel, zero-filled", _short(image["pixel_snr"])),
         ("correlation, zero-filled (without noise)", correlations),
+        *([("unknown throughput of patterns, rms", f"{100 * rms:.2g} %")] if rms else []),
         (f"frames to average for {image['averaged_correlation']:.2f}", averaged),
         ("faintest grating seen, contrast", _contrast(across["contrast"][0])),
         (

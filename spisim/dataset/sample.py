@@ -21,6 +21,7 @@ from reconstruction.base.errors import InputError, explain
 from reconstruction.base.files import write_atomically
 from reconstruction.base.timing import timed
 from spisim.base.config import dump_yaml, load_yaml, parse_model
+from spisim.base.exr import write_exr
 from spisim.dataset.folder import Layout, Origin, done, fingerprint
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, Sample
@@ -31,7 +32,6 @@ from spisim.scene.load_context import SceneCache
 from spisim.simulation import Simulation, simulate
 from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
-from spisim.transport.picture import write_exr
 
 _one_at_a_time = Lock()  # catch_warnings acts on the whole process
 _cache = SceneCache()

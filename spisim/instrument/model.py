@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -12,7 +13,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
 from reconstruction.base.arrays import Floats
-from reconstruction.base.display import drawing, figure, html_summary, text_summary
+from reconstruction.base.display import html_summary, text_summary
 from reconstruction.base.errors import InputError
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.operators import NO_PATTERN, PatternPlan, mean_illumination
@@ -28,6 +29,7 @@ from spisim.base.config import (
 )
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.detector import BucketDetector, Detector
+from spisim.instrument.display import facts, field_picture
 from spisim.instrument.fitting import BAND_POINTS, Imaging, Ranging, misfits, missing_parts
 from spisim.instrument.parts import Filter, Lasers, Plan, Projector, Spectrum
 from spisim.instrument.tofs import AnyTof
@@ -128,25 +130,7 @@ class Instrument(Section):
         return Ranging(beams, self.tof)
 
     def _repr_html_(self) -> str:
-        size, spots = np.zeros(2), np.zeros((0, 2))
-        if self.images:
-            projector = self.imaging.projector
-            size = np.array([projector.tan_half_width, projector.tan_half_height])
-        if self.ranges:
-            directions = self.ranging.lasers.directions
-            spots = directions[:, :2] / directions[:, 2:] * (1, -1)
-        wide = 1.1 * float(np.abs(np.vstack([size, spots, [1e-3, 0]])).max())
-        line = f'stroke-width="{wide / 100:.4g}"'
-        (x, y), (width, height) = -size, 2 * size
-        drawn = [
-            f'<rect x="{x:.5g}" y="{y:.5g}" width="{width:.5g}" height="{height:.5g}" {line}/>'
-        ]
-        drawn += [
-            f'<circle cx="{x:.5g}" cy="{y:.5g}" r="{wide / 30:.4g}" stroke="crimson" {line}/>'
-            for x, y in spots
-        ]
-        field = figure(drawing(drawn, (-wide, -wide), (wide, wide)), "field, and spots in red")
-        return html_summary("Instrument", self._facts, [field])
+        return html_summary("Instrument", self._facts, [field_picture(*self._sides)])
 
     def __repr__(self) -> str:
         return text_summary("Instrument", self._facts)
@@ -155,24 +139,12 @@ class Instrument(Section):
 
     @property
     def _facts(self) -> dict[str, Any]:
-        facts: dict[str, Any] = {"wavelength": f"{self.wavelength_nm:g} nm"}
-        if self.images:
-            (projector, _, detector, _), plan = self.imaging, self.pattern_plan
-            shape = f"{plan.shape[0]} × {plan.shape[1]}"
-            facts |= {
-                "patterns": f"{plan.sampled} of {shape} pixels, {plan.basis}",
-                "projector": f"{projector.power_w:g} W over {projector.fov_deg:g}°",
-                "detector": f"{detector.sensor.type}, {detector.field_of_view_deg:g}°",
-            }
-        facts["frame"] = f"{1e3 * self.frame_time_s:.4g} ms"
-        if self.ranges:
-            (lasers, tof), zones = self.ranging, self.ranging.zones
-            facts["lasers"] = f"{self.ranging.spots} × {1e3 * lasers.power_w:g} mW"
-            if zones is not None:
-                facts["zones"] = "{} × {} under {:g} W".format(*zones.shape, zones.power_w)
-                del facts["lasers"]
-            facts["ranging"] = tof.method
-        return facts
+        return facts(self.wavelength_nm, self.frame_time_s, self.pattern_plan, *self._sides)
+
+    @property
+    def _sides(self) -> tuple[Imaging | None, Ranging | None]:
+        """The parts that make the image and those that range; None where there are none."""
+        return self.imaging if self.images else None, self.ranging if self.ranges else None
 
     @property
     def text(self) -> str:
@@ -247,6 +219,14 @@ class Instrument(Section):
         if not self.images:
             return (NO_PATTERN,)
         return self.imaging.plan.cycle(self.imaging.projector.shape)
+
+    @property
+    def recorded_plans(self) -> tuple[PatternPlan, ...]:
+        """The same as captures state them: without throughput, unless it is calibrated."""
+        known = self.plan is None or self.plan.throughput is None or self.plan.throughput.stated
+        return tuple(
+            each if known else replace(each, throughput=None) for each in self.pattern_plans
+        )
 
     def __copy__(self) -> Self:
         """A copy without the cached patterns: it may get another plan."""
@@ -365,8 +345,7 @@ class Instrument(Section):
         errors = missing_parts(dict(self)) or misfits(
             self.filter,
             self.wavelength_nm,
-            self.imaging if self.images else None,
-            self.ranging if self.ranges else None,
+            *self._sides,
             lambda: self.pattern_plans,
         )
         if errors:

@@ -36,6 +36,7 @@ from reconstruction.operators import (
     interleaved,
     make_plan,
     plan_of_rows,
+    with_throughput,
 )
 from spisim.base.config import Count, NonNegative, Number, Positive, Section, not_a_truth_value
 from spisim.base.config.files import check_is_there, read_npy
@@ -170,6 +171,25 @@ RowNumber = Annotated[int, BeforeValidator(not_a_truth_value), Field(ge=0)]
 MAX_INTERLEAVED = 256
 
 
+class Throughput(Section):
+    """Light that a pattern and its complement pass, relative to the mean: a list, or drawn."""
+
+    factors: tuple[Positive, ...] | None = None
+    """One for each pattern, in the order of exposure; their mean is scaled to 1."""
+    edges: Annotated[Number, Field(ge=0, le=0.5)] = 0.0
+    """Fraction lost by a pattern of which all neighbouring pixels differ."""
+    spread: Annotated[Number, Field(ge=0, le=0.3)] = 0.0
+    """Rms spread by chance."""
+    seed: Annotated[int, Field(ge=0)] = 0
+    """Seed of the spread."""
+    stated: bool = False
+    """Whether captures state the throughput, as calibrated; otherwise it is to be found."""
+
+    def of(self, plan: PatternPlan) -> PatternPlan:
+        """The plan with this throughput; InputError if a list does not fit."""
+        return with_throughput(plan, **self.model_dump(exclude={"stated"}))
+
+
 class Plan(Section):
     """The patterns exposed: the first of an order, or those of an `index`, one by one.
 
@@ -200,6 +220,8 @@ class Plan(Section):
     """Frames until patterns repeat."""
     common: Annotated[Number, Field(ge=0, le=1)] = 0.5
     """Fraction of the patterns that all frames of a cycle expose."""
+    throughput: Throughput | None = None
+    """Light that patterns pass; all the same by default."""
 
     def cycle(self, shape: tuple[int, int]) -> tuple[PatternPlan, ...]:
         """Plans of successive frames, repeated; InputError if there are none."""
@@ -217,6 +239,10 @@ class Plan(Section):
 
     def of_shape(self, shape: tuple[int, int]) -> PatternPlan:
         """The plan for patterns of this shape; InputError if there is none."""
+        plan = self._exposed(shape)
+        return plan if self.throughput is None else self.throughput.of(plan)
+
+    def _exposed(self, shape: tuple[int, int]) -> PatternPlan:
         basis = self._basis(shape)
         if self.index is not None:
             return plan_of_rows(basis, self.index, self.polarity, self.layout or "natural")

@@ -3,14 +3,12 @@
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import TransportWarning
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.path_bins import NEAR_PATH_M
 from spisim.transport.picture import CAMERA_OFFSET_M, camera_view, fine_view
 from spisim.transport.raycaster import RayCaster
 from spisim.transport.truth import GroundTruth, ground_truth, ground_truths
 
 __all__ = [
     "CAMERA_OFFSET_M",
-    "NEAR_PATH_M",
     "GroundTruth",
     "Outputs",
     "PathLengthBins",

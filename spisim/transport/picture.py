@@ -1,15 +1,11 @@
-"""Pictures of a camera at the instrument's wavelength, and OpenEXR files."""
+"""Pictures of a camera at the instrument's wavelength."""
 
-import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import OpenEXR
 from numpy.typing import NDArray
 
-from reconstruction.base.files import mark, write_atomically
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
@@ -164,22 +160,3 @@ def camera_at(
     pose[:3, 3] += pose[:3, :3] @ np.asarray(position_m)
     tan_half = projector.tan_half_width if fov_deg is None else np.tan(np.radians(fov_deg) / 2)
     return ProjectorView(pose, (height, width), tan_half, tan_half * height / width)
-
-
-def write_exr(
-    path: str | Path,
-    kind: str,
-    channels: Mapping[str, NDArray[np.floating]],
-    attributes: Mapping[str, str] | None = None,
-) -> None:
-    """Write (H, W) channels as float32, with the `kind` of the file and text attributes.
-
-    The file appears whole or not at all. Raises OSError where it cannot be written.
-    """
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    maker = {"Software": mark(kind)}  # precedes all other names
-    pixels = {name: np.ascontiguousarray(image, np.float32) for name, image in channels.items()}
-    with tempfile.TemporaryDirectory() as folder:
-        draft = Path(folder) / "draft.exr"  # OpenEXR writes to paths only
-        OpenEXR.File(header | maker | dict(attributes or {}), pixels).write(str(draft))
-        write_atomically(path, draft.read_bytes())

@@ -1,95 +1,31 @@
 """Falling drops against the medium that they are on average, and against one drop at a time."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.constants import c
 
-import spisim
 import worlds
+from rainfall import (
+    FOG_PER_M,
+    LENGTHS,
+    NEAR_M,
+    WALL_M,
+    drops,
+    instrument,
+    one_drop,
+    one_exposure,
+    pixel_rays,
+)
 from reconstruction.operators import illumination
 from spisim.atmosphere.precipitation import rain
-from spisim.instrument import Instrument
-from spisim.simulation.light import LightSequence, Transport
-from spisim.simulation.measurement import bucket_light, record
-from spisim.transport.drops import falling_drops, on_buckets, on_spots
-from spisim.transport.drops.discs import disc_points, on_the_way_out, passing
-from spisim.transport.drops.echo import echo
+from spisim.simulation.drops import on_buckets, on_spots
+from spisim.simulation.drops.discs import disc_points, on_the_way_out, passing
+from spisim.simulation.drops.echo import echo
+from spisim.simulation.light import LightSequence
 from spisim.transport.views import DetectorView
 
 SEEDS = 100
-WALL_M = 3.0
-NEAR_M = 0.4
-FOG_PER_M = 0.05
-LENGTHS = np.arange(400) * 0.02
-
-
-def instrument(
-    patterns=1,
-    detectors=((0.05, 0.02, 0.0),),
-    shape=(16, 16),
-    lasers=None,
-    tof_fov_deg=1.2,
-    **projector,
-):
-    """The paper's, with a narrower field, few patterns and beams of some width."""
-    fields = spisim.load_instrument("paper").model_dump(exclude_none=True)
-    fields["projector"] |= {"shape": shape, "fov_deg": 8, **projector}
-    fields["plan"] |= {"patterns": patterns}
-    fields["detector"]["positions_m"] = detectors
-    directions = [(-2, 2), (2, 2), (-2, -2), (2, -2)]
-    fields["lasers"] |= {"directions_deg": directions, "waist_mm": 2.0, "divergence_mrad": 0.5}
-    fields["lasers"] |= lasers or {}
-    fields["tof"]["detector"] |= {"field_of_view_deg": tof_fov_deg}
-    return Instrument.model_validate(fields)
-
-
-def depths(one, depth_m=WALL_M):
-    """A wall across the optical axis, as ground truth of it."""
-    return SimpleNamespace(
-        depth_m=np.full(one.projector.shape, depth_m),
-        spot_range_m=depth_m / one.lasers.directions[:, 2],
-    )
-
-
-def drops(one, falling, seed=0, fog_per_m=0.0, frames=1):
-    position = worlds.scene(worlds.plane(WALL_M), extinction_per_m=fog_per_m)
-    scene = replace(position, precipitation=(falling,))
-    return falling_drops(scene, one, [depths(one)], frames, np.random.default_rng(seed))
-
-
-def one_drop(one, position_m, diameter_mm, **options):
-    """A single drop that hangs in the air."""
-    (all_of_them,) = drops(one, rain(10.0, near_m=0.05, far_m=0.2), **options)
-    field = all_of_them.field
-    hanging = replace(
-        field,
-        starts_m=np.array([position_m], float),
-        velocities_m_s=np.zeros((1, 3)),
-        diameters_mm=np.array([diameter_mm], float),
-        box=np.array([[-9.0, -9.0, -9.0], [9.0, 9.0, 9.0]]),
-    )
-    return (replace(all_of_them, field=hanging, precipitation=rain(10.0)),)
-
-
-def one_exposure(one, falling, pictures, electrons):
-    """Change (windows,) of the exposure that shows all pixels."""
-    still = LightSequence(np.zeros(1), ()).between(np.zeros((1, one.pattern_plan.exposures)))
-    windows = np.asarray(pictures)[:, None]
-    return on_buckets(
-        falling, windows, still, electrons, lambda length: np.ones((len(windows), len(length)))
-    )[:, 0, 0]
-
-
-def pixel_rays(one, fine=1):
-    """Rays (n, 3) of depth 1 through the centres of pixels, or of their parts."""
-    projector = one.projector
-    height, width = (side * fine for side in projector.shape)
-    x = (2 * (np.arange(width) + 0.5) / width - 1) * projector.tan_half_width
-    y = (2 * (np.arange(height) + 0.5) / height - 1) * projector.tan_half_height
-    return np.stack([*np.meshgrid(x, y), np.ones((height, width))], axis=-1).reshape(-1, 3)
 
 
 @pytest.mark.parametrize(
@@ -346,75 +282,6 @@ def test_a_drop_in_a_laser_beam_casts_a_shadow_and_a_glint():
     assert echo @ LENGTHS / echo.sum() == pytest.approx(range_m + distance, rel=1e-9)
 
 
-def readings(one, *falling, frames=1, seed=0):
-    """Mean electrons of a wall, all pixels alike, with drops before it."""
-    position = replace(worlds.scene(worlds.plane(WALL_M)), precipitation=falling)
-    noise = np.random.default_rng(seed)
-    return bucket_light(
-        one,
-        LightSequence(np.zeros(1), (transport(one),)),
-        frames,
-        falling_drops(position, one, [depths(one)], frames, noise),
-    ).buckets
-
-
-def transport(one):
-    image = np.full(one.projector.shape, 1e-9)
-    return Transport(
-        image=image,
-        image_error=0 * image,
-        spot_histogram=np.zeros((4, 400)),
-        spot_histogram_error=np.zeros((4, 400)),
-        path_length_m=LENGTHS,
-        daylight_w=0.0,
-        daylight_error_w=0.0,
-        spot_daylight_w=np.zeros(4),
-        spot_daylight_error_w=np.zeros(4),
-        spot_crosstalk_w=np.zeros(4),
-        spot_crosstalk_error_w=np.zeros(4),
-        noise_share=0.0,
-        spot_noise_share=0.0,
-        dropped=0,
-        paths=0,
-        seconds=0.0,
-        extra={},
-    )
-
-
-def test_flicker_grows_with_the_rain():
-    """Equal patterns differ from frame to frame, the more the harder it rains."""
-    one = instrument(pattern_rate_hz=200.0, patterns=3)
-    still = readings(one)
-    flicker = []
-    for rate in (3.0, 100.0):
-        spread = readings(one, rain(rate, near_m=0.2, far_m=4.0), frames=40) / still - 1
-        flicker.append(spread[:, :-1].var(ddof=1))
-    # By area, drops of 100 mm/h are 9 times those of 3 mm/h; 120 readings tell 2 from 1.
-    assert flicker[1] > 2 * flicker[0] > 0
-
-
-def test_taps_share_what_drops_do_to_the_bucket():
-    """Four windows of a quarter period collect all of it; an echo has the phase of its path."""
-    modulation = {"frequencies_hz": [15e6], "light": "sine", "contrast": 1.0}
-    one = instrument(patterns=3, modulation=modulation)
-    light = transport(one)
-    orders = len(one.tap_frequencies_hz)
-    phasors = np.zeros((orders, *light.image.shape), complex)
-    dark = replace(light, image=0 * light.image, extra={"phasors": phasors})
-    still = LightSequence(np.zeros(1), (dark,))
-    position, diameter = np.array([0.01, 0.02, 1.5]), 3.0
-    wet, dry = (
-        bucket_light(one, still, 1, weather) for weather in (one_drop(one, position, diameter), ())
-    )
-    echo = wet.taps[0, 0] - dry.taps[0, 0]
-    np.testing.assert_allclose(echo.sum(), wet.buckets[0, 0] - dry.buckets[0, 0], rtol=1e-6)
-    length = np.linalg.norm(position) + np.linalg.norm(position - one.detector.positions_m[0])
-    phase = np.arctan2(echo[1] - echo[3], echo[0] - echo[2])
-    amplifier = one.detector.amplifier
-    offset = one.projector.modulation.phase_offset_rad(15e6, amplifier.response)
-    assert phase - offset == pytest.approx(2 * np.pi * 15e6 * length / c, rel=1e-3)
-
-
 def test_drops_and_flakes_hide_one_after_the_other():
     """What passes both is the product; their echoes add up."""
     one = instrument()
@@ -443,21 +310,3 @@ def test_drops_and_flakes_hide_one_after_the_other():
     np.testing.assert_allclose(both.passed, alone[0].passed * alone[1].passed, rtol=1e-12)
     np.testing.assert_allclose(both.echo, alone[0].echo + alone[1].echo, rtol=1e-12)
     assert both.passed.min() < 0.99
-
-
-def test_rain_in_a_recording():
-    """The same seed gives the same drops, another one others; without noise too."""
-    one = instrument(patterns=8)
-    position = worlds.scene(worlds.plane(WALL_M))
-    rainy = replace(position, precipitation=(rain(50.0),))
-    light = LightSequence(np.zeros(1), (transport(one),))
-    truth = spisim.transport.ground_truth(position, one)
-
-    def counts(scene, seed):
-        return record(scene, one, light, [truth], seed=seed, noise=False, frames=2).buckets.counts
-
-    np.testing.assert_array_equal(counts(rainy, 1), counts(rainy, 1))
-    assert not np.array_equal(counts(rainy, 1), counts(rainy, 2))
-    dry = counts(position, 1)
-    np.testing.assert_array_equal(dry[0], dry[1])
-    assert not np.array_equal(counts(rainy, 1)[0], counts(rainy, 1)[1])

@@ -89,7 +89,7 @@ def test_light_of_a_wall_alone_has_the_derivative_of_its_attenuation():
     ids=["extinction", "albedo"],
 )
 def test_derivatives_are_those_of_finite_differences(weight, changed):
-    step = 0.05
+    step = 0.02
     low, high = room(**changed(-step)), room(**changed(step))
     here, off = room(), []
     for seed in SEEDS:
@@ -134,5 +134,7 @@ def test_the_light_itself_is_untouched_by_weights():
 
 
 def test_weighted_light_that_cannot_be_summed_is_refused():
-    with pytest.raises(InputError, match="huge: weights of paths are too large to be summed"):
+    with pytest.raises(
+        InputError, match=r"huge: \d+ paths have a weight of more than 4096; this is too far"
+    ):
         traced(room(), 1, [Score("huge", 1e20, 0.0)])

@@ -8,9 +8,9 @@ from error_coverage import LIMITS, coverage, student_coverage
 
 import worlds
 from spisim.atmosphere import fog
+from spisim.simulation.light.stated_error import BINS, PIXELS, image_error, moderated
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.sampling import MIN_LAUNCHES, PathBudget
-from spisim.transport.stated_error import BINS, PIXELS, image_error, moderated
 from spisim.transport.world import build_world
 
 VIEW = worlds.projector()

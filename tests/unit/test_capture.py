@@ -128,7 +128,8 @@ def test_every_dataset_is_documented_with_its_units(capture, path):
     page = FORMAT_PAGE.read_text(encoding="utf-8")
     rows = dict(re.findall(r"^\| `(\w+/\w+)` \|[^|]*\|[^|]*\| ([^|]+) \|", page, re.MULTILINE))
     stored = {}
-    dense = replace(capture.plan, patterns=Dense(np.ones((32, 4, 8))))
+    patterns = Dense(np.ones((32, 4, 8)))
+    dense = replace(capture.plan, patterns=patterns, throughput=np.ones(32))
     for method in READINGS:
         spots = make_spots(method)
         spots = replace(spots, pointing=np.tile(spots.directions, (capture.frames, 1, 1)))

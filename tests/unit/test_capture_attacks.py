@@ -253,7 +253,7 @@ def test_a_recorder_can_make_the_digest(path, monkeypatch):
 
 def test_a_file_of_this_version_without_its_digest_is_refused(path):
     path.write_bytes(bytes(512) + path.read_bytes()[512:])
-    with pytest.raises(InputError, match=r"version 4\.0, but without its digest"):
+    with pytest.raises(InputError, match=r"version 4\.1, but without its digest"):
         read_capture(path)
 
 

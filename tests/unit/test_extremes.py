@@ -14,8 +14,8 @@ from reconstruction.base.errors import InputError
 from spisim.dataset.flight import instants
 from spisim.scene import Scene, check_clear_path, draw_scene, load_trajectory, make_scene
 from spisim.scene.motion import check_clear_of_sensor
+from spisim.simulation.drops.field import drop_field
 from spisim.transport import ground_truth, truth
-from spisim.transport.drops.field import drop_field
 
 WALL = "{name: w, shape: box, size_m: [0.1, 8, 8], material: concrete, translate_m: [4, 0, 0]"
 

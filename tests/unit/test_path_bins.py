@@ -5,9 +5,9 @@ from functools import partial
 import numpy as np
 import pytest
 
+from spisim.simulation.light.path_bins import BIN_WIDTH_M, LONGEST_PATH_M, NEAR_PATH_M, spot_bins
 from spisim.transport.backend import activate
 from spisim.transport.engine.tally import Contribution, HistogramTally, PathLengthBins, Tallies
-from spisim.transport.path_bins import BIN_WIDTH_M, LONGEST_PATH_M, NEAR_PATH_M, spot_bins
 
 # isort: split
 import mitsuba as mi

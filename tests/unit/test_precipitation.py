@@ -18,7 +18,7 @@ from spisim.atmosphere.precipitation import rain, snow
 from spisim.atmosphere.sections.rain import Rain
 from spisim.atmosphere.snow import flake_albedo
 from spisim.budget.wavelengths import WAVELENGTHS_NM
-from spisim.transport.drops import drop_field
+from spisim.simulation.drops import drop_field
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,7 @@
 """What light says of its own dependence on the fog, and what is refused."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -51,13 +52,27 @@ def test_other_fog_is_carried_by_most_paths_and_goes_on_from_the_derivative(ligh
     assert image.sum() == pytest.approx(first_order.sum(), rel=0.25)
 
 
-def test_fog_too_far_away_is_refused():
-    scene = foggy()
-    other = OtherFog.of(scene, 8.0)
+def test_fog_that_few_paths_carry_is_refused():
+    light = SimpleNamespace(
+        image=np.ones(4),
+        extra={
+            "image_in_2_times_the_fog": np.ones(4),
+            "image_in_2_times_the_fog_squared": np.full(4, 5.0),
+        },
+    )
+    other = OtherFog.of(foggy(), 2.0)
+    assert other.carried(light) == pytest.approx(0.2)
+    with pytest.raises(InputError, match=r"2 times the extinction is too far .*: 20% of the paths"):
+        other.image(light)
+
+
+def test_fog_far_away_is_refused_in_the_pass():
+    other = OtherFog.of(foggy(), 8.0)
     outputs = Outputs(weights=other.weights)
-    transport = solve(scene, spisim.load_instrument("paper"), spp=4, outputs=outputs)
-    with pytest.raises(InputError, match=r"8 times the extinction is too far .* of the paths"):
-        other.image(transport)
+    with pytest.raises(
+        InputError, match=r"in_8_times_the_fog.*too far from the fog that was traced"
+    ):
+        solve(foggy(), spisim.load_instrument("paper"), spp=4, outputs=outputs)
 
 
 @pytest.mark.parametrize(

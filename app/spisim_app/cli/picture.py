@@ -62,8 +62,8 @@ def command(
     from reconstruction import InputError
     from reconstruction.base.files import require_outputs
     from reconstruction.operators import illumination
+    from spisim.base.exr import write_exr
     from spisim.transport import CAMERA_OFFSET_M, camera_view
-    from spisim.transport.picture import write_exr
     from spisim_app.report.pictures import view_scale, write_png
 
     size_bytes = BYTES_PER_PIXEL * width * height

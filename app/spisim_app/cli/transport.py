@@ -75,7 +75,7 @@ def command(
     are the units.
     """
     from reconstruction.base.files import require_outputs
-    from spisim.simulation.light import solve
+    from spisim.simulation.light import NEAR_PATH_M, solve
     from spisim.simulation.light.files import (
         fog_channels,
         light_channels,
@@ -83,7 +83,7 @@ def command(
         write_truth,
     )
     from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
-    from spisim.transport import NEAR_PATH_M, Outputs, PathLengthBins, ground_truth
+    from spisim.transport import Outputs, PathLengthBins, ground_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
     require_outputs(files, files_read(scene, instrument), overwrite=overwrite)

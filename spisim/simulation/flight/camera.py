@@ -188,7 +188,7 @@ class Camera:
 
     def _setup(self, frame: Frames) -> Setup:
         none = frame.between(0, 0)
-        plan, *following_plans = self.instrument.pattern_plans
+        plan, *following_plans = self.instrument.recorded_plans
         return Setup(
             plan=plan,
             optics=recorded_optics(self.instrument),

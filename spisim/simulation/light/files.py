@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
+from spisim.base.exr import write_exr
 from spisim.simulation.light.sensitivity import OtherFog, Sensitivity
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
-from spisim.transport.picture import write_exr
 from spisim.transport.truth import GroundTruth
 
 #: Units of channels and arrays that are not plain numbers.

@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.solve import Transport
-from spisim.transport.drops import Interpolation
 
 #: Decimal places of coordinates in steps, so that rounding errors require no further node.
 ROUNDING = 6

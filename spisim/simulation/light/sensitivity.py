@@ -111,7 +111,7 @@ class OtherFog:
         if not 0 < ratio < np.inf:
             raise InputError(f"ratio = {ratio:g}: must be positive and finite")
         sigma = scene.atmosphere.extinction_per_m
-        name = f"at_{ratio:.6g}"
+        name = f"in_{ratio:.6g}_times_the_fog"
         square = ExtinctionRatio(f"{name}_squared", ratio, sigma, power=2)
         return cls(ratio, (ExtinctionRatio(name, ratio, sigma), square))
 

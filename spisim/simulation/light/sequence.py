@@ -11,8 +11,8 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene, check_clear_of_sensor
+from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.solve import Transport, solve
-from spisim.transport.drops import Interpolation
 from spisim.transport.engine.outputs import Outputs
 
 #: Solutions per frame of a scene that moves; between them the light is interpolated linearly.

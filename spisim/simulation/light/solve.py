@@ -13,7 +13,10 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
+from spisim.simulation.light.extra import extra_light, weighted_light
 from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
+from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -23,8 +26,6 @@ from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudge
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
-from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
-from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
@@ -49,7 +50,7 @@ class Transport:
     Without lasers the arrays of spots have length 0; without a projector `image` is one dark pixel.
 
     `*_error` are standard errors of the Monte Carlo estimate; those of pixels and bins are smoothed
-    over their neighbours (`spisim.transport.stated_error`). `extra` has what `Outputs` asked for:
+    over their neighbours (see `stated_error`). `extra` has what `Outputs` asked for:
     `phasors` (F, H, W), complex; `cube` (H, W, bins) and `cube_path_length_m` (bins,); and, split
     into unscattered, single and multiple, `orders` (3, H, W) of the image, `phasor_orders`
     (3, F, H, W), `cube_orders` (3, H, W, bins) and `spot_orders` (3, spots, bins).
@@ -60,7 +61,7 @@ class Transport:
     #: (spots, bins): fraction of a laser's, or the flood's, power on its detector's aperture.
     spot_histogram: Floats
     spot_histogram_error: Floats
-    #: (bins,): whole optical path, emitter to detector; see `spisim.transport.path_bins`.
+    #: (bins,): whole optical path, emitter to detector; see `spisim.simulation.light.path_bins`.
     path_length_m: Floats
     daylight_w: float  # in-band power of sun and sky on the bucket detectors' apertures
     daylight_error_w: float
@@ -185,8 +186,8 @@ def solve(
         dropped=image.dropped + spots.dropped + dropped,
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=_extra(outputs, image.mean if instrument.images else None, spots.mean, shape)
-        | _weighted(outputs, image if instrument.images else None, spots, shape),
+        extra=extra_light(outputs, image.mean if instrument.images else None, spots.mean, shape)
+        | weighted_light(outputs, image if instrument.images else None, spots, shape),
     )
 
 
@@ -352,57 +353,6 @@ def steady_light(
 def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
     """Light of a source on one aperture that makes as many electrons as the dark current, W."""
     return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
-
-
-def _extra(
-    outputs: Outputs,
-    image: Mapping[str, Floats] | None,
-    spots: Mapping[str, Floats],
-    shape: tuple[int, int],
-) -> dict[str, NDArray[Any]]:
-    """All recorded light besides the image, with pixels as rows and columns."""
-    extra: dict[str, NDArray[Any]] = {}
-    if outputs.orders:
-        extra["spot_orders"] = spots["histogram_orders"]
-    if image is None:
-        return extra
-    if outputs.orders:
-        extra["orders"] = image["image_orders"].reshape(-1, *shape)
-    if outputs.frequencies_hz:
-        extra["phasors"] = _phasors(image["phasors"], shape)
-        if outputs.orders:
-            extra["phasor_orders"] = _phasors(image["phasors_orders"], shape)
-    if outputs.bins is not None:
-        extra["cube"] = image["histogram"].reshape(*shape, -1)
-        extra["cube_path_length_m"] = outputs.bins.centres_m
-        if outputs.orders:
-            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, outputs.bins.count)
-    return extra
-
-
-def _weighted(
-    outputs: Outputs, image: Estimate | None, spots: Estimate, shape: tuple[int, int]
-) -> dict[str, NDArray[Any]]:
-    """Sums of weighted light of pixels and spots, and their standard errors."""
-    extra: dict[str, NDArray[Any]] = {}
-    for weight in outputs.weights:
-        for estimate, sums, name, form in (
-            (image, "image", "image", shape),
-            (spots, "histogram", "spot_histogram", None),
-        ):
-            if estimate is not None and f"{sums}_{weight.name}" in estimate.mean:
-                for kind, ending in ((estimate.mean, ""), (estimate.error, "_error")):
-                    values = kind[f"{sums}_{weight.name}"]
-                    extra[f"{name}_{weight.name}{ending}"] = (
-                        values if form is None else values.reshape(form)
-                    )
-    return extra
-
-
-def _phasors(parts: Floats, shape: tuple[int, int]) -> NDArray[np.complex128]:
-    """Complex images (..., F, H, W) from real and imaginary parts (..., H·W, F, 2)."""
-    values = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
-    return values.reshape(*values.shape[:-1], *shape)
 
 
 def _part(

@@ -11,13 +11,13 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.instrument.steering import Doubt, Pointing
 from spisim.scene import Scene
+from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.lattice import LatticeLight
+from spisim.simulation.light.path_bins import BIN_WIDTH_M
 from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
 from spisim.simulation.light.solve import Transport, spot_fields, streams_of, trace_spots
 from spisim.transport.backend import with_backend
-from spisim.transport.drops import Interpolation
 from spisim.transport.glints import warn_of_glints
-from spisim.transport.path_bins import BIN_WIDTH_M
 from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import build_world
 

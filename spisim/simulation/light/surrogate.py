@@ -29,6 +29,7 @@ from scipy.constants import c
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.simulation.light.sequence import LightSequence, at_key_times
 from spisim.simulation.light.solve import (
     Transport,
@@ -36,13 +37,12 @@ from spisim.simulation.light.solve import (
     steady_light,
     streams_of,
 )
+from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.simulation.light.steered import by_view
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
-from spisim.transport.path_bins import BIN_WIDTH_M, spot_bins
-from spisim.transport.stated_error import image_error, spot_error
 from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import World, build_world
 

@@ -15,13 +15,13 @@ from reconstruction.capture.importers import capture_from_spots
 from spisim.base.config import dump_yaml
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.simulation.drops import falling_drops
 from spisim.simulation.light import Light, Steered
 from spisim.simulation.measurement.buckets import record_buckets
 from spisim.simulation.measurement.electronics import Memory
 from spisim.simulation.measurement.light import BucketLight, bucket_light, no_light, pixel_electrons
 from spisim.simulation.measurement.spots import spot_light
 from spisim.transport import GroundTruth
-from spisim.transport.drops import falling_drops
 from spisim.version import __version__
 
 
@@ -50,7 +50,7 @@ def record(
     readings, mean = record_frames(
         scene, instrument, light, truths, streams, noise=noise, frames=frames, steered=steered
     )
-    plan, *following_plans = instrument.pattern_plans[:frames]
+    plan, *following_plans = instrument.recorded_plans[:frames]
     return Capture(
         plan=plan,
         following_plans=tuple(following_plans),

@@ -12,6 +12,7 @@ from reconstruction.operators import expose
 from spisim.instrument import Instrument, Modulation
 from spisim.instrument.demodulation import PICTURE_HARMONICS
 from spisim.instrument.model import Source
+from spisim.simulation.drops import FallingDrops, Interpolation, on_buckets
 from spisim.simulation.light import Light, Transport
 from spisim.simulation.measurement.electronics import (
     Memory,
@@ -19,7 +20,6 @@ from spisim.simulation.measurement.electronics import (
     slow_part,
     with_carry_over,
 )
-from spisim.transport.drops import FallingDrops, Interpolation, on_buckets
 
 #: Phases at which the windows of taps are tabulated for light of any path length.
 PHASES = 721
@@ -179,7 +179,8 @@ def _readings(
     plans = instrument.pattern_plans
     for turn in range(min(len(plans), len(readings))):
         plan = plans[(first + turn) % len(plans)]
-        light = (1 - dark) * expose(plan, images) + dark * total + steady[:, None]  # (keys, M)
+        leaked = dark * total * plan.factors
+        light = (1 - dark) * expose(plan, images) + leaked + steady[:, None]  # (keys, M)
         frames = slice(turn, None, len(plans))
         nearby = light[between.keys[frames], np.arange(plan.exposures)[:, None]]
         readings[frames] += (between.fractions[frames] * nearby).sum(axis=-1)

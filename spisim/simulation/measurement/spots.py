@@ -7,8 +7,8 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument, SpotLight
+from spisim.simulation.drops import FallingDrops, on_spots
 from spisim.simulation.light import Light, Transport
-from spisim.transport.drops import FallingDrops, on_spots
 
 
 def spot_light(

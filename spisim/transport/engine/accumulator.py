@@ -16,6 +16,8 @@ from spisim.transport.jit import Bool, Float, UInt
 QUANTUM_PER_M2 = 2.0**-48
 #: Sums are exact below this limit, the power that a white wall 3 mm away returns.
 MAX_SUM_PER_M2 = 2.0**15
+#: Maximum of weights by which contributions are multiplied.
+MAX_WEIGHT = 2.0**12
 #: The limit is checked in coarser units, rounded up: only 2^30 contributions above the limit could
 #: wrap the check.
 COARSE_PER_M2 = 2.0**-16
@@ -57,13 +59,17 @@ class Check:
         dr.scatter_reduce(dr.ReduceOp.Add, self._coarse, amount, index, active)
         return active & finite
 
-    def read(self) -> int:
-        """Number of non-finite contributions; InputError if a sum is too large to be exact."""
+    def read(self, *, weighted: bool = False) -> int:
+        """Number of non-finite contributions; InputError if a sum is too large to be exact.
+
+        Sums of `weighted` contributions, up to `MAX_WEIGHT` times as large, must be exact, too.
+        """
+        limit = MAX_SUM_PER_M2 / (MAX_WEIGHT if weighted else 1)
         coarse = self._coarse.numpy()
         largest = float(coarse[:-1].max()) * COARSE_PER_M2
-        if largest >= MAX_SUM_PER_M2:
+        if largest >= limit:
             raise InputError(
-                f"light of {largest:.3g} per m² of detector; less than {MAX_SUM_PER_M2:g} can be "
+                f"light of {largest:.3g} per m² of detector; less than {limit:g} can be "
                 "summed: a surface, or fog in front of a tiny aperture, is too close to source and "
                 "detector"
             )

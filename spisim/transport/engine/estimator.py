@@ -167,7 +167,7 @@ def spot_histogram(
     kinds = [histograms, *weighted([histograms], path_weights)]
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
-        tallies = Tallies(count, kinds, replicas)
+        tallies = Tallies(count, kinds, replicas, weighted=bool(path_weights))
         near = Beams.of(world, beams, int(samples))
         far = Detectors.of(detectors, int(samples))
         rays = near.times(SPOT_RAYS)

@@ -64,7 +64,8 @@ class Outputs:
             kinds.append(partial(HistogramTally, bins=self.bins))
         if self.orders:
             kinds = [partial(OrderTally, make=kind) for kind in kinds]
-        return Tallies(cells, [*kinds, *weighted(kinds, self.weights)], replicas)
+        every = [*kinds, *weighted(kinds, self.weights)]
+        return Tallies(cells, every, replicas, weighted=bool(self.weights))
 
 
 def weighted(kinds: Sequence[MakeTally], weights: Sequence[PathWeight]) -> list[MakeTally]:

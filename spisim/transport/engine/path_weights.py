@@ -22,7 +22,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
-from spisim.transport.engine.accumulator import Check
+from spisim.transport.engine.accumulator import MAX_WEIGHT
 from spisim.transport.engine.tally import Contribution, MakeTally
 from spisim.transport.jit import Float, UInt
 
@@ -72,30 +72,29 @@ class ExtinctionRatio:
 
 
 class WeightedTally:
-    """Another tally of weighted light, behind a check of what can be summed."""
+    """Another tally of weighted light; weights beyond `MAX_WEIGHT` are refused in the end."""
 
     def __init__(self, cells: int, make: MakeTally, weight: PathWeight) -> None:
         self._tally, self._name, self._of_path = make(cells), weight.name, weight.compiled()
-        self._check = Check(cells)
+        self._beyond = dr.zeros(mi.UInt32, 1)
 
     def add(self, light: Contribution) -> None:
-        value = light.value * self._of_path(light.scatterings, light.length_m)
-        passed = self._check.passed(value, light.length_m, light.cell, light.active)
-        self._tally.add(light._replace(value=value, active=passed))
+        weight = self._of_path(light.scatterings, light.length_m)
+        size: Float = dr.abs(weight)
+        usable = size <= MAX_WEIGHT
+        dr.scatter_reduce(dr.ReduceOp.Add, self._beyond, 1, 0, light.active & ~usable)
+        self._tally.add(light._replace(value=light.value * weight, active=light.active & usable))
 
     @cached_property
-    def _can_be_summed(self) -> bool:
-        try:
-            return self._check.read() == 0
-        except InputError:  # of light itself it would say that a surface is too close
-            return False
+    def _paths_beyond(self) -> int:
+        return int(self._beyond.numpy()[0])
 
     def read(self, part: int, parts: int) -> Mapping[str, Floats]:
-        """See `Tally`; InputError if weighted light is too large to be summed."""
-        if not self._can_be_summed:
+        """See `Tally`; InputError if paths have weights too large to be summed."""
+        if self._paths_beyond:
             raise InputError(
-                f"{self._name}: weights of paths are too large to be summed; this is too far from "
-                "the fog that was traced"
+                f"{self._name}: {self._paths_beyond} paths have a weight of more than "
+                f"{MAX_WEIGHT:g}; this is too far from the fog that was traced"
             )
         sums = self._tally.read(part, parts)
         return {f"{name}_{self._name}": values for name, values in sums.items()}

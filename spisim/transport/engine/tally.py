@@ -207,8 +207,10 @@ class OrderTally:
 class Tallies:
     """All tallies of one launch, behind a check of what can be summed."""
 
-    def __init__(self, cells: int, kinds: Sequence[MakeTally], replicas: int = 1) -> None:
-        self._cells, self._replicas = cells, replicas
+    def __init__(
+        self, cells: int, kinds: Sequence[MakeTally], replicas: int = 1, *, weighted: bool = False
+    ) -> None:
+        self._cells, self._replicas, self._weighted = cells, replicas, weighted
         self._tallies = [kind(replicas * cells) for kind in kinds]
         self._check = Check(replicas * cells)
 
@@ -220,7 +222,7 @@ class Tallies:
 
     def read(self, area_m2: float) -> Sums:
         """Sums over detectors of this area; InputError if a sum is too large to be exact."""
-        dropped = self._check.read()
+        dropped = self._check.read(weighted=self._weighted)
         return Sums(self._values(area_m2), dropped)
 
     def _values(self, area_m2: float) -> Iterator[Mapping[str, Floats]]:

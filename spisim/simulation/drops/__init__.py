@@ -5,9 +5,9 @@ change to the light traced without it: drops block light on its way out and back
 of it into the detectors, once.
 """
 
-from spisim.transport.drops.beams import on_spots
-from spisim.transport.drops.buckets import Interpolation, on_buckets
-from spisim.transport.drops.falling import FallingDrops, falling_drops
-from spisim.transport.drops.field import drop_field
+from spisim.simulation.drops.beams import on_spots
+from spisim.simulation.drops.buckets import Interpolation, on_buckets
+from spisim.simulation.drops.falling import FallingDrops, falling_drops
+from spisim.simulation.drops.field import drop_field
 
 __all__ = ["FallingDrops", "Interpolation", "drop_field", "falling_drops", "on_buckets", "on_spots"]

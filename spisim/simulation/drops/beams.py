@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from scipy.special import chndtr
 
 from reconstruction.base.arrays import Floats
-from spisim.transport.drops.echo import echo
-from spisim.transport.drops.falling import FallingDrops
-from spisim.transport.drops.field import DropField
+from spisim.simulation.drops.echo import echo
+from spisim.simulation.drops.falling import FallingDrops
+from spisim.simulation.drops.field import DropField
 
 #: Standard deviations from the axis beyond which a beam is negligible.
 MAX_SIGMAS = 6.0

@@ -9,7 +9,7 @@ from reconstruction.base.arrays import Floats
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.transport.drops.field import DropField, drop_field
+from spisim.simulation.drops.field import DropField, drop_field
 from spisim.transport.truth import GroundTruth
 from spisim.transport.views import InstrumentView
 

@@ -8,16 +8,16 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import illumination
-from spisim.transport.drops.discs import (
+from spisim.simulation.drops.discs import (
     Fractions,
     disc_points,
     on_the_way_back,
     on_the_way_out,
     passing,
 )
-from spisim.transport.drops.echo import echo
-from spisim.transport.drops.falling import FallingDrops
-from spisim.transport.drops.field import DropField
+from spisim.simulation.drops.echo import echo
+from spisim.simulation.drops.falling import FallingDrops
+from spisim.simulation.drops.field import DropField
 
 
 class Interpolation(NamedTuple):
@@ -90,6 +90,7 @@ def on_buckets(
         fields = [_in_view(one, frame) for one in drops]
         for exposure, time_s in enumerate(times_s[frame]):
             lit = dark + (1 - dark) * illumination(plan, exposure).ravel().astype(np.float64)
+            lit *= plan.factors[exposure]
             nearby = pictures[:, between.keys[frame, exposure]]
             picture = np.tensordot(nearby, between.fractions[frame, exposure], (1, 0))
             left = np.ones(lit.size)

@@ -6,7 +6,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere.drop_optics import Scatterer
-from spisim.transport.drops.discs import length
+from spisim.simulation.drops.discs import length
 from spisim.transport.views import DetectorView
 
 

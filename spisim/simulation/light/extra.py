@@ -1,0 +1,62 @@
+"""All recorded light besides image and histograms, with pixels as rows and columns."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from reconstruction.base.arrays import Floats
+from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.sampling import Estimate
+
+
+def extra_light(
+    outputs: Outputs,
+    image: Mapping[str, Floats] | None,
+    spots: Mapping[str, Floats],
+    shape: tuple[int, int],
+) -> dict[str, NDArray[Any]]:
+    """All recorded light besides the image, with pixels as rows and columns."""
+    extra: dict[str, NDArray[Any]] = {}
+    if outputs.orders:
+        extra["spot_orders"] = spots["histogram_orders"]
+    if image is None:
+        return extra
+    if outputs.orders:
+        extra["orders"] = image["image_orders"].reshape(-1, *shape)
+    if outputs.frequencies_hz:
+        extra["phasors"] = _phasors(image["phasors"], shape)
+        if outputs.orders:
+            extra["phasor_orders"] = _phasors(image["phasors_orders"], shape)
+    if outputs.bins is not None:
+        extra["cube"] = image["histogram"].reshape(*shape, -1)
+        extra["cube_path_length_m"] = outputs.bins.centres_m
+        if outputs.orders:
+            extra["cube_orders"] = image["histogram_orders"].reshape(-1, *shape, outputs.bins.count)
+    return extra
+
+
+def weighted_light(
+    outputs: Outputs, image: Estimate | None, spots: Estimate, shape: tuple[int, int]
+) -> dict[str, NDArray[Any]]:
+    """Sums of weighted light of pixels and spots, and their standard errors."""
+    extra: dict[str, NDArray[Any]] = {}
+    for weight in outputs.weights:
+        for estimate, sums, name, form in (
+            (image, "image", "image", shape),
+            (spots, "histogram", "spot_histogram", None),
+        ):
+            if estimate is not None and f"{sums}_{weight.name}" in estimate.mean:
+                for kind, ending in ((estimate.mean, ""), (estimate.error, "_error")):
+                    values = kind[f"{sums}_{weight.name}"]
+                    extra[f"{name}_{weight.name}{ending}"] = (
+                        values if form is None else values.reshape(form)
+                    )
+    return extra
+
+
+def _phasors(parts: Floats, shape: tuple[int, int]) -> NDArray[np.complex128]:
+    """Complex images (..., F, H, W) from real and imaginary parts (..., H·W, F, 2)."""
+    values = np.moveaxis(parts[..., 0] + 1j * parts[..., 1], -1, -2)
+    return values.reshape(*values.shape[:-1], *shape)
