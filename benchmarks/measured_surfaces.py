@@ -28,9 +28,10 @@ FIRST_BIN, BINS = 3000, 4001
 #: What the truth of either surface is less than the mean of its photons.
 TRUTH_OFFSETS = 0.0, -100.0
 MIN_PHOTONS = 5
-#: Photons so near the truth are a surface's, and returns so near are that surface.
+#: Returns so near the truth are that surface.
 NEAR_BINS = 150.0
 #: The response in bins about the first surface, and its step; what is later is another reflection.
+#: Photons within it about the truth are a surface's.
 RESPONSE_BINS, RESPONSE_STEP = (-95.0, 80.0), 5.0
 #: No photon hides another: pixels have a hundredth of a photon per pulse at most.
 CYCLES = 10**6
@@ -45,8 +46,9 @@ class Surfaces:
 
     def near(self, pixel: int, surface: int) -> Floats:
         """Photons of a surface."""
-        times = self.times[pixel]
-        return times[np.abs(times - self.truth[pixel, surface]) < NEAR_BINS]
+        since = self.times[pixel] - self.truth[pixel, surface]
+        within = (since > RESPONSE_BINS[0]) & (since < RESPONSE_BINS[1])
+        return self.times[pixel][within]
 
 
 def read_surfaces(folder: Path) -> Surfaces:
