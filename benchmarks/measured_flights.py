@@ -31,7 +31,8 @@ VALID = 5, 6, 9
 #: In flight; the wall ahead, met within its panel.
 MIN_HEIGHT_M, MAX_OFF_DEG, PANEL_M = 0.15, 20.0, (0.5, 0.5)
 RANGES_M = 0.2, 4.0
-#: Light on the wall: of 2 to 8 klx, that with which the first flight's frames agree best.
+#: Light on the wall is unknown: of 4 to 6 klx this agrees best with the first flight, and the
+#: figures of all three flights were in view when it was chosen.
 REFLECTANCE, KLX = 0.5, 4.0
 PATH_STEP_M, MAX_PATH_M = 0.01, 10.0
 
