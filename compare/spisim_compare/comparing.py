@@ -1,0 +1,114 @@
+"""Compare two captures of what should be the same."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from reconstruction.base.arrays import Floats, Mask
+from reconstruction.base.errors import InputError
+from reconstruction.capture import Capture
+
+from .causes import Causes
+from .gaussian import Covariance
+from .judging import Difference, Verdict, judge
+from .light_error import with_light_error
+from .midpoint import Midpoint
+from .patterns import common_noise
+from .same import check_comparable
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Two captures side by side.
+
+    Attributes
+    ----------
+    verdict
+        Whether they differ, and why.
+    z
+        Difference of each reading (n,) over its standard deviation, real less simulated, nan where
+        a reading is not usable; first those of patterns, then those of spots.
+    names
+        Name of each reading.
+    usable
+        Which readings (n,) count.
+    midpoint
+        The captures and what lies half way between them.
+    """
+
+    verdict: Verdict
+    z: Floats
+    remainder: Floats
+    names: list[str]
+    usable: Mask
+    midpoint: Midpoint
+
+
+def compare(real: Capture, simulated: Capture) -> Comparison:
+    """Compare two captures.
+
+    Parameters
+    ----------
+    real, simulated
+        Captures of the same patterns and spots; the means over their frames are compared. If one is
+        a simulation, the error of its light counts as noise.
+
+    Returns
+    -------
+    Comparison
+        The test of equality, causes that explain a difference, and the readings behind it.
+
+    Raises
+    ------
+    InputError
+        If the captures are not comparable, or the noise of both is unknown.
+    """
+    check_comparable(real, simulated)
+    midpoint = Midpoint.of(real, simulated)
+    values, noise, usable = _difference(midpoint)
+    if not usable.any():
+        raise InputError("no reading is usable in both captures: all are saturated")
+    patterns = int(usable[: midpoint.patterns.size].sum())
+    difference = Difference(values[usable], noise.only(usable), patterns, _no(usable))
+    causes = [each.only(usable) for each in Causes(midpoint)()]
+    verdict = judge(difference, causes)
+    z, remainder = np.full((2, usable.size), np.nan)
+    z[usable] = difference.values / np.sqrt(difference.noise.total)
+    remainder[usable] = verdict.remainder
+    return Comparison(verdict, z, remainder, _names(midpoint), usable, midpoint)
+
+
+def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
+    """Difference of all readings (n,), its covariance, and which are usable."""
+    one, other = midpoint.means
+    values, usable = [one.value - other.value], [one.usable & other.usable]
+    if not midpoint.simulated.plan.shows_image:
+        usable[0] = np.zeros_like(usable[0])
+    variances, factors = [common_noise(one, other)], []
+    spots = midpoint.spots
+    if spots is not None:
+        values.append(spots.means[0].value - spots.means[1].value)
+        variances.append(spots.variance)
+        usable.append(spots.usable)
+    noise = Covariance(np.concatenate(variances), np.zeros((sum(map(len, values)), 0)))
+    for capture in (midpoint.real, midpoint.simulated):
+        noise = with_light_error(noise, capture, midpoint)
+    return np.concatenate(values), noise, np.concatenate(usable)
+
+
+def _no(usable: Mask) -> Floats:
+    return np.zeros((int(usable.sum()), 0))
+
+
+def _names(midpoint: Midpoint) -> list[str]:
+    sign = {1: "on", -1: "complement", 0: "difference"}
+    plans = midpoint.simulated.setup.plans
+    names = [
+        f"exposure {k}, pattern {index} {sign[polarity]}"
+        + (f", plan {turn}" if len(plans) > 1 else "")
+        for turn, plan in enumerate(plans)
+        for k, (index, polarity) in enumerate(
+            zip(plan.index.tolist(), plan.polarity.tolist(), strict=True)
+        )
+    ]
+    return names + ([] if midpoint.spots is None else midpoint.spots.names)

@@ -1,0 +1,191 @@
+"""Whether two recordings differ by more than their noise, and which causes explain it.
+
+Under the hypothesis that they are equal, the difference d of n readings is normal with a known
+covariance C, and d^T C^-1 d follows chi-squared of n. A cause with directions G (n, k) predicts
+d = G theta; its score statistic follows chi-squared of k and detects small changes of one kind that
+drown in the noise of many readings. An alarm is raised where the smallest of these probabilities,
+times their number (Bonferroni), is below `ALARM`.
+
+Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. Sets of
+causes are compared by -2 ln of the likelihood at its maximum plus k ln n (G. Schwarz, Ann. Stat. 6,
+461 (1978)), with `PER_CAUSE` for each cause more.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
+from scipy.stats import chi2
+
+from reconstruction.base.arrays import Floats
+
+from .causes import Cause
+from .gaussian import Covariance, Fit, least_squares
+
+ALARM = 0.01
+"""Probability of an alarm where nothing differs."""
+PER_CAUSE = 8.0
+"""By how much a further cause must lower the criterion."""
+MAX_CAUSES = 3
+ITERATIONS = 6
+ALL_OF_IT = "power"
+"""The cause that contains the others of its family."""
+
+
+@dataclass(frozen=True, eq=False)
+class Difference:
+    """Difference of readings (n,), the first ``patterns`` of patterns, and its covariance.
+
+    ``always`` (n, k) are directions that the recordings leave open and are fitted in any case.
+    """
+
+    values: Floats
+    noise: Covariance
+    patterns: int
+    always: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Explained:
+    """A cause with its parameters and their standard errors, (k,), and the change (n,) it makes.
+
+    ``gain`` is by how much the criterion grows without it.
+    """
+
+    cause: Cause
+    theta: Floats
+    sigma: Floats
+    change: Floats
+    gain: float
+
+
+@dataclass(frozen=True, eq=False)
+class Verdict:
+    """Result of a comparison.
+
+    ``probabilities`` are those of the tests of equality by name, ``probability`` that of all
+    together. ``explained`` are the causes, the strongest first; none without an alarm.
+    ``remainder`` (n,) is the difference less their changes, over its standard deviation, and
+    ``rest`` its probability.
+    """
+
+    chi_squared: float
+    freedom: int
+    probabilities: dict[str, float]
+    probability: float
+    explained: tuple[Explained, ...]
+    remainder: Floats
+    rest: float
+
+    @property
+    def alarm(self) -> bool:
+        """Whether the recordings differ."""
+        return self.probability < ALARM
+
+
+def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
+    """Test for equality, and name causes if it fails."""
+    equal = least_squares(difference.values, difference.always, difference.noise)
+    freedom = difference.values.size - np.linalg.matrix_rank(difference.always)
+    tests = {"all readings": float(chi2.sf(equal.chi_squared, freedom))}
+    for cause in causes:
+        fit = _plain(difference, [cause])
+        gained = max(equal.chi_squared - fit.chi_squared, 0.0)
+        rank = _rank(difference, [cause])
+        if rank:
+            tests[cause.name] = float(chi2.sf(gained, rank))
+    probability = min(1.0, min(tests.values()) * len(tests))
+    chosen: tuple[Explained, ...] = ()
+    sigma = np.sqrt(difference.noise.total)
+    remainder, rest = equal.remainder / sigma, tests["all readings"]
+    if probability < ALARM:
+        best = _best(difference, causes)
+        chosen = _explained(difference, best)
+        remainder = best.fit.remainder / sigma
+        rest = float(chi2.sf(best.fit.chi_squared, max(freedom - best.fit.theta.size, 1)))
+    return Verdict(equal.chi_squared, freedom, tests, probability, chosen, remainder, rest)
+
+
+@dataclass(frozen=True, eq=False)
+class _Hypothesis:
+    """A set of causes, its fit and the criterion."""
+
+    causes: tuple[Cause, ...]
+    fit: Fit
+    criterion: float
+
+
+def _best(difference: Difference, causes: Sequence[Cause]) -> _Hypothesis:
+    fits = [_hypothesis(difference, each) for each in _sets(difference, causes)]
+    return min(fits, key=lambda each: each.criterion)
+
+
+def _sets(difference: Difference, causes: Sequence[Cause]) -> Iterator[tuple[Cause, ...]]:
+    """Sets of at least one cause that can be told apart."""
+    yield ()
+    for size in range(1, MAX_CAUSES + 1):
+        for some in combinations(causes, size):
+            names = {each.name for each in some}
+            family = [each for each in some if each.family == ALL_OF_IT]
+            if ALL_OF_IT in names and len(family) > 1:
+                continue
+            if _rank(difference, some) == sum(len(each.parameters) for each in some):
+                yield some
+
+
+def _rank(difference: Difference, causes: Sequence[Cause]) -> int:
+    """Number of parameters that the readings determine beside those that are always open."""
+    columns = np.hstack([difference.always, *(each.directions for each in causes)])
+    lengths = np.linalg.norm(columns, axis=0)
+    columns = columns / np.where(lengths > 0, lengths, 1)
+    return int(np.linalg.matrix_rank(columns, 1e-6) - np.linalg.matrix_rank(difference.always))
+
+
+def _plain(difference: Difference, causes: Sequence[Cause]) -> Fit:
+    columns = np.hstack([difference.always, *(each.directions for each in causes)])
+    return least_squares(difference.values, columns, difference.noise)
+
+
+def _hypothesis(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
+    """Fit with the errors of the causes, which grow with their size."""
+    fit, noise = _plain(difference, causes), difference.noise
+    for _ in range(ITERATIONS):
+        noise = difference.noise
+        for cause, theta in zip(causes, _parts(difference, causes, fit.theta), strict=True):
+            noise = _with_errors(noise, cause, theta, difference.patterns)
+        columns = np.hstack([difference.always, *(each.directions for each in causes)])
+        fit = least_squares(difference.values, columns, noise)
+    n = difference.values.size
+    criterion = fit.chi_squared + noise.log_determinant - difference.noise.log_determinant
+    criterion += fit.theta.size * np.log(n) + PER_CAUSE * len(causes)
+    return _Hypothesis(causes, fit, float(criterion))
+
+
+def _parts(difference: Difference, causes: Sequence[Cause], theta: Floats) -> list[Floats]:
+    """Parameters of each cause."""
+    ends = difference.always.shape[1] + np.cumsum([0, *(len(each.parameters) for each in causes)])
+    return [theta[start:stop] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+
+
+def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) -> Covariance:
+    change = cause.directions @ theta
+    size = float(np.linalg.norm(theta))
+    loose = np.zeros_like(change)
+    for block in (slice(None, patterns), slice(patterns, None)):
+        if change[block].size:
+            loose[block] = cause.loose**2 * float(np.mean(change[block] ** 2))
+    return replace(noise, variance=noise.variance + loose).plus([size * cause.unsure])
+
+
+def _explained(difference: Difference, best: _Hypothesis) -> tuple[Explained, ...]:
+    offset = difference.always.shape[1]
+    sigma = np.sqrt(np.diag(best.fit.covariance))[offset:]
+    sigmas = _parts(replace(difference, always=difference.always[:, :0]), best.causes, sigma)
+    explained = []
+    for number, theta in enumerate(_parts(difference, best.causes, best.fit.theta)):
+        cause = best.causes[number]
+        without = tuple(each for each in best.causes if each is not cause)
+        gain = _hypothesis(difference, without).criterion - best.criterion
+        explained.append(Explained(cause, theta, sigmas[number], cause.directions @ theta, gain))
+    return tuple(sorted(explained, key=lambda each: -each.gain))
