@@ -9,14 +9,16 @@ from reconstruction.base.arrays import Floats, Mask
 from .midpoint import Midpoint
 from .patterns import constant, exposed
 
+FACTOR = "factor"
+"""Parameter that is a relative change of the mean of both captures."""
 SURFACES_DIMMED = 0.3
 """Damping of the image per that of single paths: light that fog scatters forward still arrives."""
 SURFACES_UNSURE = 0.15
-ECHO_UNSURE = 0.2
+ECHO_UNSURE = 0.15
 """Relative error of the fog's echo: kinds of droplets, and light scattered more than once."""
 SPOT_UNSURE = 0.1
 """Relative error of the change of a spot's readings by fog."""
-DAYLIGHT_UNSURE = 0.5
+DAYLIGHT_UNSURE = 0.15
 """Relative change of steady light per relative change of extinction."""
 MIN_EXTINCTION_PER_M = 0.005
 TURNED_UNSURE = 0.35
@@ -31,7 +33,8 @@ class Cause:
 
     ``unsure`` (n, r) are standard deviations per unit of the norm of all parameters: what the cause
     changes, but by an amount that is not known. ``loose`` are relative errors of the change of all
-    readings of patterns, and of all those of spots. Causes of one ``family`` are kinds of one
+    readings of patterns, and of all those of spots; ``level`` is the value half way of what
+    the parameter changes, if known. Causes of one ``family`` are kinds of one
     thing.
     """
 
@@ -41,6 +44,7 @@ class Cause:
     directions: Floats
     unsure: Floats
     loose: float = 0.0
+    level: float = np.nan
 
     def only(self, readings: Mask) -> "Cause":
         """The cause on some of the readings."""
@@ -83,13 +87,13 @@ class Causes:
             projector = self._both(
                 (self._at.patterns - self._on * self._at.background)[:, None], None
             )
-            causes.append(Cause("projector power", "power", ("factor",), projector, nothing))
+            causes.append(Cause("projector power", "power", (FACTOR,), projector, nothing))
         if self._at.spots is not None:
             lasers = self._both(None, self._at.spots.echo[:, None])
             unsure = self._both(None, self._at.spots.echo_unsure)
-            causes.append(Cause("laser power", "power", ("factor",), lasers, unsure))
+            causes.append(Cause("laser power", "power", (FACTOR,), lasers, unsure))
         if projector is not None and lasers is not None:
-            causes.append(Cause("power", "power", ("factor",), projector + lasers, unsure))
+            causes.append(Cause("power", "power", (FACTOR,), projector + lasers, unsure))
         return causes
 
     def _steady(self) -> list[Cause]:
@@ -131,7 +135,10 @@ class Causes:
             unsure.append(self._both(None, steady))
         if not main.any():
             return None
-        return Cause("fog", "fog", ("extinction_per_m",), main, np.hstack(unsure), SPOT_UNSURE)
+        level = np.nan if self._at.fog is None else self._at.fog.extinction_per_m
+        return Cause(
+            "fog", "fog", ("extinction_per_m",), main, np.hstack(unsure), SPOT_UNSURE, level
+        )
 
     def _pointing(self) -> Cause | None:
         optics = self._at.simulated.optics

@@ -42,6 +42,7 @@ class ChargeModel:
         self.variance = self.means[0].variance + self.means[1].variance
         self.usable = self.means[0].usable & self.means[1].usable
         self.names = _names(simulated)
+        self.spot = np.repeat(np.arange(shape[0]), shape[1])
 
     @property
     def between(self) -> Spots:

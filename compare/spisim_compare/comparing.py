@@ -1,47 +1,21 @@
 """Compare two captures of what should be the same."""
 
-from dataclasses import dataclass
-
 import numpy as np
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats, Mask
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture
 
 from .causes import Causes
+from .comparison import Comparison
 from .gaussian import Covariance
-from .judging import Difference, Verdict, judge
+from .judging import Difference, judge
 from .light_error import with_light_error
 from .midpoint import Midpoint
+from .noise import noise_of
 from .patterns import common_noise
 from .same import check_comparable
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
-    """Two captures side by side.
-
-    Attributes
-    ----------
-    verdict
-        Whether they differ, and why.
-    z
-        Difference of each reading (n,) over its standard deviation, real less simulated, nan where
-        a reading is not usable; first those of patterns, then those of spots.
-    names
-        Name of each reading.
-    usable
-        Which readings (n,) count.
-    midpoint
-        The captures and what lies half way between them.
-    """
-
-    verdict: Verdict
-    z: Floats
-    remainder: Floats
-    names: list[str]
-    usable: Mask
-    midpoint: Midpoint
 
 
 def compare(real: Capture, simulated: Capture) -> Comparison:
@@ -75,7 +49,45 @@ def compare(real: Capture, simulated: Capture) -> Comparison:
     z, remainder = np.full((2, usable.size), np.nan)
     z[usable] = difference.values / np.sqrt(difference.noise.total)
     remainder[usable] = verdict.remainder
-    return Comparison(verdict, z, remainder, _names(midpoint), usable, midpoint)
+    return Comparison(
+        verdict,
+        z,
+        remainder,
+        _names(midpoint),
+        _groups(midpoint),
+        _pictures(midpoint),
+        f"{simulated.buckets.unit}s",
+        _facts(midpoint),
+        noise_of({"real": real, "simulated": simulated}, midpoint.means, midpoint.spots),
+    )
+
+
+def _groups(midpoint: Midpoint) -> tuple[NDArray[np.intp], list[str]]:
+    """Patterns are a group, and so is each spot."""
+    patterns = np.zeros(midpoint.patterns.size, np.intp)
+    if midpoint.spots is None:
+        return patterns, ["patterns"]
+    of_spots = midpoint.spots.spot + 1
+    names = [f"spot {spot}" for spot in range(int(of_spots.max()))]
+    return np.concatenate([patterns, of_spots]), ["patterns", *names]
+
+
+def _pictures(midpoint: Midpoint) -> dict[str, Floats]:
+    """Image of each capture and their difference; none without an image."""
+    if not midpoint.simulated.plan.shows_image:
+        return {}
+    real, simulated = midpoint.images
+    return {"real": real, "simulated": simulated, "real less simulated": real - simulated}
+
+
+def _facts(midpoint: Midpoint) -> dict[str, str]:
+    facts = {
+        "frames": f"{midpoint.real.frames} real, {midpoint.simulated.frames} simulated",
+        **midpoint.simulated.setup.facts,
+    }
+    if midpoint.fog is not None:
+        facts["extinction"] = f"{midpoint.fog.extinction_per_m:.3g} /m"
+    return facts
 
 
 def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
@@ -84,7 +96,7 @@ def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
     values, usable = [one.value - other.value], [one.usable & other.usable]
     if not midpoint.simulated.plan.shows_image:
         usable[0] = np.zeros_like(usable[0])
-    variances, factors = [common_noise(one, other)], []
+    variances = [common_noise(one, other)]
     spots = midpoint.spots
     if spots is not None:
         values.append(spots.means[0].value - spots.means[1].value)

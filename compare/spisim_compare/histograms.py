@@ -36,8 +36,9 @@ class HistogramModel:
         counts = [each.counts.sum(axis=0, dtype=np.float64) for each in (real, simulated)]
         cycles = [each.pulses * len(each.counts) for each in (real, simulated)]
         self._sum, self._cycles = counts[0] + counts[1], cycles[0] + cycles[1]
-        groups = [_groups(each) for each in self._sum]
+        groups = [joined_bins(each) for each in self._sum]
         self._group = groups
+        self.spot = np.repeat(np.arange(len(groups)), [group.max() + 1 for group in groups])
         pooled, _ = coates(self._sum, self._cycles)
         self._rate = pooled
         self.value = self._joined(pooled)
@@ -146,7 +147,7 @@ class HistogramModel:
         )
 
 
-def _groups(counts: Floats) -> NDArray[np.intp]:
+def joined_bins(counts: Floats) -> NDArray[np.intp]:
     """Number of the group of each bin (B,), in order, each with enough counts."""
     group, number, so_far = np.zeros(counts.size, np.intp), 0, 0.0
     for k, each in enumerate(counts):

@@ -172,9 +172,11 @@ def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) 
     change = cause.directions @ theta
     size = float(np.linalg.norm(theta))
     loose = np.zeros_like(change)
-    for block in (slice(None, patterns), slice(patterns, None)):
-        if change[block].size:
-            loose[block] = cause.loose**2 * float(np.mean(change[block] ** 2))
+    of_patterns, of_spots = change[:patterns], change[patterns:]
+    if of_patterns.size:  # what all share is in `unsure`
+        loose[:patterns] = cause.loose**2 * float(np.var(of_patterns))
+    if of_spots.size:
+        loose[patterns:] = cause.loose**2 * float(np.mean(of_spots**2))
     return replace(noise, variance=noise.variance + loose).plus([size * cause.unsure])
 
 

@@ -13,6 +13,9 @@ from .gaussian import Covariance
 from .midpoint import Midpoint
 from .patterns import constant, exposed
 
+FEW_PATHS = 2.0
+"""Factor on the error of steady light: few paths find the sky, and the error of a few is unsure."""
+
 
 def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) -> Covariance:
     """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
@@ -24,13 +27,14 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     own, total = _of_image(capture)
     variance[:patterns] += own
     on = constant(capture.setup.plans)
-    steady = stated("daylight_relative_error") * abs(midpoint.background) * on
+    steady = FEW_PATHS * stated("daylight_relative_error") * abs(midpoint.background) * on
     factors = np.zeros((variance.size, 2))
     factors[:patterns] = np.column_stack([total, steady])
     added = [factors]
     if spots is not None:
-        variance[patterns:] *= 1 + stated("spot_noise_share") ** 2
-        relative = np.hypot(
+        mean = spots.means[0 if capture is midpoint.real else 1]
+        variance[patterns:] += stated("spot_noise_share") ** 2 * mean.variance * mean.frames
+        relative = FEW_PATHS * np.hypot(
             stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
         )
         of_spots = spots.steady_of_spots

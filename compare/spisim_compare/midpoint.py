@@ -19,7 +19,7 @@ from reconstruction.ranging.fog.overlap import overlap, path_lengths
 
 from .charges import ChargeModel, FogChange
 from .histograms import HistogramModel
-from .patterns import Mean, buckets_between, constant, exposed, patterns_mean
+from .patterns import Mean, buckets_of, constant, exposed, patterns_mean
 
 SpotModel = ChargeModel | HistogramModel
 GRID, STEPS, NEAREST_M = 8, 400, 0.02
@@ -64,9 +64,13 @@ class Midpoint:
     @cached_property
     def results(self) -> list[Result]:
         """Reconstruction of a frame of each plan."""
+        one, other = self.means
+        variance = np.nansum([one.variance, other.variance], axis=0)
         capture = replace(
             self.simulated,
-            buckets=buckets_between(self.real, self.simulated),
+            buckets=buckets_of(
+                self.patterns, variance / 4, one.usable & other.usable, self.simulated
+            ),
             spots=None,
             pattern_taps=None,
             truth=None,
@@ -93,6 +97,17 @@ class Midpoint:
     def image(self) -> Floats:
         """Image (H, W), mean over the plans."""
         return np.mean([each.image.astype(np.float64) for each in self.results], axis=0)
+
+    @cached_property
+    def images(self) -> tuple[Floats, ...]:
+        """Image (H, W) of each capture, from its mean readings."""
+        images = []
+        for capture, mean in zip((self.real, self.simulated), self.means, strict=True):
+            buckets = buckets_of(mean.value, mean.variance, mean.usable, capture)
+            still = replace(capture, buckets=buckets, spots=None, pattern_taps=None, truth=None)
+            results = Reconstructor(still.setup).batch(still.batch(0, still.frames))
+            images.append(np.mean([each.image.astype(np.float64) for each in results], axis=0))
+        return tuple(images)
 
     @cached_property
     def background(self) -> float:

@@ -99,17 +99,12 @@ def constant(plans: Sequence[PatternPlan]) -> Floats:
     return np.concatenate([np.abs(plan.polarity).astype(np.float64) for plan in plans])
 
 
-def buckets_between(real: Capture, simulated: Capture) -> Buckets:
-    """Readings half way between the means of two captures, one frame for each plan.
+def buckets_of(value: Floats, variance: Floats, usable: Mask, like: Capture) -> Buckets:
+    """Readings (n,) as those of a capture without dead time, one frame for each plan.
 
-    They are charges without dead time, in the unit of the simulated capture.
+    ``variance`` is that of each reading; nan counts as none.
     """
-    means = patterns_mean(real), patterns_mean(simulated)
-    plans = len(simulated.setup.plans)
-    value = (means[0].value + means[1].value) / 2
-    variance = np.nansum([each.variance for each in means], axis=0) / 4
-    usable = means[0].usable & means[1].usable
-    own = simulated.buckets
+    plans, own = len(like.setup.plans), like.buckets
     return Buckets(
         counts=value.reshape(plans, -1),
         saturated=~usable.reshape(plans, -1),
@@ -117,7 +112,7 @@ def buckets_between(real: Capture, simulated: Capture) -> Buckets:
         pattern_period_s=own.pattern_period_s,
         electrons_per_count=1.0 if own.unit == "electron" else np.nan,
         offset_counts=0.0,
-        noise_electrons=float(np.sqrt(np.median(variance))),
+        noise_electrons=float(np.sqrt(np.median(np.nan_to_num(variance)))),
         excess_noise_factor=1e-9,  # all noise is in noise_electrons
         dead_time_s=0.0,
     )
