@@ -15,10 +15,10 @@ from reconstruction.base.errors import InputError, naming
 from reconstruction.base.npy import read_npy
 
 from .causes import FACTOR, Cause
-from .comparison import Comparison
+from .comparison import Comparison, grouped
 from .gaussian import Covariance
-from .histograms import joined_bins
-from .judging import Difference, Verdict, judge
+from .histograms import STEADY_QUANTILE, joined_bins
+from .judging import Difference, judge
 
 ENDING = ".npy"
 MAX_BYTES = 2**30
@@ -87,7 +87,9 @@ def _images(real: Floats, simulated: Floats) -> Comparison:
     names = [f"row {row}, column {column}" for row in range(rows) for column in range(columns)]
     pictures = {"real": real, "simulated": simulated, "real less simulated": difference}
     facts = {"image": f"{rows} × {columns} pixels", "noise of the difference": f"{sigma:.3g}"}
-    return _compared(verdict, difference.ravel() / sigma, names, pictures, facts)
+    group, z = np.zeros(n, np.intp), difference.ravel() / sigma
+    groups = grouped(difference.ravel(), noise, group, ["pixels"])
+    return Comparison(verdict, z, verdict.remainder, names, groups, group, pictures, "", facts)
 
 
 def _fine_sigma(difference: Floats) -> float:
@@ -108,12 +110,10 @@ def _histograms(real: Floats, simulated: Floats) -> Comparison:
     widths = np.concatenate([np.bincount(g) for g in bins]).astype(np.float64)
     spot = np.repeat(np.arange(len(bins)), [g.max() + 1 for g in bins])
     middle = (one + other) / 2
-    steady = np.concatenate(
-        [
-            np.quantile((middle / widths)[spot == k], 0.25) * widths[spot == k]
-            for k in range(len(bins))
-        ]
-    )
+    steady = np.zeros_like(middle)
+    for k in range(len(bins)):
+        own = spot == k
+        steady[own] = widths[own] * np.quantile(middle[own] / widths[own], STEADY_QUANTILE)
     empty = np.zeros((middle.size, 0))
     causes = [
         Cause("power", "power", (FACTOR,), (middle - steady)[:, None], empty),
@@ -128,16 +128,5 @@ def _histograms(real: Floats, simulated: Floats) -> Comparison:
     ]
     facts = {"histograms": f"{len(bins)} of {real.shape[1]} bins"}
     z = (one - other) / np.sqrt(noise.variance)
-    group = (spot, [f"spot {k}" for k in range(len(bins))])
-    return Comparison(verdict, z, verdict.remainder, names, group, facts=facts)
-
-
-def _compared(
-    verdict: Verdict,
-    z: Floats,
-    names: list[str],
-    pictures: dict[str, Floats],
-    facts: dict[str, str],
-) -> Comparison:
-    group = (np.zeros(z.size, np.intp), ["pixels"])
-    return Comparison(verdict, z, verdict.remainder, names, group, pictures, "", facts)
+    groups = grouped(one - other, noise, spot, [f"spot {k}" for k in range(len(bins))])
+    return Comparison(verdict, z, verdict.remainder, names, groups, spot, facts=facts)

@@ -10,7 +10,11 @@ from .midpoint import Midpoint
 from .patterns import constant, exposed
 
 FACTOR = "factor"
-"""Parameter that is a relative change of the mean of both captures."""
+"""Parameter that is a relative change of the mean of both captures,"""
+EXTINCTION = "extinction_per_m"
+"""and that of fog."""
+MAX_RELATIVE = {FACTOR: 1.9, EXTINCTION: 4.0}
+"""Maximum changes over the mean; that of fog is an estimate, so twice the possible is allowed."""
 SURFACES_DIMMED = 0.3
 """Damping of the image per that of single paths: light that fog scatters forward still arrives."""
 SURFACES_UNSURE = 0.15
@@ -23,8 +27,10 @@ DAYLIGHT_UNSURE = 0.15
 MIN_EXTINCTION_PER_M = 0.005
 TURNED_UNSURE = 0.35
 """Relative error of the change of readings by a turn: what an image of few patterns hides."""
-ELSEWHERE_PER_DEG = 0.6
-"""Relative change of the readings of a spot, and of steady light, per degree of a turn."""
+ELSEWHERE_PER_DEG = 2.0
+"""Relative change of the readings of a spot per degree of a turn: it may meet something else,"""
+STEADY_PER_DEG = 0.6
+"""and that of steady light."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,6 +51,15 @@ class Cause:
     unsure: Floats
     loose: float = 0.0
     level: float = np.nan
+
+    def allows(self, theta: Floats) -> bool:
+        """Whether parameters are possible: light and fog are not negative in either capture."""
+        levels = {FACTOR: 1.0, EXTINCTION: self.level}
+        return not any(
+            abs(x) > MAX_RELATIVE[name] * levels[name]
+            for name, x in zip(self.parameters, theta.tolist(), strict=True)
+            if name in MAX_RELATIVE
+        )
 
     def only(self, readings: Mask) -> "Cause":
         """The cause on some of the readings."""
@@ -136,9 +151,7 @@ class Causes:
         if not main.any():
             return None
         level = np.nan if self._at.fog is None else self._at.fog.extinction_per_m
-        return Cause(
-            "fog", "fog", ("extinction_per_m",), main, np.hstack(unsure), SPOT_UNSURE, level
-        )
+        return Cause("fog", "fog", (EXTINCTION,), main, np.hstack(unsure), SPOT_UNSURE, level)
 
     def _pointing(self) -> Cause | None:
         optics = self._at.simulated.optics
@@ -157,9 +170,7 @@ class Causes:
             for each, pixels in zip(slopes, per_deg, strict=True)
         ]
         main = self._both(np.column_stack(turned), None)
-        unsure = [
-            self._both(ELSEWHERE_PER_DEG * abs(self._at.background) * self._on[:, None], None)
-        ]
+        unsure = [self._both(STEADY_PER_DEG * abs(self._at.background) * self._on[:, None], None)]
         if self._at.spots is not None:
             unsure.append(self._both(None, ELSEWHERE_PER_DEG * self._at.spots.elsewhere))
         return Cause(

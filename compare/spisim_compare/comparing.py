@@ -8,7 +8,7 @@ from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture
 
 from .causes import Causes
-from .comparison import Comparison
+from .comparison import Comparison, grouped
 from .gaussian import Covariance
 from .judging import Difference, judge
 from .light_error import with_light_error
@@ -49,12 +49,14 @@ def compare(real: Capture, simulated: Capture) -> Comparison:
     z, remainder = np.full((2, usable.size), np.nan)
     z[usable] = difference.values / np.sqrt(difference.noise.total)
     remainder[usable] = verdict.remainder
+    group, names = _groups(midpoint)
     return Comparison(
         verdict,
         z,
         remainder,
         _names(midpoint),
-        _groups(midpoint),
+        grouped(difference.values, difference.noise, group[usable], names),
+        group,
         _pictures(midpoint),
         f"{simulated.buckets.unit}s",
         _facts(midpoint),

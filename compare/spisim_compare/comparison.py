@@ -11,6 +11,7 @@ from scipy.stats import chi2
 from reconstruction.base.arrays import Floats
 
 from .causes import FACTOR
+from .gaussian import Covariance
 from .judging import Explained, Verdict
 from .noise import NoiseTerm
 
@@ -34,6 +35,18 @@ class Group:
         return float(chi2.sf(self.chi_squared, self.freedom)) if self.freedom else 1.0
 
 
+def grouped(
+    values: Floats, noise: Covariance, group: NDArray[np.intp], names: Sequence[str]
+) -> list[Group]:
+    """Chi-squared of differences (n,) in groups, with what readings of a group have in common."""
+    groups = []
+    for number, name in enumerate(names):
+        some = group == number
+        chi_squared = values[some] @ noise.only(some).solve(values[some]) if some.any() else 0.0
+        groups.append(Group(name, float(chi_squared), int(np.count_nonzero(some))))
+    return groups
+
+
 @dataclass(frozen=True, eq=False)
 class Comparison:
     """Two recordings side by side.
@@ -48,7 +61,9 @@ class Comparison:
     names
         Name of each reading.
     groups
-        Number of the group (n,) of each reading, and their names.
+        Chi-squared of patterns and of each spot.
+    group
+        Number (n,) of the group of each reading.
     pictures
         Images (H, W) by name: real, simulated, and their difference.
     unit
@@ -63,21 +78,12 @@ class Comparison:
     z: Floats
     remainder: Floats
     names: Sequence[str]
-    groups: tuple[NDArray[np.intp], Sequence[str]]
+    groups: Sequence[Group]
+    group: NDArray[np.intp]
     pictures: Mapping[str, Floats] = field(default_factory=dict)
     unit: str = ""
     facts: Mapping[str, str] = field(default_factory=dict)
     noise: Sequence[NoiseTerm] = ()
-
-    @property
-    def by_group(self) -> list[Group]:
-        """Chi-squared of each group; readings of a group may have errors in common."""
-        number, names = self.groups
-        return [
-            Group(name, float(np.nansum(some**2)), int(np.isfinite(some).sum()))
-            for k, name in enumerate(names)
-            for some in (self.z[number == k],)
-        ]
 
     @property
     def worst(self) -> list[tuple[str, float, float]]:
@@ -95,11 +101,12 @@ class Comparison:
             "freedom": verdict.freedom,
             "cause": named(verdict),
             "causes": [_cause(each) for each in verdict.explained],
+            "alternatives": list(verdict.alternatives),
             "rest_probability": verdict.rest,
             "tests": verdict.probabilities,
             "groups": [
                 {"name": each.name, "chi_squared": each.chi_squared, "freedom": each.freedom}
-                for each in self.by_group
+                for each in self.groups
             ],
             "worst": [
                 {"reading": name, "z": z, "z_explained": after} for name, z, after in self.worst
@@ -150,23 +157,33 @@ def _cause(explained: Explained) -> dict[str, Any]:
     }
 
 
+def probability(value: float) -> str:
+    """Format a probability; of a tiny one only a bound."""
+    return "< 10⁻⁶" if value < 1e-6 else f"{value:.2g}"
+
+
 def in_words(comparison: Comparison) -> list[str]:
     """The verdict, its causes and the largest differences as lines of text."""
     verdict = comparison.verdict
     chi_squared = f"chi-squared {verdict.chi_squared:.0f} of {verdict.freedom} readings"
+    p = probability(verdict.probability)
     if not verdict.alarm:
-        return [f"Equal within the noise: {chi_squared}, probability {verdict.probability:.2g}."]
-    lines = [f"They differ: {chi_squared}, probability {verdict.probability:.2g}."]
+        return [f"Equal within the noise: {chi_squared}, probability {p}."]
+    lines = [
+        f"They differ: {chi_squared}, probability of equality {probability(verdict.probability)}."
+    ]
     for each in verdict.explained:
         values = ", ".join(
             f"{name.replace('_', ' ')} {value:.4g} ± {sigma:.2g}"
             for name, value, sigma in parameters(each)
         )
         lines.append(f"{each.cause.name}: {values}")
+    if verdict.alternatives:
+        lines.append(f"As good an explanation: {', '.join(verdict.alternatives)}.")
     if not verdict.explained:
         lines.append("No single cause explains it.")
     elif verdict.rest < UNEXPLAINED:
-        lines.append(f"The rest is not explained, probability {verdict.rest:.2g}.")
+        lines.append(f"The rest is not explained, probability {probability(verdict.rest)}.")
     worst = ", ".join(f"{name} ({z:+.1f} sigma)" for name, z, _ in comparison.worst[:3])
     lines.append(f"Largest differences: {worst}.")
     return lines

@@ -71,7 +71,8 @@ def least_squares(difference: Floats, directions: Floats, noise: Covariance) -> 
         chi_squared = float(difference @ noise.solve(difference))
         return Fit(np.zeros(0), np.zeros((0, 0)), difference, chi_squared)
     weighted = noise.solve(directions)
-    covariance = np.linalg.pinv(directions.T @ weighted, hermitian=True)
+    inverse = np.linalg.pinv(directions.T @ weighted, hermitian=True)
+    covariance: Floats = np.asarray(inverse, dtype=np.float64)
     theta = covariance @ (weighted.T @ difference)
     remainder = difference - directions @ theta
     return Fit(theta, covariance, remainder, float(remainder @ noise.solve(remainder)))

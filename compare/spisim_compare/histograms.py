@@ -42,7 +42,7 @@ class HistogramModel:
         pooled, _ = coates(self._sum, self._cycles)
         self._rate = pooled
         self.value = self._joined(pooled)
-        good = ~(real.saturated.any(axis=0) | simulated.saturated.any(axis=0))
+        good = [not any(each) for each in zip(*real.saturated, *simulated.saturated, strict=True)]
         self.usable = np.concatenate(
             [np.full(group.max() + 1, ok) for group, ok in zip(groups, good, strict=True)]
         )

@@ -6,14 +6,15 @@ d = G theta; its score statistic follows chi-squared of k and detects small chan
 drown in the noise of many readings. An alarm is raised where the smallest of these probabilities,
 times their number (Bonferroni), is below `ALARM`.
 
-Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. Sets of
+Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. What
+is left may then exceed the noise by a factor, as no model is exact at any precision. Sets of
 causes are compared by -2 ln of the likelihood at its maximum plus k ln n (G. Schwarz, Ann. Stat. 6,
 461 (1978)), with `PER_CAUSE` for each cause more.
 """
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import numpy as np
 from scipy.stats import chi2
@@ -67,7 +68,7 @@ class Verdict:
     ``probabilities`` are those of the tests of equality by name, ``probability`` that of all
     together. ``explained`` are the causes, the strongest first; none without an alarm.
     ``remainder`` (n,) is the difference less their changes, over its standard deviation, and
-    ``rest`` its probability.
+    ``rest`` its probability. ``alternatives`` are causes that alone explain it about as well.
     """
 
     chi_squared: float
@@ -77,6 +78,7 @@ class Verdict:
     explained: tuple[Explained, ...]
     remainder: Floats
     rest: float
+    alternatives: tuple[str, ...] = ()
 
     @property
     def alarm(self) -> bool:
@@ -97,14 +99,17 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
             tests[cause.name] = float(chi2.sf(gained, rank))
     probability = min(1.0, min(tests.values()) * len(tests))
     chosen: tuple[Explained, ...] = ()
+    alternatives: tuple[str, ...] = ()
     sigma = np.sqrt(difference.noise.total)
     remainder, rest = equal.remainder / sigma, tests["all readings"]
     if probability < ALARM:
-        best = _best(difference, causes)
+        best, alternatives = _best(difference, causes)
         chosen = _explained(difference, best)
         remainder = best.fit.remainder / sigma
         rest = float(chi2.sf(best.fit.chi_squared, max(freedom - best.fit.theta.size, 1)))
-    return Verdict(equal.chi_squared, freedom, tests, probability, chosen, remainder, rest)
+    return Verdict(
+        equal.chi_squared, freedom, tests, probability, chosen, remainder, rest, alternatives
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +121,24 @@ class _Hypothesis:
     criterion: float
 
 
-def _best(difference: Difference, causes: Sequence[Cause]) -> _Hypothesis:
+def _best(difference: Difference, causes: Sequence[Cause]) -> tuple[_Hypothesis, tuple[str, ...]]:
+    """The best set of causes, and those that alone are nearly as good but of another family."""
     fits = [_hypothesis(difference, each) for each in _sets(difference, causes)]
-    return min(fits, key=lambda each: each.criterion)
+    possible = [
+        each
+        for each in fits
+        if all(map(Cause.allows, each.causes, _parts(difference, each.causes, each.fit.theta)))
+    ]
+    best = min(possible, key=lambda each: each.criterion)
+    families = {each.family for each in best.causes}
+    near = [
+        each.causes[0].name
+        for each in sorted(possible, key=lambda each: each.criterion)
+        if len(each.causes) == 1
+        and each.criterion < best.criterion + PER_CAUSE
+        and each.causes[0].family not in families
+    ]
+    return best, tuple(near)
 
 
 def _sets(difference: Difference, causes: Sequence[Cause]) -> Iterator[tuple[Cause, ...]]:
@@ -157,15 +177,22 @@ def _hypothesis(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesi
         columns = np.hstack([difference.always, *(each.directions for each in causes)])
         fit = least_squares(difference.values, columns, noise)
     n = difference.values.size
-    criterion = fit.chi_squared + noise.log_determinant - difference.noise.log_determinant
+    criterion = _misfit(fit.chi_squared, n)
+    criterion += noise.log_determinant - difference.noise.log_determinant
     criterion += fit.theta.size * np.log(n) + PER_CAUSE * len(causes)
     return _Hypothesis(causes, fit, float(criterion))
+
+
+def _misfit(chi_squared: float, n: int) -> float:
+    """-2 ln of the likelihood of ``n`` readings, whose noise may be larger than stated."""
+    scale = max(chi_squared / n, 1.0)
+    return float(n * np.log(scale) + chi_squared / scale)
 
 
 def _parts(difference: Difference, causes: Sequence[Cause], theta: Floats) -> list[Floats]:
     """Parameters of each cause."""
     ends = difference.always.shape[1] + np.cumsum([0, *(len(each.parameters) for each in causes)])
-    return [theta[start:stop] for start, stop in zip(ends[:-1], ends[1:], strict=True)]
+    return [theta[start:stop] for start, stop in pairwise(ends)]
 
 
 def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) -> Covariance:

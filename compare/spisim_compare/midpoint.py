@@ -11,6 +11,7 @@ from reconstruction.capture import Capture, Optics
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
+from reconstruction.capture.schema import joined
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.depth import MAX_RANGE_M, pixel_rays
 from reconstruction.ranging import FogOptics
@@ -25,8 +26,8 @@ SpotModel = ChargeModel | HistogramModel
 GRID, STEPS, NEAREST_M = 8, 400, 0.02
 """Rays per side on which the echo of fog is computed, ranges on each, and the nearest of them."""
 BESIDE_PER_SR = 0.024
-"""Albedo times phase function of droplets some 50 mrad off 180 degrees, beside the glory: light that
-a detector centimetres beside the projector receives from fog within a few metres."""
+"""Albedo times phase function of droplets some 50 mrad off 180 degrees, beside the glory: what a
+detector centimetres beside the projector receives from fog within a few metres."""
 USUAL_RANGE_M = 5.0
 """Range of pixels where none is measured."""
 
@@ -77,15 +78,7 @@ class Midpoint:
         )
         plans = len(capture.setup.plans)
         if self.spots is not None:
-            between = self.spots.between
-            repeated = {
-                name: np.repeat(getattr(between, name), plans, axis=0)
-                for name in (
-                    "counts" if isinstance(between, HistogramSpots) else "taps",
-                    "saturated",
-                )
-            }
-            capture = replace(capture, spots=replace(between, **repeated))
+            capture = replace(capture, spots=joined([self.spots.between] * plans))
         return Reconstructor(capture.setup).batch(capture.batch(0, plans))
 
     @property
@@ -146,7 +139,7 @@ class Midpoint:
 
     @cached_property
     def image_in_fog(self) -> tuple[Floats, Floats]:
-        """Change of the image (H, W) per 1/m more of extinction: of surfaces, and by the fog's echo.
+        """Change of the image (H, W) per 1/m of extinction: of surfaces, and by the fog's echo.
 
         The echo is zero if the optics or the brightness of pixels are not stated.
         """

@@ -13,6 +13,9 @@ from .patterns import Mean
 MIN_READINGS = 30
 """Minimum degrees of freedom of a scatter worth stating."""
 
+MAX_SIGMA = 1.0
+"""Maximum standard error of a ratio worth stating: readings of equal light do not tell terms."""
+
 
 class NoiseTerm(NamedTuple):
     """Variance of a term of the noise over that stated, and its standard error."""
@@ -72,6 +75,7 @@ def _by_light(name: str, capture: Capture, mean: Mean) -> list[NoiseTerm]:
     sigma = np.sqrt(np.diag(covariance))
     terms = ("shot noise of patterns", "electronics noise of patterns")
     return [
-        NoiseTerm(name, term, float(value), float(own))
-        for term, value, own in zip(terms, ratio, sigma, strict=True)
+        NoiseTerm(name, term, value, own)
+        for term, value, own in zip(terms, ratio.tolist(), sigma.tolist(), strict=True)
+        if own < MAX_SIGMA
     ]

@@ -5,15 +5,12 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from reconstruction.base.arrays import Floats
 from spisim.report.page import write_page
 from spisim.report.pictures import Scale, intensity_scale
 from spisim.report.style import CURVE_COLOURS, WIDE_IN, drawn, plot_in_page, plot_style
 
-from .comparison import Comparison, in_words, named, parameters
+from .comparison import Comparison, in_words, named, parameters, probability
 
-PARTS = 3
-"""Maximum number of rows of plots: patterns, and readings of spots."""
 BAND = 2.0
 """Standard deviations that 95 % of equal readings stay within."""
 
@@ -24,9 +21,8 @@ def write_comparison(path: Path, kind: str, title: str, comparison: Comparison) 
     verdict = comparison.verdict
     pictures = comparison.pictures
     shown = [image for name, image in pictures.items() if "less" not in name]
-    limit = max(
-        (float(np.quantile(np.abs(each), 0.99)) for each in list(pictures.values())[2:]), default=1
-    )
+    apart = [np.quantile(np.abs(image), 0.99) for name, image in pictures.items() if "less" in name]
+    limit = float(max(apart, default=1.0))
     write_page(
         path,
         kind,
@@ -45,7 +41,7 @@ def write_comparison(path: Path, kind: str, title: str, comparison: Comparison) 
             Scale(-limit, limit, "RdBu_r", comparison.unit),
         ],
         plot=plot_in_page("readings", lambda width_in: readings_figure(comparison, width_in)),
-        groups=comparison.by_group,
+        groups=comparison.groups,
         worst=comparison.worst,
         tests=sorted(verdict.probabilities.items(), key=lambda each: each[1]),
         noise=comparison.noise,
@@ -56,11 +52,12 @@ def write_comparison(path: Path, kind: str, title: str, comparison: Comparison) 
 
 def _cards(comparison: Comparison) -> list[tuple[str, str, str]]:
     verdict = comparison.verdict
+    per_reading = verdict.chi_squared / max(verdict.freedom, 1)
     return [
         (named(verdict), "verdict", "the strongest cause" if verdict.alarm else "within the noise"),
         (probability(verdict.probability), "probability of equality", "of all tests together"),
         (
-            f"{verdict.chi_squared / max(verdict.freedom, 1):.2f}",
+            f"{per_reading:.2f}",
             "χ² per reading",
             f"{verdict.freedom} readings",
         ),
@@ -68,36 +65,23 @@ def _cards(comparison: Comparison) -> list[tuple[str, str, str]]:
     ]
 
 
-def probability(value: float) -> str:
-    """Format a probability; below a millionth only its bound."""
-    return "< 10⁻⁶" if value < 1e-6 else f"{value:.2g}"
-
-
 def readings_figure(comparison: Comparison, width_in: float = WIDE_IN) -> Figure:
     """Plot the difference of each reading over its sigma, before and after the causes."""
-    number, names = comparison.groups
-    first = number == 0
-    rows = [(names[0], first)]
+    first = comparison.group == 0
+    rows = [(comparison.groups[0].name, first)]
     if not first.all():
         rows.append(("spots", ~first))
     figure = Figure(figsize=(width_in, 2.2 * len(rows) + 0.4), layout="constrained")
     axes = figure.subplots(len(rows), 1, squeeze=False)[:, 0]
     for axis, (name, some) in zip(axes, rows, strict=True):
-        _draw(
-            axis, comparison.z[some], comparison.remainder[some], bool(comparison.verdict.explained)
-        )
+        at = np.arange(np.count_nonzero(some))
+        axis.axhspan(-BAND, BAND, color="#e5e5e5", linewidth=0)
+        series = {"as recorded": comparison.z[some]}
+        if comparison.verdict.explained:
+            series["after the causes"] = comparison.remainder[some]
+        for (label, z), colour in zip(series.items(), CURVE_COLOURS, strict=False):
+            axis.plot(at, z, ".", markersize=3, color=colour, label=label)
         axis.set(ylabel="difference / σ", title=drawn(name))
     axes[-1].set_xlabel("reading")
     axes[0].legend(loc="upper right", ncols=2)
     return figure
-
-
-def _draw(axis: object, z: Floats, remainder: Floats, explained: bool) -> None:
-    plot: object = axis
-    at = np.arange(z.size)
-    plot.axhspan(-BAND, BAND, color="#e5e5e5", linewidth=0)  # type: ignore[attr-defined]
-    plot.plot(at, z, ".", markersize=3, color=CURVE_COLOURS[0], label="as recorded")  # type: ignore[attr-defined]
-    if explained:
-        plot.plot(
-            at, remainder, ".", markersize=3, color=CURVE_COLOURS[1], label="after the causes"
-        )  # type: ignore[attr-defined]

@@ -89,8 +89,8 @@ def _check_finite(name: str, capture: Capture) -> None:
         wrong = np.argwhere(~np.isfinite(values))
         if wrong.size:
             raise InputError(
-                f"{name}: {what} is {values[tuple(wrong[0])]} at {tuple(wrong[0].tolist())}; must be "
-                "a finite number (mark lost readings as saturated)"
+                f"{name}: {what} is {values[tuple(wrong[0])]} at {tuple(wrong[0].tolist())}; "
+                "must be a finite number (mark lost readings as saturated)"
             )
 
 
@@ -131,7 +131,7 @@ def _check_directions(one: Spots, other: Spots) -> None:
     apart = np.abs(one.directions - other.directions).max(axis=1)
     spot = int(apart.argmax())
     if apart[spot] > SAME_DIRECTION:
+        given = [np.round(each.directions[spot], 4).tolist() for each in (one, other)]
         raise InputError(
-            f"spots/directions: spot {spot} points along {np.round(one.directions[spot], 4).tolist()} "
-            f"in REAL, {np.round(other.directions[spot], 4).tolist()} in SIMULATED"
+            f"spots/directions: spot {spot} is {given[0]} in REAL, {given[1]} in SIMULATED"
         )
