@@ -82,7 +82,7 @@ def _images(real: Floats, simulated: Floats) -> Comparison:
         Cause("pointing", "pointing", ("down_pixels", "right_pixels"), slopes, empty),
     ]
     noise = Covariance(np.full(n, sigma**2), empty)
-    verdict = judge(Difference(difference.ravel(), noise, n, empty), causes)
+    verdict = judge(Difference(difference.ravel(), noise, n), causes)
     rows, columns = real.shape
     names = [f"row {row}, column {column}" for row in range(rows) for column in range(columns)]
     pictures = {"real": real, "simulated": simulated, "real less simulated": difference}
@@ -120,7 +120,7 @@ def _histograms(real: Floats, simulated: Floats) -> Comparison:
         Cause("background", "background", ("counts per bin",), widths[:, None], empty),
     ]
     noise = Covariance(np.maximum(one + other, 1.0), empty)
-    verdict = judge(Difference(one - other, noise, 0, empty), causes)
+    verdict = judge(Difference(one - other, noise, 0), causes)
     names = [
         f"spot {k}, bins {at[0]}–{at[-1]}"
         for k, g in enumerate(bins)

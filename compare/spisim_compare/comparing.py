@@ -43,7 +43,7 @@ def compare(real: Capture, simulated: Capture) -> Comparison:
     if not usable.any():
         raise InputError("no reading is usable in both captures: all are saturated")
     patterns = int(usable[: midpoint.patterns.size].sum())
-    difference = Difference(values[usable], noise.only(usable), patterns, _no(usable))
+    difference = Difference(values[usable], noise.only(usable), patterns)
     causes = [each.only(usable) for each in Causes(midpoint)()]
     verdict = judge(difference, causes)
     z, remainder = np.full((2, usable.size), np.nan)
@@ -108,10 +108,6 @@ def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
     for capture in (midpoint.real, midpoint.simulated):
         noise = with_light_error(noise, capture, midpoint)
     return np.concatenate(values), noise, np.concatenate(usable)
-
-
-def _no(usable: Mask) -> Floats:
-    return np.zeros((int(usable.sum()), 0))
 
 
 def _names(midpoint: Midpoint) -> list[str]:

@@ -98,7 +98,7 @@ class Comparison:
             "differ": verdict.alarm,
             "probability": verdict.probability,
             "chi_squared": verdict.chi_squared,
-            "freedom": verdict.freedom,
+            "freedom": int(verdict.freedom),
             "cause": named(verdict),
             "causes": [_cause(each) for each in verdict.explained],
             "alternatives": list(verdict.alternatives),

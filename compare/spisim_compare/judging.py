@@ -30,21 +30,19 @@ PER_CAUSE = 8.0
 """By how much a further cause must lower the criterion."""
 MAX_CAUSES = 3
 ITERATIONS = 6
+EVERYTHING = "all readings"
+"""Name of the test that no cause makes."""
 ALL_OF_IT = "power"
 """The cause that contains the others of its family."""
 
 
 @dataclass(frozen=True, eq=False)
 class Difference:
-    """Difference of readings (n,), the first ``patterns`` of patterns, and its covariance.
-
-    ``always`` (n, k) are directions that the recordings leave open and are fitted in any case.
-    """
+    """Difference of readings (n,), the first ``patterns`` of patterns, and its covariance."""
 
     values: Floats
     noise: Covariance
     patterns: int
-    always: Floats
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,22 +86,23 @@ class Verdict:
 
 def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     """Test for equality, and name causes if it fails."""
-    equal = least_squares(difference.values, difference.always, difference.noise)
-    freedom = difference.values.size - np.linalg.matrix_rank(difference.always)
-    tests = {"all readings": float(chi2.sf(equal.chi_squared, freedom))}
+    equal, freedom = _plain(difference, ()), difference.values.size
+    tests = {EVERYTHING: float(chi2.sf(equal.chi_squared, freedom))}
     for cause in causes:
         fit = _plain(difference, [cause])
         gained = max(equal.chi_squared - fit.chi_squared, 0.0)
-        rank = _rank(difference, [cause])
+        rank = _rank([cause])
         if rank:
             tests[cause.name] = float(chi2.sf(gained, rank))
     probability = min(1.0, min(tests.values()) * len(tests))
     chosen: tuple[Explained, ...] = ()
     alternatives: tuple[str, ...] = ()
     sigma = np.sqrt(difference.noise.total)
-    remainder, rest = equal.remainder / sigma, tests["all readings"]
+    remainder, rest = equal.remainder / sigma, tests[EVERYTHING]
     if probability < ALARM:
-        best, alternatives = _best(difference, causes)
+        best, alternatives = _best(
+            difference, causes, by_cause=min(tests, key=tests.__getitem__) != EVERYTHING
+        )
         chosen = _explained(difference, best)
         remainder = best.fit.remainder / sigma
         rest = float(chi2.sf(best.fit.chi_squared, max(freedom - best.fit.theta.size, 1)))
@@ -123,13 +122,15 @@ class _Hypothesis:
 
 def _best(difference: Difference, causes: Sequence[Cause]) -> tuple[_Hypothesis, tuple[str, ...]]:
     """The best set of causes, and those that alone are nearly as good but of another family."""
-    fits = [_hypothesis(difference, each) for each in _sets(difference, causes)]
+    fits = [_hypothesis(difference, each) for each in _sets(causes)]
     possible = [
         each
         for each in fits
-        if all(map(Cause.allows, each.causes, _parts(difference, each.causes, each.fit.theta)))
+        if (each.causes or not by_cause)
+        and all(map(Cause.allows, each.causes, _parts(each.causes, each.fit.theta)))
     ]
-    best = min(possible, key=lambda each: each.criterion)
+    nothing = next(each for each in fits if not each.causes)
+    best = min(possible or [nothing], key=lambda each: each.criterion)
     families = {each.family for each in best.causes}
     near = [
         each.causes[0].name
@@ -141,7 +142,7 @@ def _best(difference: Difference, causes: Sequence[Cause]) -> tuple[_Hypothesis,
     return best, tuple(near)
 
 
-def _sets(difference: Difference, causes: Sequence[Cause]) -> Iterator[tuple[Cause, ...]]:
+def _sets(causes: Sequence[Cause]) -> Iterator[tuple[Cause, ...]]:
     """Sets of at least one cause that can be told apart."""
     yield ()
     for size in range(1, MAX_CAUSES + 1):
@@ -150,31 +151,36 @@ def _sets(difference: Difference, causes: Sequence[Cause]) -> Iterator[tuple[Cau
             family = [each for each in some if each.family == ALL_OF_IT]
             if ALL_OF_IT in names and len(family) > 1:
                 continue
-            if _rank(difference, some) == sum(len(each.parameters) for each in some):
+            if _rank(some) == sum(len(each.parameters) for each in some):
                 yield some
 
 
-def _rank(difference: Difference, causes: Sequence[Cause]) -> int:
-    """Number of parameters that the readings determine beside those that are always open."""
-    columns = np.hstack([difference.always, *(each.directions for each in causes)])
+def _rank(causes: Sequence[Cause]) -> int:
+    """Number of parameters that the readings determine."""
+    columns = np.hstack([each.directions for each in causes])
     lengths = np.linalg.norm(columns, axis=0)
     columns = columns / np.where(lengths > 0, lengths, 1)
-    return int(np.linalg.matrix_rank(columns, 1e-6) - np.linalg.matrix_rank(difference.always))
+    return int(np.linalg.matrix_rank(columns, 1e-6))
 
 
 def _plain(difference: Difference, causes: Sequence[Cause]) -> Fit:
-    columns = np.hstack([difference.always, *(each.directions for each in causes)])
-    return least_squares(difference.values, columns, difference.noise)
+    return least_squares(difference.values, _directions(difference, causes), difference.noise)
+
+
+def _directions(difference: Difference, causes: Sequence[Cause]) -> Floats:
+    """Directions (n, k) of all causes, side by side."""
+    none = np.zeros((difference.values.size, 0))
+    return np.hstack([none, *(each.directions for each in causes)])
 
 
 def _hypothesis(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
     """Fit with the errors of the causes, which grow with their size."""
     fit, noise = _plain(difference, causes), difference.noise
+    columns = _directions(difference, causes)
     for _ in range(ITERATIONS):
         noise = difference.noise
-        for cause, theta in zip(causes, _parts(difference, causes, fit.theta), strict=True):
+        for cause, theta in zip(causes, _parts(causes, fit.theta), strict=True):
             noise = _with_errors(noise, cause, theta, difference.patterns)
-        columns = np.hstack([difference.always, *(each.directions for each in causes)])
         fit = least_squares(difference.values, columns, noise)
     n = difference.values.size
     criterion = _misfit(fit.chi_squared, n)
@@ -189,9 +195,9 @@ def _misfit(chi_squared: float, n: int) -> float:
     return float(n * np.log(scale) + chi_squared / scale)
 
 
-def _parts(difference: Difference, causes: Sequence[Cause], theta: Floats) -> list[Floats]:
+def _parts(causes: Sequence[Cause], theta: Floats) -> list[Floats]:
     """Parameters of each cause."""
-    ends = difference.always.shape[1] + np.cumsum([0, *(len(each.parameters) for each in causes)])
+    ends = np.cumsum([0, *(len(each.parameters) for each in causes)])
     return [theta[start:stop] for start, stop in pairwise(ends)]
 
 
@@ -208,11 +214,9 @@ def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) 
 
 
 def _explained(difference: Difference, best: _Hypothesis) -> tuple[Explained, ...]:
-    offset = difference.always.shape[1]
-    sigma = np.sqrt(np.diag(best.fit.covariance))[offset:]
-    sigmas = _parts(replace(difference, always=difference.always[:, :0]), best.causes, sigma)
+    sigmas = _parts(best.causes, np.sqrt(np.diag(best.fit.covariance)))
     explained = []
-    for number, theta in enumerate(_parts(difference, best.causes, best.fit.theta)):
+    for number, theta in enumerate(_parts(best.causes, best.fit.theta)):
         cause = best.causes[number]
         without = tuple(each for each in best.causes if each is not cause)
         gain = _hypothesis(difference, without).criterion - best.criterion
