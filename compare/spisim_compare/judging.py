@@ -120,8 +120,13 @@ class _Hypothesis:
     criterion: float
 
 
-def _best(difference: Difference, causes: Sequence[Cause]) -> tuple[_Hypothesis, tuple[str, ...]]:
-    """The best set of causes, and those that alone are nearly as good but of another family."""
+def _best(
+    difference: Difference, causes: Sequence[Cause], *, by_cause: bool
+) -> tuple[_Hypothesis, tuple[str, ...]]:
+    """The best set of causes, and those that alone are nearly as good but of another family.
+
+    It is not empty if the test of a cause raised the alarm.
+    """
     fits = [_hypothesis(difference, each) for each in _sets(causes)]
     possible = [
         each
