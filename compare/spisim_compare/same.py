@@ -20,7 +20,6 @@ def check_comparable(real: Capture, simulated: Capture) -> None:
     _check_plans(real, simulated)
     for name, capture in (("REAL", real), ("SIMULATED", simulated)):
         _check_still(name, capture)
-        _check_finite(name, capture)
     units = real.buckets.unit, simulated.buckets.unit
     if real.plan.shows_image and units[0] != units[1]:
         unknown = "REAL" if units[0] == "count" else "SIMULATED"
@@ -79,19 +78,6 @@ def _check_still(name: str, capture: Capture) -> None:
         raise InputError(f"{name}: a flight with poses; compare recordings of a drone at rest")
     if capture.spots is not None and capture.spots.pointing is not None:
         raise InputError(f"{name}: spots/pointing: steered spots cannot be compared")
-
-
-def _check_finite(name: str, capture: Capture) -> None:
-    readings = {"buckets/counts": capture.buckets.counts}
-    if capture.spots is not None:
-        readings["spots"] = capture.spots.readings
-    for what, values in readings.items():
-        wrong = np.argwhere(~np.isfinite(values))
-        if wrong.size:
-            raise InputError(
-                f"{name}: {what} is {values[tuple(wrong[0])]} at {tuple(wrong[0].tolist())}; "
-                "must be a finite number (mark lost readings as saturated)"
-            )
 
 
 def _same_number(what: str, one: float, other: float) -> None:
