@@ -17,7 +17,7 @@ from reconstruction.base.npy import read_npy
 from .causes import FACTOR, Cause
 from .comparison import Comparison, grouped
 from .gaussian import Covariance
-from .histograms import STEADY_QUANTILE, joined_bins
+from .histograms import STEADY_QUANTILE, joined_bins, names_of_bins
 from .judging import Difference, judge
 
 ENDING = ".npy"
@@ -121,11 +121,7 @@ def _histograms(real: Floats, simulated: Floats) -> Comparison:
     ]
     noise = Covariance(np.maximum(one + other, 1.0), empty)
     verdict = judge(Difference(one - other, noise, 0), causes)
-    names = [
-        f"spot {k}, bins {at[0]}–{at[-1]}"
-        for k, g in enumerate(bins)
-        for at in (np.flatnonzero(g == number) for number in range(g.max() + 1))
-    ]
+    names = names_of_bins(bins)
     facts = {"histograms": f"{len(bins)} of {real.shape[1]} bins"}
     z = (one - other) / np.sqrt(noise.variance)
     groups = grouped(one - other, noise, spot, [f"spot {k}" for k in range(len(bins))])

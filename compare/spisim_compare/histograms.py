@@ -1,5 +1,6 @@
 """Histograms of the spots as vectors, and how echoes and steady light change them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -51,11 +52,7 @@ class HistogramModel:
             for each, number, spots in zip(counts, cycles, (real, simulated), strict=True)
         )
         self.variance = self.means[0].variance + self.means[1].variance
-        self.names = [
-            f"spot {spot}, bins {at[0]}–{at[-1]}" if at.size > 1 else f"spot {spot}, bin {at[0]}"
-            for spot, group in enumerate(groups)
-            for at in (np.flatnonzero(group == k) for k in range(group.max() + 1))
-        ]
+        self.names = names_of_bins(groups)
 
     def _mean(self, counts: Floats, cycles: int, frames: int) -> Mean:
         rate, watched = coates(counts, cycles)
@@ -158,6 +155,17 @@ def joined_bins(counts: Floats) -> NDArray[np.intp]:
     if number and so_far < MIN_COUNTS:
         group[group == number] = number - 1
     return group
+
+
+def names_of_bins(groups: Sequence[NDArray[np.intp]]) -> list[str]:
+    """Names of the groups of bins of all spots."""
+    names = []
+    for spot, group in enumerate(groups):
+        for number in range(group.max() + 1):
+            first, *_, last = np.repeat(np.flatnonzero(group == number), 2).tolist()
+            bins = f"bin {first}" if first == last else f"bins {first}–{last}"
+            names.append(f"spot {spot}, {bins}")
+    return names
 
 
 def _smoothed(rate: Floats) -> Floats:
