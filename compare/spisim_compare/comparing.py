@@ -88,7 +88,7 @@ def _facts(midpoint: Midpoint) -> dict[str, str]:
         **midpoint.simulated.setup.facts,
     }
     if midpoint.fog is not None:
-        facts["extinction"] = f"{midpoint.fog.extinction_per_m:.3g} /m"
+        facts["extinction, estimated"] = f"{midpoint.fog.extinction_per_m:.3g} /m"
     return facts
 
 

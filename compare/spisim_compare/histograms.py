@@ -57,6 +57,7 @@ class HistogramModel:
     def _mean(self, counts: Floats, cycles: int, frames: int) -> Mean:
         rate, watched = coates(counts, cycles)
         variance = self._joined(self._rate / np.maximum(watched, 1))
+        variance = np.maximum(variance, 1 / cycles**2)  # of one arrival
         value = self._joined(rate)
         unknown = np.full(value.shape, np.nan)
         return Mean(value, variance, self.usable, np.full(value.shape, frames), unknown)

@@ -11,6 +11,8 @@ from reconstruction.base.errors import InputError
 from reconstruction.capture import Buckets, Capture
 from reconstruction.operators import PatternPlan, expose
 
+MIN_VARIANCE = 1.0
+"""Minimum variance of a difference: of an electron, as a dark reading is not noiseless."""
 MIN_FRAMES = 4
 """Minimum number of frames whose scatter shows the noise."""
 
@@ -86,7 +88,7 @@ def common_noise(real: Mean, simulated: Mean) -> Floats:
             f"captures: state them, or record at least {MIN_FRAMES} frames, whose scatter shows "
             "the noise"
         )
-    return np.asarray(np.nansum(variances, axis=0))
+    return np.maximum(np.nansum(variances, axis=0), MIN_VARIANCE)
 
 
 def exposed(plans: Sequence[PatternPlan], images: Floats) -> Floats:
