@@ -28,9 +28,11 @@ MIN_EXTINCTION_PER_M = 0.005
 TURNED_UNSURE = 0.35
 """Relative error of the change of readings by a turn: what an image of few patterns hides."""
 ELSEWHERE_PER_DEG = 2.0
-"""Relative change of the readings of a spot per degree of a turn: it may meet something else,"""
+"""Relative change of the readings of a spot per degree of a turn: it may meet something else."""
+TURNED_SCALES = (0.02, 0.15, 1.0)
+"""Of it: a spot may stay on an even wall, on a slope, or leave what it met."""
 STEADY_PER_DEG = 0.6
-"""and that of steady light."""
+"""Relative change of steady light per degree of a turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +41,9 @@ class Cause:
 
     ``unsure`` (n, r) are standard deviations per unit of the norm of all parameters: what the cause
     changes, but by an amount that is not known. ``loose`` are relative errors of the change of all
-    readings of patterns, and of all those of spots; ``level`` is the value half way of what
-    the parameter changes, if known. Causes of one ``family`` are kinds of one
-    thing.
+    readings of patterns, and of all those of spots. Of several ``scales``, the likeliest multiplies
+    ``unsure``. ``level`` is the value half way of what the parameter changes, if known. Causes of
+    one ``family`` are kinds of one thing.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Cause:
     unsure: Floats
     loose: float = 0.0
     level: float = np.nan
+    scales: tuple[float, ...] = (1.0,)
 
     def allows(self, theta: Floats) -> bool:
         """Whether parameters are possible: light and fog are not negative in either capture."""
@@ -180,4 +183,5 @@ class Causes:
             main,
             np.hstack(unsure),
             TURNED_UNSURE,
+            scales=TURNED_SCALES,
         )

@@ -14,7 +14,7 @@ causes are compared by -2 ln of the likelihood at its maximum plus k ln n (G. Sc
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import numpy as np
 from scipy.stats import chi2
@@ -100,9 +100,8 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     sigma = np.sqrt(difference.noise.total)
     remainder, rest = equal.remainder / sigma, tests[EVERYTHING]
     if probability < ALARM:
-        best, alternatives = _best(
-            difference, causes, by_cause=min(tests, key=tests.__getitem__) != EVERYTHING
-        )
+        of_causes = min(p for name, p in tests.items() if name != EVERYTHING)
+        best, alternatives = _best(difference, causes, by_cause=of_causes * len(tests) < ALARM)
         chosen = _explained(difference, best)
         remainder = best.fit.remainder / sigma
         rest = float(chi2.sf(best.fit.chi_squared, max(freedom - best.fit.theta.size, 1)))
@@ -179,6 +178,17 @@ def _directions(difference: Difference, causes: Sequence[Cause]) -> Floats:
 
 
 def _hypothesis(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
+    """Fit with the errors of the causes, in the likeliest of their scales."""
+    fits = [_scaled(difference, each) for each in product(*map(_at_scales, causes))]
+    best = min(fits, key=lambda each: each.criterion)
+    return replace(best, causes=causes)
+
+
+def _at_scales(cause: Cause) -> list[Cause]:
+    return [replace(cause, unsure=scale * cause.unsure) for scale in cause.scales]
+
+
+def _scaled(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
     """Fit with the errors of the causes, which grow with their size."""
     fit, noise = _plain(difference, causes), difference.noise
     columns = _directions(difference, causes)
