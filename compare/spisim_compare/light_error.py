@@ -20,7 +20,7 @@ from .midpoint import Midpoint
 from .patterns import constant, exposed
 
 FEW_PATHS = 2.0
-"""Factor on the error of steady light: few paths find the sky, and the error of a few is unsure."""
+"""Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
 
 
 def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) -> Covariance:
@@ -31,7 +31,11 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     patterns, spots = midpoint.patterns.size, midpoint.spots
     variance = noise.variance.copy()
     own, total = _of_image(capture)
-    variance[:patterns] += own
+    number = 0 if capture is midpoint.real else 1
+    mean = midpoint.means[number]
+    share = FEW_PATHS * stated("noise_share")  # of pixels whose errors are not independent
+    least = share**2 * np.nan_to_num(mean.variance) * mean.frames
+    variance[:patterns] += np.maximum(own, least)
     on = constant(capture.setup.plans)
     dark, dark_of_spots = _dark(capture)
     daylight = max(abs(midpoint.background) - dark, 0.0)
@@ -40,8 +44,9 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     factors[:patterns] = np.column_stack([total, steady])
     added = [factors]
     if spots is not None:
-        mean = spots.means[0 if capture is midpoint.real else 1]
-        variance[patterns:] += stated("spot_noise_share") ** 2 * mean.variance * mean.frames
+        mean = spots.means[number]
+        share = FEW_PATHS * stated("spot_noise_share")
+        variance[patterns:] += share**2 * mean.variance * mean.frames
         relative = FEW_PATHS * np.hypot(
             stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
         )
