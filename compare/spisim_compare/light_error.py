@@ -22,6 +22,10 @@ from .patterns import constant, exposed
 FEW_PATHS = 2.0
 """Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
 
+DECODED = 1.5
+"""Variance of a coefficient over four times that of a reading, 2 y - all - dark: the light's error
+is stated for coefficients, in which that of pixels near each other is not independent."""
+
 
 def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) -> Covariance:
     """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
@@ -33,8 +37,7 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     own, total = _of_image(capture)
     number = 0 if capture is midpoint.real else 1
     mean = midpoint.means[number]
-    share = FEW_PATHS * stated("noise_share")  # of pixels whose errors are not independent
-    least = share**2 * np.nan_to_num(mean.variance) * mean.frames
+    least = DECODED * stated("noise_share") ** 2 * np.nan_to_num(mean.variance) * mean.frames
     variance[:patterns] += np.maximum(own, least)
     on = constant(capture.setup.plans)
     dark, dark_of_spots = _dark(capture)
