@@ -20,6 +20,7 @@ import pytest
 PACKAGES = (
     *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
     *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
+    "compare/spisim_compare",
 )
 SETTINGS = """
 [run]

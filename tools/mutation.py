@@ -39,6 +39,7 @@ EQUIVALENTS = Path(__file__).with_name("mutation_equivalents.yaml")
 PACKAGES = (
     *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
     *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
+    "compare/spisim_compare",
 )
 MIN_KILLED = 0.85
 MAX_TESTS_S = 120.0

@@ -1,6 +1,7 @@
 """Pages as a browser renders them: nothing overlaps or is cut off, all can be read and moved."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -19,11 +20,13 @@ from spisim_app.report.contact_sheet import write_contact_sheet
 from spisim_app.report.flight import EvaluatedFrame
 from spisim_app.report.flight_page import write_flight
 from spisim_app.report.study import write_study
+from spisim_compare.comparing import compare
+from spisim_compare.page import write_comparison
 from studies import planned
 
 RENDERED = (Path(__file__).parents[1] / "rendered.js").read_text(encoding="utf-8")
 DESKTOP, PHONE = 1280, 390
-PAGES = ("report", "sheet", "study", "flight")
+PAGES = ("report", "sheet", "study", "flight", "comparison")
 METRICS = ["range_bias_m", "depth_mae_m", "depth_mae_m[nearest]"]
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium")
@@ -48,6 +51,7 @@ def folder(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
     _study(folder / "study")
     (folder / "study" / "report.html").rename(folder / "study.html")
     _flight(folder / "flight.html", capture)
+    _comparison(folder / "comparison.html", capture)
     return folder
 
 
@@ -100,6 +104,12 @@ def _flight(path: Path, capture: Capture) -> None:
         at = f"capture-{number:04}.h5", 0.5 * number, pose
         flight.append(EvaluatedFrame(*at, capture, result, evaluate(result, capture)))
     write_flight(path, "wall", flight, 2.0)
+
+
+def _comparison(path: Path, capture: Capture) -> None:
+    brighter = replace(capture.buckets, counts=1.3 * capture.buckets.counts)
+    comparison = compare(replace(capture, buckets=brighter), capture)
+    write_comparison(path, "comparison", "a rig and its simulation", comparison)
 
 
 @pytest.mark.parametrize("dark", [False, True], ids=["light", "dark"])

@@ -1,0 +1,1 @@
+"""Two recordings of what should be the same: whether they differ, where, and what explains it."""

@@ -1,0 +1,119 @@
+"""Error of a simulation's light, which its captures state: noise when they are compared."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import yaml
+
+from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
+from reconstruction.capture import Capture
+from reconstruction.capture.readings.cw import CwSpots
+from reconstruction.capture.readings.dtof import HistogramSpots
+from reconstruction.capture.readings.pulsed import PulsedSpots
+from spisim.base.config import parse_model
+from spisim.instrument import Instrument, SpotLight
+
+from .gaussian import Covariance
+from .midpoint import Midpoint
+from .patterns import constant, exposed
+
+FEW_PATHS = 2.0
+"""Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
+
+DECODED = 1.5
+"""Variance of a coefficient over four times that of a reading, 2 y - all - dark: the light's error
+is stated for coefficients, in which that of pixels near each other is not independent."""
+
+
+def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) -> Covariance:
+    """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
+    if capture.provenance.source != "simulation":
+        return noise
+    stated = _stated(capture)
+    patterns, spots = midpoint.patterns.size, midpoint.spots
+    variance = noise.variance.copy()
+    own, total = _of_image(capture)
+    number = 0 if capture is midpoint.real else 1
+    mean = midpoint.means[number]
+    least = DECODED * stated("noise_share") ** 2 * np.nan_to_num(mean.variance) * mean.frames
+    variance[:patterns] += np.maximum(own, least)
+    on = constant(capture.setup.plans)
+    dark, dark_of_spots = _dark(capture)
+    daylight = max(abs(midpoint.background) - dark, 0.0)
+    steady = FEW_PATHS * stated("daylight_relative_error") * daylight * on
+    factors = np.zeros((variance.size, 2))
+    factors[:patterns] = np.column_stack([total, steady])
+    added = [factors]
+    if spots is not None:
+        mean = spots.means[number]
+        share = FEW_PATHS * stated("spot_noise_share")
+        variance[patterns:] += share**2 * mean.variance * mean.frames
+        relative = FEW_PATHS * np.hypot(
+            stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
+        )
+        of_spots = spots.steady_of_spots
+        seen = np.maximum(of_spots.sum(axis=0), np.finfo(np.float64).tiny)
+        of_spots = of_spots * np.maximum(1 - dark_of_spots / seen, 0.0)
+        added.append(np.vstack([np.zeros((patterns, of_spots.shape[1])), relative * of_spots]))
+    return replace(noise, variance=variance).plus(added)
+
+
+def _of_image(capture: Capture) -> tuple[Floats, Floats]:
+    """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
+
+    The errors of pixels are independent; that of the sum of all is common to all patterns.
+    """
+    plans = capture.setup.plans
+    on = constant(plans)
+    if capture.truth is None or not capture.plan.shows_image:
+        return np.zeros(on.size), np.zeros(on.size)
+    squares = np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2
+    half = np.where(on > 0, squares.sum() / 4, 0.0)
+    whole = np.where(on > 0, exposed(plans, squares), squares.sum())
+    return np.maximum(whole - half, 0.0), np.sqrt(half)
+
+
+def _dark(capture: Capture) -> tuple[float, Floats]:
+    """Dark electrons of a reading of a pattern, and the sum of those of each spot (spots,).
+
+    They are exact in a simulation. Arrivals of histograms are per cycle. Zero if the capture does
+    not hold its instrument.
+    """
+    spots = capture.spots
+    none = np.zeros(0 if spots is None else len(spots.directions))
+    try:
+        instrument = parse_model(capture.provenance.instrument, Instrument, "instrument")
+    except InputError:
+        return 0.0, none
+    of_patterns = 0.0
+    if instrument.images:
+        detector = instrument.imaging.detector
+        one = detector.dark_electrons(instrument.imaging.exposure_time_s)
+        of_patterns = len(detector.positions_m) * one
+    if spots is None or not instrument.ranges:
+        return of_patterns, none
+    rate_per_s = np.full((1, none.size), instrument.ranging.tof.detector.sensor.dark_rate_hz)
+    paths_m = np.array([1.0, 1.02])
+    nothing = np.zeros((1, none.size, paths_m.size))
+    light = SpotLight(paths_m, nothing, rate_per_s, instrument.ranging.lasers.power_w)
+    dark = instrument.ranging.tof.record(light, instrument.spot_optics, None)
+    if isinstance(dark, HistogramSpots):
+        return of_patterns, dark.counts[0].sum(axis=1) / dark.pulses
+    assert isinstance(dark, CwSpots | PulsedSpots)
+    return of_patterns, dark.electrons(dark.taps)[0].sum(axis=1)
+
+
+def _stated(capture: Capture) -> Any:
+    """Accuracy of the light by name, 0 where it is not stated."""
+    try:
+        light = yaml.safe_load(capture.provenance.settings)["light"]
+    except (yaml.YAMLError, KeyError, TypeError):
+        light = {}
+
+    def value(name: str) -> float:
+        number = light.get(name) if isinstance(light, dict) else None
+        return float(number) if isinstance(number, int | float) and np.isfinite(number) else 0.0
+
+    return value
