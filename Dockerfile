@@ -10,6 +10,7 @@ COPY scenes scenes
 COPY formats formats
 COPY paper paper
 COPY serving serving
+COPY compare compare
 COPY live live
 COPY tools/wheel_scenes.py tools/wheel_scenes.py
 COPY studies studies
