@@ -120,13 +120,21 @@ def table(flights: Sequence[Flown]) -> Table:
 
 def promises(flights: Sequence[Flown]) -> list[Check]:
     """What memory and steering are to gain."""
-    single, memory, steered, true = (
-        per_100_m(of(flights, "all", sense)) for sense in (SINGLE, MEMORY, STEERED, TRUE)
-    )
+    single, memory, steered, true = (of(flights, "all", sense) for sense in SENSES)
     return [
-        Check("collisions per 100 m, memory", memory, HALF * single),
-        Check("collisions per 100 m, memory with steered spots", steered, NEAR_TRUE * true),
+        _ratio_check("collisions per metre, memory over single frame", memory, single, HALF),
+        _ratio_check("collisions per metre, steered over true depth", steered, true, NEAR_TRUE),
     ]
+
+
+def _ratio_check(name: str, some: list[Flown], others: list[Flown], limit: float) -> Check:
+    def figure(which: Floats) -> float:
+        one, other = (per_100_m([all_of[k] for k in which]) for all_of in (some, others))
+        return one / other if other else np.nan
+
+    families = [flight.family for flight in some]
+    whole = figure(np.arange(len(some)))
+    return Check(name, whole, limit, interval=of_figure(figure, families))
 
 
 if __name__ == "__main__":

@@ -22,7 +22,9 @@ def write_film(file: Path, scene: Scene, flights: Sequence[Flown]) -> None:
     from matplotlib.collections import LineCollection
 
     height_m = float(flights[0].path_m[0, 2])
-    figure, axes = plt.subplots(1, len(flights), figsize=(3.2 * len(flights), 3.6), sharey=True)
+    figure, axes = plt.subplots(
+        1, len(flights), figsize=(3.2 * len(flights), 4.0), sharey=True, layout="constrained"
+    )
     everything = np.concatenate([flight.path_m[:, :2] for flight in flights])
     low, high = everything.min(axis=0) - 2, everything.max(axis=0) + 2
     walls = section(scene, height_m)
@@ -48,7 +50,6 @@ def write_film(file: Path, scene: Scene, flights: Sequence[Flown]) -> None:
             drone.set_data(some[-1:, 0], some[-1:, 1])
         return [*lines, *drones]
 
-    figure.tight_layout()
     pictures = int(max(flight.seconds for flight in flights) / EVERY_S) + 1
     film = FuncAnimation(figure, draw, frames=pictures)
     film.save(file, PillowWriter(fps=PLAYED / EVERY_S), dpi=70)
