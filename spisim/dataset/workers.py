@@ -213,13 +213,16 @@ def _serve(pipe: Connection, make: Make) -> None:
     for made in count(1):
         try:
             index = pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):  # the latter if an outcome had not been read
             return
         outcome = make(index)
         _give_back_memory()
         if made == 1:  # keeps the garbage collector from scanning the loaded modules again
             gc.freeze()
-        pipe.send((outcome, memory_mb()))
+        try:
+            pipe.send((outcome, memory_mb()))
+        except ConnectionError:
+            return
 
 
 def _end_with_parent() -> None:

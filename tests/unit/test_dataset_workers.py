@@ -130,6 +130,21 @@ def test_they_end_with_the_process_that_started_them(tmp_path: Path) -> None:
             os.kill(pid, signal.SIGKILL)
 
 
+def test_they_end_in_silence_where_nobody_reads_what_they_made(tmp_path: Path) -> None:
+    """A socket that is closed with something unread is reset, rather than at its end."""
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=workers._serve, args=(theirs, Fake(tmp_path)))
+    with workers._without_main():
+        process.start()
+    theirs.close()
+    ours.send(0)
+    assert ours.poll(SAFETY_S)
+    ours.close()
+    process.join(SAFETY_S)
+    assert process.exitcode == 0
+
+
 def test_the_default_is_one_for_each_core_at_most() -> None:
     assert 1 <= default_workers() <= (os.cpu_count() or 1)
 
