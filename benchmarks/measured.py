@@ -3,9 +3,9 @@
     python benchmarks/measured.py [--data FOLDER] [--only SET] [--output FOLDER] [--quick] [--json]
 
 FOLDER holds a folder for each set (`measured.sha256` lists their files); without it,
-`SPISIM_MEASURED` names one. What is missing is told, what has another hash is told and compared all
-the same, and the other sets go on. `--output` writes a page with pictures, `--markdown` that of the
-docs.
+`SPISIM_MEASURED` names one. A missing set is reported, one of another hash is reported and compared
+all the same, and the others go on. `--output` writes a page with pictures, `--markdown` that of
+the docs.
 """
 
 import importlib

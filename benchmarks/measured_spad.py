@@ -26,7 +26,7 @@ QUICK_STEP, STEP = 40, 2  # of the pixels that are judged, every so manyth
 FLIGHT_MEDIANS_M, FLIGHT_MAD_M = (-0.014, 0.031), 0.05
 #: Frames that share an error: those of a second.
 FRAMES_TOGETHER = 15
-SHOWN_M, SHOWN_ZONES = (0.05, 0.13, 0.33), (4, 0)
+PLOTTED_M, PLOTTED_ZONES = (0.05, 0.13, 0.33), (4, 0)
 
 
 def sampled(
@@ -142,12 +142,12 @@ def _wall_picture(measured: measured_wall.Wall, fitted: measured_wall.Wall) -> F
     instrument = load_instrument("tmf8820")
     bench = measured_wall.calibrated(fitted, instrument)
     unseen = measured.at(~measured.fitted)
-    nearest = [int(np.abs(unseen.distance_m - wanted).argmin()) for wanted in SHOWN_M]
+    nearest = [int(np.abs(unseen.distance_m - wanted).argmin()) for wanted in PLOTTED_M]
     poses = unseen.at(np.array(nearest))
     delay = measured_wall.expected_delays(poses, instrument, bench)
     expected = measured_wall.simulated(poses, instrument, bench, delay)
     picture = Figure(figsize=(10, 4), layout="constrained")
-    for axes, zone in zip(picture.subplots(1, 2, sharey=True), SHOWN_ZONES, strict=True):
+    for axes, zone in zip(picture.subplots(1, 2, sharey=True), PLOTTED_ZONES, strict=True):
         for number, distance_m in enumerate(poses.distance_m):
             axes.step(np.arange(128), poses.histograms[number, zone], where="mid", lw=1,
                       color=f"C{number}", label=f"{1e3 * distance_m:.0f} mm")  # fmt: skip

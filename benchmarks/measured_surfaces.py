@@ -149,7 +149,7 @@ def _errors_of(
         error = whole.delay - truth[surface] if whole else np.nan
         least, own = (bound(each, near[surface].size, background) for each in (gaussian, shape))
         difference, of_halves, sigma = np.nan, np.nan, np.nan
-        # Which photons a surface has is told by the whole pixel: truth would prefer its own.
+        # Which photons a surface has follows from the whole pixel: truth would prefer its own.
         parts = [nearest(half, whole.delay) if whole else None for half in halves]
         photons = min(whole.arrivals * CYCLES, near[surface].size) if whole else 0
         if photons >= 2 * MIN_PHOTONS and all(parts):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from waiting import SAFETY_S
 
-#: Runs a command, and signals it before the step whose number the environment tells.
+#: Runs a command, and signals it before the step whose number the environment holds.
 _PROGRAM = """
 import os, sys
 

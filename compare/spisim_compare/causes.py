@@ -70,7 +70,7 @@ class Cause:
 
 
 class Causes:
-    """Causes that can be told from the readings of two captures: of patterns, then of spots."""
+    """Causes that can be inferred from the readings of two captures: of patterns, then of spots."""
 
     def __init__(self, at: Midpoint) -> None:
         self._at = at

@@ -147,7 +147,7 @@ def _best(
 
 
 def _sets(causes: Sequence[Cause]) -> Iterator[tuple[Cause, ...]]:
-    """Sets of at least one cause that can be told apart."""
+    """Sets of at least one cause that can be distinguished."""
     yield ()
     for size in range(1, MAX_CAUSES + 1):
         for some in combinations(causes, size):

@@ -83,7 +83,7 @@ def test_a_coupled_amplifier_shows_none():
 
 
 def test_images_correct_themselves():
-    """With a spread of 10 %, most of what it costs is won back without being told."""
+    """With a spread of 10 %, most of what it costs is won back without a stated throughput."""
     throughput = {"spread": 0.1, "seed": 2}
     instrument = changed("paper", **DIFFERENTIAL, plan__throughput=throughput)
     capture = captured(instrument)

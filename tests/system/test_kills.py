@@ -54,7 +54,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def contents(folder: Path) -> dict[str, bytes]:
-    """All files but the manifest, which tells when samples were made, and the lock's empty file.
+    """All files but the manifest, which states when samples were made, and the lock's empty file.
 
     A run that is killed between creating its lock and writing it leaves that.
     """

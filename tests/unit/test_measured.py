@@ -70,9 +70,9 @@ def test_the_sets_have_hashes():
 def test_other_data_are_told_and_compared(tmp_path, monkeypatch, capsys):
     save_smoke(tmp_path / "smoke-tunnel")
     data = ["--data", str(tmp_path), *SETS]
-    status, report, told = run(monkeypatch, capsys, *data, "--output", str(tmp_path / "page"))
-    assert "smoke-tunnel/attenuation.csv has the hash" in told
-    assert "raindrops: missing" in told
+    status, report, said = run(monkeypatch, capsys, *data, "--output", str(tmp_path / "page"))
+    assert "smoke-tunnel/attenuation.csv has the hash" in said
+    assert "raindrops: missing" in said
     states = {row["set"]: row[""] for row in report["tables"][0]["rows"]}
     assert states == {"smoke-tunnel": "holds", "raindrops": "not compared"}
     assert status == 0
@@ -86,8 +86,8 @@ def test_a_set_that_cannot_be_read_does_not_stop_the_others(tmp_path, monkeypatc
     save_smoke(tmp_path / "smoke-tunnel", factor=2.0)
     (tmp_path / "raindrops").mkdir()
     (tmp_path / "raindrops" / "drops.csv").write_text("a,b\n1,2\n", encoding="utf-8")
-    status, report, told = run(monkeypatch, capsys, "--data", str(tmp_path), *SETS)
-    assert "raindrops: drops.csv is no table of drops" in told
+    status, report, said = run(monkeypatch, capsys, "--data", str(tmp_path), *SETS)
+    assert "raindrops: drops.csv is no table of drops" in said
     assert status == 1
     by_name = holds(report)
     name = "smoke-tunnel: fog-machine, mean deviation at 1550 nm of dB/km, 40 to 100 m"
@@ -96,10 +96,10 @@ def test_a_set_that_cannot_be_read_does_not_stop_the_others(tmp_path, monkeypatc
 
 def test_without_data_only_what_is_shipped_is_compared(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv(measured.DATA, raising=False)
-    status, report, told = run(monkeypatch, capsys, *SETS)
+    status, report, said = run(monkeypatch, capsys, *SETS)
     assert status == 1
     assert not report["checks"]
-    assert "smoke-tunnel: missing" in told
+    assert "smoke-tunnel: missing" in said
 
 
 @pytest.mark.parametrize(
