@@ -228,8 +228,10 @@ def copied(tree: Path) -> Path:
 
 
 def _environment(tree: Path) -> dict[str, str]:
+    """Every package comes from the tree, whatever is installed."""
     inherited = os.environ.get("PYTHONPATH", "")
-    path = os.pathsep.join(filter(None, [str(tree), inherited]))
+    roots = dict.fromkeys(str((tree / package).parent) for package in PACKAGES)
+    path = os.pathsep.join(filter(None, [*roots, inherited]))
     # A file and its fault may be as long, and as old to the second: nothing compiled is kept.
     return {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
 
