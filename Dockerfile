@@ -11,6 +11,7 @@ COPY formats formats
 COPY paper paper
 COPY serving serving
 COPY compare compare
+COPY inverse inverse
 COPY live live
 COPY tools/wheel_scenes.py tools/wheel_scenes.py
 COPY studies studies

@@ -53,7 +53,7 @@ benchmarks: $(INSTALLED)
 
 clean:
 	rm -rf $(VENV) out build *.egg-info .import_linter_cache .mypy_cache .pytest_cache .ruff_cache
-	find spisim reconstruction app scenes formats paper serving live compare tests tools benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} +
+	find spisim reconstruction app scenes formats paper serving live compare inverse tests tools benchmarks examples -name __pycache__ -type d -prune -exec rm -rf {} +
 
 $(BIN)/python:
 	@for python in $(PYTHONS); do \

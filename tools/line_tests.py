@@ -21,6 +21,7 @@ PACKAGES = (
     *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
     *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
     "compare/spisim_compare",
+    "inverse/spisim_inverse",
 )
 SETTINGS = """
 [run]

@@ -40,6 +40,7 @@ PACKAGES = (
     *("spisim", "reconstruction", "app/spisim_app", "scenes/spisim_worlds"),
     *("formats/spisim_formats", "paper/spisim_paper", "serving/spisim_serving", "live/spisim_live"),
     "compare/spisim_compare",
+    "inverse/spisim_inverse",
 )
 MIN_KILLED = 0.85
 MAX_TESTS_S = 120.0
