@@ -157,22 +157,10 @@ class Causes:
         return Cause("fog", "fog", (EXTINCTION,), main, np.hstack(unsure), SPOT_UNSURE, level)
 
     def _pointing(self) -> Cause | None:
-        optics = self._at.simulated.optics
-        if not self._images or optics is None:
+        turned = self._at.turned_per_deg if self._images else None
+        if turned is None:
             return None
-        image = self._at.image
-        height, width = image.shape
-        per_deg = (
-            np.radians(1)
-            / 2
-            * np.array([height / optics.tan_half_height, width / optics.tan_half_width])
-        )
-        slopes = np.gradient(image)
-        turned = [
-            exposed(self._plans, each * pixels)
-            for each, pixels in zip(slopes, per_deg, strict=True)
-        ]
-        main = self._both(np.column_stack(turned), None)
+        main = self._both(turned, None)
         unsure = [self._both(STEADY_PER_DEG * abs(self._at.background) * self._on[:, None], None)]
         if self._at.spots is not None:
             unsure.append(self._both(None, ELSEWHERE_PER_DEG * self._at.spots.elsewhere))

@@ -3,7 +3,7 @@
 Under the hypothesis that they are equal, the difference d of n readings is normal with a known
 covariance C, and d^T C^-1 d follows chi-squared of n. A cause with directions G (n, k) predicts
 d = G theta; its score statistic follows chi-squared of k and detects small changes of one kind that
-drown in the noise of many readings. An alarm is raised where the smallest of these probabilities,
+drown in the noise of many readings. So do readings of patterns, and of spots, alone. An alarm is raised where the smallest of these probabilities,
 times their number (Bonferroni), is below `ALARM`.
 
 Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. What
@@ -30,8 +30,8 @@ PER_CAUSE = 8.0
 """By how much a further cause must lower the criterion."""
 MAX_CAUSES = 3
 ITERATIONS = 6
-EVERYTHING = "all readings"
-"""Name of the test that no cause makes."""
+EVERYTHING, PATTERNS, SPOTS = "all readings", "readings of patterns", "readings of spots"
+"""Names of the tests that no cause makes."""
 ALL_OF_IT = "power"
 """The cause that contains the others of its family."""
 
@@ -87,7 +87,8 @@ class Verdict:
 def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     """Test for equality, and name causes if it fails."""
     equal, freedom = _plain(difference, ()), difference.values.size
-    tests = {EVERYTHING: float(chi2.sf(equal.chi_squared, freedom))}
+    tests = _tests_of_readings(difference, equal)
+    without_cause = len(tests)
     for cause in causes:
         fit = _plain(difference, [cause])
         gained = max(equal.chi_squared - fit.chi_squared, 0.0)
@@ -100,7 +101,7 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     sigma = np.sqrt(difference.noise.total)
     remainder, rest = equal.remainder / sigma, tests[EVERYTHING]
     if probability < ALARM:
-        of_causes = min(p for name, p in tests.items() if name != EVERYTHING)
+        of_causes = min([*tests.values()][without_cause:], default=1.0)
         best, alternatives = _best(difference, causes, by_cause=of_causes * len(tests) < ALARM)
         chosen = _explained(difference, best)
         remainder = best.fit.remainder / sigma
@@ -108,6 +109,23 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     return Verdict(
         equal.chi_squared, freedom, tests, probability, chosen, remainder, rest, alternatives
     )
+
+
+def _tests_of_readings(difference: Difference, equal: Fit) -> dict[str, float]:
+    """Probabilities of chi-squared: of everything, and of patterns and spots where there are both.
+
+    The few readings of spots would drown in the many of patterns.
+    """
+    n = difference.values.size
+    tests = {EVERYTHING: float(chi2.sf(equal.chi_squared, n))}
+    of_patterns = np.arange(n) < difference.patterns
+    for name, some in ((PATTERNS, of_patterns), (SPOTS, ~of_patterns)):
+        count = int(np.count_nonzero(some))
+        if 0 < count < n:
+            values = difference.values[some]
+            chi_squared = values @ difference.noise.only(some).solve(values)
+            tests[name] = float(chi2.sf(chi_squared, count))
+    return tests
 
 
 @dataclass(frozen=True, eq=False)
