@@ -9,7 +9,7 @@ times their number (Bonferroni), is below `ALARM`.
 Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. What
 is left may then exceed the noise by a factor, as no model is exact at any precision. Sets of
 causes are compared by -2 ln of the likelihood at its maximum plus k ln n (G. Schwarz, Ann. Stat. 6,
-461 (1978)), with `PER_CAUSE` for each cause more.
+461 (1978)), with `PER_CAUSE` for each cause more, less 2 ln of its odds a priori.
 """
 
 from collections.abc import Iterator, Sequence
@@ -218,7 +218,8 @@ def _scaled(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
     n = difference.values.size
     criterion = _misfit(fit.chi_squared, n)
     criterion += noise.log_determinant - difference.noise.log_determinant
-    criterion += fit.theta.size * np.log(n) + PER_CAUSE * len(causes)
+    criterion += fit.theta.size * np.log(n)
+    criterion += sum(PER_CAUSE - 2 * np.log(cause.odds) for cause in causes)
     return _Hypothesis(causes, fit, float(criterion))
 
 
