@@ -3,8 +3,9 @@
 Under the hypothesis that they are equal, the difference d of n readings is normal with a known
 covariance C, and d^T C^-1 d follows chi-squared of n. A cause with directions G (n, k) predicts
 d = G theta; its score statistic follows chi-squared of k and detects small changes of one kind that
-drown in the noise of many readings. So do readings of patterns, and of spots, alone. An alarm is raised where the smallest of these probabilities,
-times their number (Bonferroni), is below `ALARM`.
+drown in the noise of many readings. Readings of patterns, and of spots, are tested alone, too. An
+alarm is raised where the smallest of these probabilities, times their number (Bonferroni), is below
+`ALARM`.
 
 Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. What
 is left may then exceed the noise by a factor, as no model is exact at any precision. Sets of
@@ -212,8 +213,9 @@ def _scaled(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
     columns = _directions(difference, causes)
     for _ in range(ITERATIONS):
         noise = difference.noise
-        for cause, theta in zip(causes, _parts(causes, fit.theta), strict=True):
-            noise = _with_errors(noise, cause, theta, difference.patterns)
+        errors = _parts(causes, np.sqrt(np.diag(fit.covariance)))
+        for cause, theta, error in zip(causes, _parts(causes, fit.theta), errors, strict=True):
+            noise = _with_errors(noise, cause, theta, error, difference.patterns)
         fit = least_squares(difference.values, columns, noise)
     n = difference.values.size
     criterion = _misfit(fit.chi_squared, n)
@@ -235,9 +237,11 @@ def _parts(causes: Sequence[Cause], theta: Floats) -> list[Floats]:
     return [theta[start:stop] for start, stop in pairwise(ends)]
 
 
-def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) -> Covariance:
+def _with_errors(
+    noise: Covariance, cause: Cause, theta: Floats, error: Floats, patterns: int
+) -> Covariance:
     change = cause.directions @ theta
-    size = float(np.linalg.norm(theta))
+    size = float(np.linalg.norm([theta, error]))  # rms, as theta is known within its error alone
     loose = np.zeros_like(change)
     of_patterns, of_spots = change[:patterns], change[patterns:]
     if of_patterns.size:  # what all share is in `unsure`

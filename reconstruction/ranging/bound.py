@@ -70,6 +70,37 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
     prior : tuple of float
         Standard deviations as in `PRIOR`; infinite for no prior.
     """
+    information, size = _information(spots, max_range_m, prior)
+
+    def bound(targets: Targets, readings: Floats) -> Floats:
+        return _sigmas(information(targets, readings))[:-2:size]
+
+    return bound
+
+
+def make_extinction_bound(
+    spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR, frames: int = 1
+) -> Callable[[Targets, Floats], float]:
+    """Bound of the error of ln extinction, and so of ln visibility, from several equal frames.
+
+    As `make_bound`; the result maps targets and the mean readings (spots, n) of a frame to a
+    standard deviation.
+    """
+    information, _ = _information(spots, max_range_m, prior)
+
+    def bound(targets: Targets, readings: Floats) -> float:
+        return float(_sigmas(information(targets, readings, frames))[-2])
+
+    return bound
+
+
+def _information(
+    spots: Spots, max_range_m: float, prior: tuple[float, float]
+) -> tuple[Callable[..., Floats], int]:
+    """Fisher information of targets, mean readings and frames, and the parameters of a spot.
+
+    The two of the fog are the last: ln extinction and ln backscattering.
+    """
     require_optics(spots)
     lights = _lights(spots, max_range_m)
     if any(np.isnan(light.table[:, -1]).any() for light in lights):
@@ -80,18 +111,18 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
     size = 2 + steady.shape[1]
     fog = size * len(lights)  # index of its coefficients, after those of the spots
 
-    def bound(targets: Targets, readings: Floats) -> Floats:
-        information = np.zeros((fog + 2, fog + 2))
-        information[-2:, -2:] = _prior_information(*prior)
-        weights = precision(readings)
+    def information(targets: Targets, readings: Floats, frames: int = 1) -> Floats:
+        total = np.zeros((fog + 2, fog + 2))
+        total[-2:, -2:] = _prior_information(*prior)
+        weights = frames * precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
             jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)
             at = [*range(spot * size, (spot + 1) * size), fog, fog + 1]
-            information[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
-        return _sigmas(information)[:fog:size]
+            total[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
+        return total
 
-    return bound
+    return information, size
 
 
 @dataclass(frozen=True, eq=False)
