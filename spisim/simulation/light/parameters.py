@@ -32,7 +32,11 @@ class Sensitivity:
         return cls(parameter, unit, Score(f"by_{parameter}", score), scale)
 
     def of(self, light: Transport, name: str = "image") -> tuple[NDArray[np.float64], Floats]:
-        """Derivative and standard error of "image" (H, W) or "spot_histogram" (spots, bins)."""
+        """Derivative and standard error of a field of `Transport`.
+
+        Of "image" (H, W), "spot_histogram" (spots, bins), "daylight_w", "spot_daylight_w" (spots,)
+        or "spot_crosstalk_w" (spots,).
+        """
         weighted = light.extra[f"{name}_{self.weight.name}"]
         error = light.extra[f"{name}_{self.weight.name}_error"]
         return self.scale * weighted, abs(self.scale) * error
