@@ -220,7 +220,8 @@ class MeshTree:
 
 def _inverse(direction: Vector) -> Vector:
     """One over each component; large where it is zero."""
-    return dr.rcp(dr.select(dr.abs(direction) < 1e-20, 1e-20, direction))
+    size: Vector = dr.abs(direction)
+    return dr.rcp(dr.select(size < 1e-20, 1e-20, direction))
 
 
 def _points(values: Floats) -> Point:
