@@ -258,7 +258,7 @@ class Media:
     ) -> Float:
         """Phase function, 1/sr, which by symmetry is also the density either way."""
         value = mi.Float(0)
-        interaction = _interaction(point, incoming)
+        interaction, outgoing = _interaction(point, incoming), _within(incoming, outgoing)
         for number, part in enumerate(self.parts):
             chosen = active & (medium == number)
             density, _ = part.phase.eval_pdf(
@@ -303,6 +303,7 @@ class Media:
         """What each medium scatters between two directions, 1/(m sr), and the density of `bend`."""
         scattered, density = [], mi.Float(0)
         context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
+        outgoing = _within(incoming, outgoing)
         for part in self.parts:
             phase, _ = part.phase.eval_pdf(context, interaction, outgoing, active)
             scattered.append(part.albedo * part.extinction_at(point) * phase.x)
@@ -332,6 +333,12 @@ def _interaction(point: Point, incoming: Vector) -> Object:
     interaction.wi = -incoming
     interaction.sh_frame = mi.Frame3f(interaction.wi)
     return interaction
+
+
+def _within(incoming: Vector, outgoing: Vector) -> Vector:
+    """`outgoing`, shortened where rounding makes the cosine exceed 1: tables are zero there."""
+    cosine: Float = dr.abs(dr.dot(incoming, outgoing))
+    return outgoing * dr.select(cosine > 1, (1 - 2.0**-22) / cosine, 1)
 
 
 def density_texture(density: NDArray[np.float32]) -> Object:

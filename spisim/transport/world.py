@@ -15,7 +15,8 @@ from spisim.scene.bsdf import Diffuse, Retroreflector
 from spisim.scene.lamps import PointLamp
 from spisim.transport.backend import with_backend
 from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
-from spisim.transport.enclosed import Enclosed, surface_scene
+from spisim.transport.crossings import closed_mesh
+from spisim.transport.enclosed import Enclosed
 from spisim.transport.geometry import Geometry, rays_of, transform
 from spisim.transport.jit import Bool, Float, Hit, Object, Ray, Sampler, Vector
 from spisim.transport.media import (
@@ -123,7 +124,7 @@ def _filled(volume: Volume) -> Medium:
         grid = Grid(Box(to_local), texture, *_optics(thickest), bounds)
     if not isinstance(volume.shape, str):
         optics = _optics(volume.medium if grid is None else thickest)
-        return Enclosed(surface_scene(volume.shape), *optics, grid)
+        return Enclosed(closed_mesh(volume.shape), *optics, grid)
     return grid or _homogeneous(bounds, volume.medium)
 
 
