@@ -17,7 +17,7 @@ from spisim.instrument import Instrument, SpotLight
 
 from .gaussian import Covariance
 from .midpoint import Midpoint
-from .patterns import constant, exposed
+from .patterns import constant, light_error
 
 FEW_PATHS = 2.0
 """Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
@@ -61,18 +61,12 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
 
 
 def _of_image(capture: Capture) -> tuple[Floats, Floats]:
-    """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
-
-    The errors of pixels are independent; that of the sum of all is common to all patterns.
-    """
+    """Variance (n,) of each reading of a pattern, and standard error (n,) common to all."""
     plans = capture.setup.plans
-    on = constant(plans)
     if capture.truth is None or not capture.plan.shows_image:
-        return np.zeros(on.size), np.zeros(on.size)
-    squares = np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2
-    half = np.where(on > 0, squares.sum() / 4, 0.0)
-    whole = np.where(on > 0, exposed(plans, squares), squares.sum())
-    return np.maximum(whole - half, 0.0), np.sqrt(half)
+        none = np.zeros(constant(plans).size)
+        return none, none
+    return light_error(plans, np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2)
 
 
 def _dark(capture: Capture) -> tuple[float, Floats]:
