@@ -33,8 +33,8 @@ STEPS = 25, 6
 """Maximum evaluations of the first stage, and of each of the later ones."""
 ROUNDS = 2
 """Times that the weights of a stage follow from what it expects."""
-TOLERANCE = 1e-5
-"""Relative change of chi-squared, and of the coordinates, that ends a stage."""
+TOLERANCE = 0.05
+"""Change of chi-squared that ends a stage: a quarter of a standard deviation."""
 AT_BOUND = 1e-3
 """Distance from a bound, in coordinates relative to its size, that counts as at it."""
 
@@ -180,8 +180,7 @@ class _Search:
             lambda coordinates: self._slope(coordinates, spp, noise),
             bounds,
             x_scale="jac",
-            ftol=TOLERANCE,
-            xtol=TOLERANCE,
+            ftol=TOLERANCE / self.model.readings.mean.size,
             max_nfev=steps,
         )
         return np.asarray(found.x)
@@ -211,13 +210,23 @@ class _Search:
         used = self.model.readings.usable
         difference = self.model.expected(coordinates, spp).counts - self.model.readings.mean
         return np.concatenate(
-            [noise.only(used).whiten(difference[used]), self._prior_residual(coordinates)]
+            [
+                noise.only(used).whiten(difference[used]),
+                self._prior_residual(coordinates),
+                self.model.gauge(coordinates)[0],
+            ]
         )
 
     def _slope(self, coordinates: Floats, spp: int, noise: Covariance) -> Floats:
         used = self.model.readings.usable
         columns = self.model.jacobian(coordinates, spp)[used]
-        return np.vstack([noise.only(used).whiten(columns), self._prior_slope(coordinates)])
+        return np.vstack(
+            [
+                noise.only(used).whiten(columns),
+                self._prior_slope(coordinates),
+                self.model.gauge(coordinates)[1],
+            ]
+        )
 
     def _information(self, coordinates: Floats, spp: int) -> Information:
         noise = self.model.covariance(coordinates, spp)

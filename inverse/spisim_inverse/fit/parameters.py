@@ -8,9 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from reconstruction.base.arrays import Mask
 from reconstruction.base.errors import InputError, nearest
 from reconstruction.ranging.weather import VISIBILITIES_M
 from spisim.instrument import Instrument
+from spisim.instrument.parts import Throughput
 from spisim_inverse.fit.twin import Twin
 
 VISIBILITY, EXTINCTION = "scene.fog.visibility_m", "scene.fog.extinction_per_m"
@@ -44,7 +46,8 @@ SCALES: Mapping[str, tuple[str, bool]] = {
 class Parameter:
     """A free number; positive ones are fitted by their logarithm.
 
-    ``changes_light`` is whether light must be traced anew.
+    ``changes_light`` is whether light must be traced anew. ``exposures`` (n,) are those on which it
+    acts as the projector's power does on all; None for any other parameter.
     """
 
     name: str
@@ -54,6 +57,7 @@ class Parameter:
     positive: bool
     changes_light: bool
     change: Callable[[Twin, float], Twin]
+    exposures: Mask | None = None
 
     def coordinate(self, value: float) -> float:
         """The number that the fit varies."""
@@ -198,10 +202,34 @@ def _of_instrument(twin: Twin, name: str, start: float | None) -> Parameter:
 
 
 def _throughput(twin: Twin, start: float | None) -> list[Parameter]:
-    """A factor for each pattern, in the order of exposure; their mean is 1."""
+    """A factor for each pattern, in the order of exposure; the instrument scales their mean to 1."""
     if start is not None:
         raise InputError(f"{THROUGHPUT}: has no single start; those of the instrument are used")
-    raise NotImplementedError
+    plans = twin.instrument.pattern_plans
+    if len(plans) > 1:
+        raise InputError(f"{THROUGHPUT}: the plans of {len(plans)} frames differ; record one plan")
+    plan = plans[0]
+    own = plan.factors_of(plan.distinct)
+    factors = tuple((own / own.mean()).tolist())
+
+    def change(number: int) -> Callable[[Twin, float], Twin]:
+        def changed(each: Twin, value: float) -> Twin:
+            section = each.instrument.imaging.plan.throughput
+            before = factors if section is None or section.factors is None else section.factors
+            after = (*before[:number], value, *before[number + 1 :])
+            throughput = Throughput(factors=after, stated=True)
+            instrument = with_field(each.instrument, "plan.throughput", throughput)
+            return replace(each, instrument=instrument)
+
+        return changed
+
+    return [
+        Parameter(
+            f"{THROUGHPUT}[{row}]", "1", factors[number], THROUGHPUTS, True, False, change(number),
+            plan.index == row,
+        )
+        for number, row in enumerate(plan.distinct.tolist())
+    ]  # fmt: skip
 
 
 def _around(value: float) -> tuple[float, float]:
@@ -212,7 +240,7 @@ def _field(instrument: Instrument, name: str) -> float | None:
     part: Any = instrument
     for each in name.split("."):
         part = getattr(part, each, None)
-    return part
+    return None if part is None else float(part)
 
 
 def with_field(instrument: Instrument, name: str, value: object) -> Instrument:

@@ -6,8 +6,11 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite
+from pathlib import Path
 
-from reconstruction.base.errors import InputError, nearest
+from reconstruction.base.errors import InputError, naming, nearest
+from spisim.base.config import read_text
+from spisim.base.config.yaml import load_yaml
 
 PATTERN = re.compile(r"(?P<name>[^=]+)=(?P<mean>[^±]+?)\s*(?:±|\+-|\+/-)\s*(?P<sigma>.+)")
 
@@ -41,6 +44,15 @@ def parsed_starts(texts: Sequence[str]) -> dict[str, float | None]:
             raise InputError(f"--free {name} is given twice")
         starts[name] = _number(name, value) if equals else None
     return starts
+
+
+def read_priors(path: Path) -> dict[str, Prior]:
+    """Priors of a YAML file, a mapping of names to texts such as ``50±10``."""
+    with naming(path):
+        fields = load_yaml(read_text(path), path)
+        if not isinstance(fields, Mapping):
+            raise InputError("must be a mapping of parameters to texts such as 50±10")
+        return parsed_priors([f"{name}={value}" for name, value in fields.items()])
 
 
 def check_priors(priors: Mapping[str, Prior], names: Sequence[str]) -> None:

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.stats import chi2
 
 from reconstruction.base.arrays import Floats
-from spisim_compare.comparison import Group, grouped
+from spisim_compare.comparison import Group, grouped, probability
 from spisim_compare.gaussian import Covariance
 from spisim_inverse.fit.information import Information
 from spisim_inverse.fit.model import Model
+from spisim_inverse.fit.parameters import THROUGHPUT
 from spisim_inverse.fit.priors import Prior
 from spisim_inverse.fit.twin import Twin
 
@@ -142,6 +143,17 @@ class Fitted:
             self.difference, self.noise, readings.group[readings.usable], readings.groups
         )
 
+    @property
+    def warnings(self) -> list[str]:
+        """What limits the meaning of the estimates."""
+        lines = [f"{name} is at its bound: its sigma means nothing" for name in self.at_bounds]
+        lines += [
+            f"the recording does not depend on {name}: it kept its start" for name in self.uninformed
+        ]
+        if not self.fits:
+            lines.append("the model does not fit: estimates and sigmas are those of a wrong model")
+        return lines
+
     def summary(self) -> dict[str, Any]:
         """Everything in plain numbers."""
         return {
@@ -167,14 +179,20 @@ def in_words(fitted: Fitted) -> list[str]:
     """Estimates and goodness of fit as lines of text."""
     lines = [
         f"{each.name} {each.value:.4g} ± {each.sigma:.2g} {each.unit}".removesuffix(" 1")
-        + (" (at its bound)" if each.name in fitted.at_bounds else "")
         for each in fitted.estimates
+        if not each.name.startswith(f"{THROUGHPUT}[")
     ]
-    lines += [f"{name}: the recording does not depend on it" for name in fitted.uninformed]
+    factors = [each for each in fitted.estimates if each.name.startswith(f"{THROUGHPUT}[")]
+    if factors:
+        scatter = np.std([each.value for each in factors])
+        sigma = np.median([each.sigma for each in factors])
+        lines.append(
+            f"{THROUGHPUT} of {len(factors)} patterns: scatter {scatter:.2g}, each ± {sigma:.2g}"
+        )
     verdict = "the model fits" if fitted.fits else "the model does not fit"
     lines.append(
         f"chi-squared {fitted.chi_squared:.0f} of {fitted.freedom}, probability "
-        f"{fitted.probability:.2g}: {verdict}"
+        f"{probability(fitted.probability)}: {verdict}"
     )
     if not fitted.fits:
         worst = ", ".join(f"{name} ({z:+.1f} sigma)" for name, z in fitted.worst[:3])
