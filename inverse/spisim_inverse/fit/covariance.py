@@ -22,10 +22,10 @@ DRAWS = 64
 """Draws of the error of the spots' light, from which its covariance is estimated."""
 
 
-def covariance(
-    readings: Readings, twin: Twin, light: Transport, expected: Expected, seed: int
+def detector_noise(
+    readings: Readings, twin: Twin, light: Transport, expected: Expected
 ) -> Covariance:
-    """Noise of the mean over frames, error of the traced light, and steady light.
+    """Noise of the mean over frames, speckle, and what is not known of the steady light.
 
     Parameters
     ----------
@@ -33,11 +33,23 @@ def covariance(
         The recording, its twin, and the light that is traced of it.
     expected
         What the twin should give.
-    seed
-        Of the draws that propagate the error of the spots' light.
     """
-    variance = expected.variance / np.maximum(readings.frames, 1)
     factors = [_steady(readings, twin, light, expected)]
+    if isinstance(readings.capture.spots, HistogramSpots):
+        factors.append(_speckle(readings, twin, light, expected))
+    return Covariance(expected.variance / np.maximum(readings.frames, 1), np.hstack(factors))
+
+
+def with_light_error(
+    noise: Covariance,
+    readings: Readings,
+    twin: Twin,
+    light: Transport,
+    expected: Expected,
+    seed: int,
+) -> Covariance:
+    """The same with the error of the traced light; `seed` is of draws that propagate it."""
+    variance, factors = noise.variance.copy(), []
     if readings.patterns:
         own, common = _of_image(readings, twin, light)
         variance[: readings.patterns] += own
@@ -46,7 +58,7 @@ def covariance(
         own, columns = _of_spots(readings, twin, light, expected, seed)
         variance[readings.patterns :] += own
         factors.append(_padded(columns, readings, readings.patterns))
-    return Covariance(variance, np.hstack(factors))
+    return replace(noise, variance=variance).plus(factors)
 
 
 def _padded(columns: Floats, readings: Readings, start: int) -> Floats:
@@ -92,7 +104,7 @@ def _of_spots(
         other = replace(light, spot_histogram=light.spot_histogram + error)
         draw[:] = readings.expected(twin, other).counts[some] - expected.counts[some]
     if isinstance(readings.capture.spots, HistogramSpots):
-        return np.mean(draws**2, axis=0), _speckle(readings, twin, light, expected)
+        return np.mean(draws**2, axis=0), np.zeros((draws.shape[1], 0))
     owner, columns = readings.group[some], []
     for spot in np.unique(owner):
         own = draws[:, owner == spot]
@@ -104,11 +116,10 @@ def _of_spots(
 
 
 def _speckle(readings: Readings, twin: Twin, light: Transport, expected: Expected) -> Floats:
-    """Common errors (m, spots) of the echoes, which speckle scatters from frame to frame."""
-    some = slice(readings.patterns, None)
+    """Columns (n, spots) of the echoes, which speckle scatters from frame to frame."""
     contrast = twin.instrument.ranging.tof.speckle_contrast  # type: ignore[attr-defined]
     brighter = replace(light, spot_histogram=(1 + contrast) * light.spot_histogram)
-    change = (readings.expected(twin, brighter).counts - expected.counts)[some]
-    change /= np.sqrt(np.maximum(readings.frames[some], 1))
-    owner = readings.group[some]
-    return np.where(owner[:, None] == np.unique(owner), change[:, None], 0.0)
+    change = readings.expected(twin, brighter).counts - expected.counts
+    change /= np.sqrt(np.maximum(readings.frames, 1))
+    spots = np.arange(1, int(readings.group.max(initial=0)) + 1)
+    return np.where(readings.group[:, None] == spots, change[:, None], 0.0)

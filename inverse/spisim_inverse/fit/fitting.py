@@ -27,12 +27,12 @@ from spisim_inverse.fit.tracing import Tracer
 from spisim_inverse.fit.twin import Twin
 
 FIRST_SPP = 8
-"""Paths per pixel of the first steps; each stage has four times as many as the one before."""
-GROWTH = 4
+"""Paths per pixel of the first steps; each stage has so many times those of the one before."""
+GROWTH = 16
 STEPS = 25, 6
 """Maximum evaluations of the first stage, and of each of the later ones."""
-ROUNDS = 2
-"""Times that the weights of a stage follow from what it expects."""
+ROUNDS = 2, 1
+"""Times that the weights of these stages follow from what they expect."""
 TOLERANCE = 0.05
 """Change of chi-squared that ends a stage: a quarter of a standard deviation."""
 AT_BOUND = 1e-3
@@ -94,7 +94,7 @@ def fit(
     search = _Search(model, priors or {}, len(stages), progress)
     search, start, uninformed = search.informed(start, stages[0])
     for number, paths in enumerate(stages):
-        for _ in range(ROUNDS):
+        for _ in range(ROUNDS[min(number, 1)]):
             start = search.improved(start, paths, STEPS[min(number, 1)], number)
     return search.result(start, stages[-1], uninformed)
 
@@ -192,12 +192,17 @@ class _Search:
         used = model.readings.usable
         difference = model.readings.mean - model.expected(coordinates, spp).counts
         information = self._information(coordinates, spp)
+        bound = Information.of(
+            model.parameters,
+            self._slope(coordinates, spp, model.noise(coordinates, spp)),
+        )
         at_bounds = [each for each, x in zip(model.parameters, coordinates.tolist(), strict=True)
                      if _is_at_bound(each, x)]  # fmt: skip
         return Fitted(
             model=model,
             coordinates=coordinates,
             information=information,
+            bound=bound.covariance,
             difference=difference[used],
             noise=noise.only(used),
             uninformed=[each.name for each in uninformed],

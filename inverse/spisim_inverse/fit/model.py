@@ -9,7 +9,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim_compare.gaussian import Covariance
-from spisim_inverse.fit.covariance import covariance
+from spisim_inverse.fit.covariance import detector_noise, with_light_error
 from spisim_inverse.fit.parameters import Parameter, with_field
 from spisim_inverse.fit.readings import Expected, Readings
 from spisim_inverse.fit.tracing import Traced, Tracer, moved
@@ -103,9 +103,16 @@ class Model:
         off = (factors.sum() / count - 1) / GAUGE
         return np.array([off]), factors[None] / (count * GAUGE)
 
+    def noise(self, coordinates: Floats, spp: int) -> Covariance:
+        """Covariance (n, n) of the readings about what they should be."""
+        twin = self.at(coordinates)
+        light = self.tracer(twin, self.parameters, spp).light
+        return detector_noise(self.readings, twin, light, self.readings.expected(twin, light))
+
     def covariance(self, coordinates: Floats, spp: int) -> Covariance:
-        """Covariance (n, n) of recorded less expected readings."""
+        """Covariance (n, n) of recorded less expected readings: noise, and error of the light."""
         twin = self.at(coordinates)
         light = self.tracer(twin, self.parameters, spp).light
         expected = self.readings.expected(twin, light)
-        return covariance(self.readings, twin, light, expected, self.seed)
+        noise = detector_noise(self.readings, twin, light, expected)
+        return with_light_error(noise, self.readings, twin, light, expected, self.seed)

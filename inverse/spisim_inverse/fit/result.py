@@ -51,6 +51,9 @@ class Fitted:
         Where the likelihood is greatest (k,).
     information
         Fisher information there, with that of the priors.
+    bound
+        Cramér–Rao bound (k, k) of the coordinates' covariance by the noise of the recording alone,
+        as if the light were traced without error.
     difference, noise
         Recorded less expected counts (n,) of the usable readings, and their covariance.
     uninformed
@@ -62,6 +65,7 @@ class Fitted:
     model: Model
     coordinates: Floats
     information: Information
+    bound: Floats
     difference: Floats
     noise: Covariance
     uninformed: Sequence[str]
