@@ -1,4 +1,4 @@
-"""Fits to simulated recordings of unknown weather, surfaces and gain: unbiased, and as sure as said.
+"""Fits of weather, surfaces and gain to simulated recordings: bias, coverage and error.
 
     python benchmarks/inverse_fit.py [--quick] [--json] [--markdown]
 

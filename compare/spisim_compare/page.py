@@ -8,7 +8,6 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-
 from spisim_app.report.page import write_page
 from spisim_app.report.pictures import Scale, intensity_scale
 from spisim_app.report.style import CURVE_COLOURS, WIDE_IN, drawn, plot_in_page, plot_style

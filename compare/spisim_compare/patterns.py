@@ -118,12 +118,13 @@ def light_error(plans: Sequence[PatternPlan], squares: Floats) -> tuple[Floats, 
     """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
 
     ``squares`` (H, W) are the squared errors of an image's pixels, which are independent; that of
-    the sum of all is common to all patterns.
+    their sum is common to all patterns, in proportion to what they light.
     """
-    on = constant(plans)
-    half = np.where(on > 0, squares.sum() / 4, 0.0)
-    whole = np.where(on > 0, exposed(plans, squares), squares.sum())
-    return np.maximum(whole - half, 0.0), np.sqrt(half)
+    total = max(float(squares.sum()), np.finfo(np.float64).tiny)
+    lit = exposed(plans, squares)
+    common = lit / np.sqrt(total)
+    whole = np.where(constant(plans) > 0, lit, total)
+    return np.maximum(whole - common**2, 0.0), common
 
 
 def buckets_of(value: Floats, variance: Floats, usable: Mask, like: Capture) -> Buckets:

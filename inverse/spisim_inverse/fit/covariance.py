@@ -11,6 +11,7 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from spisim.simulation.light import Transport
 from spisim.simulation.measurement.light import pixel_electrons
 from spisim_compare.gaussian import Covariance
+from spisim_compare.light_error import image_error_of, stated_accuracy
 from spisim_compare.patterns import light_error
 from spisim_inverse.fit.readings import Expected, Readings
 from spisim_inverse.fit.twin import Twin
@@ -48,7 +49,10 @@ def with_light_error(
     expected: Expected,
     seed: int,
 ) -> Covariance:
-    """The same with the error of the traced light; `seed` is of draws that propagate it."""
+    """The same with the error of the traced light, and of that which a simulation recorded.
+
+    `seed` is of draws that propagate that of the spots.
+    """
     variance, factors = noise.variance.copy(), []
     if readings.patterns:
         own, common = _of_image(readings, twin, light)
@@ -70,9 +74,11 @@ def _padded(columns: Floats, readings: Readings, start: int) -> Floats:
 def _of_image(readings: Readings, twin: Twin, light: Transport) -> tuple[Floats, Floats]:
     """Variance (n,), and error (n,) common to all, of readings of patterns in counts."""
     assert twin.buckets is not None
-    per_count = twin.buckets.electrons_per_count
-    squares = (light.image_error * pixel_electrons(twin.instrument) / per_count) ** 2
-    return light_error(readings.capture.setup.plans, squares)
+    capture, per_count = readings.capture, twin.buckets.electrons_per_count
+    squares = (light.image_error * pixel_electrons(twin.instrument)) ** 2
+    own, common = light_error(capture.setup.plans, squares)
+    recorded, recorded_common = image_error_of(capture)
+    return (own + recorded) / per_count**2, np.hypot(common, recorded_common) / per_count
 
 
 def _steady(readings: Readings, twin: Twin, light: Transport, expected: Expected) -> Floats:
@@ -98,11 +104,14 @@ def _of_spots(
     rng = np.random.default_rng(seed)
     some = slice(readings.patterns, None)
     shape = light.spot_histogram.shape
+    recorded = stated_accuracy(readings.capture)("spot_noise_share")
+    of_both = np.hypot(1.0, recorded / light.spot_noise_share)
     draws = np.empty((DRAWS, expected.counts[some].size))
     for draw in draws:
         error = light.spot_histogram_error * rng.standard_normal(shape)
         other = replace(light, spot_histogram=light.spot_histogram + error)
-        draw[:] = readings.expected(twin, other).counts[some] - expected.counts[some]
+        change = readings.expected(twin, other).counts - expected.counts
+        draw[:] = of_both * change[some]
     if isinstance(readings.capture.spots, HistogramSpots):
         return np.mean(draws**2, axis=0), np.zeros((draws.shape[1], 0))
     owner, columns = readings.group[some], []

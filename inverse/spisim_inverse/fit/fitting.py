@@ -35,7 +35,7 @@ ROUNDS = 2, 1
 """Times that the weights of these stages follow from what they expect."""
 TOLERANCE = 0.05
 """Change of chi-squared that ends a stage: a quarter of a standard deviation."""
-AT_BOUND = 1e-3
+AT_BOUND = 1e-2
 """Distance from a bound, in coordinates relative to its size, that counts as at it."""
 
 

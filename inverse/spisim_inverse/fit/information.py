@@ -21,7 +21,7 @@ MAX_CONDITION = 1e8
 MAX_SIGMA = 5.0
 """Minimum information: a logarithm is known to this, alone."""
 MIN_PART = 0.2
-"""Minimum part of a parameter in a combination that is named with it."""
+"""Minimum part, of the largest, of a parameter that is named in a combination."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,18 +71,16 @@ class Information:
     @property
     def weakest(self) -> str:
         """The combination of parameters that readings determine least, in words."""
-        _, modes = self._modes
-        direction = modes[:, 0] * self.alone
-        direction = direction / np.abs(direction).max()
-        direction *= np.sign(direction[np.abs(direction).argmax()])
-        parts = [
-            (each, part)
-            for each, part in zip(self.parameters, direction.tolist(), strict=True)
-            if abs(part) > MIN_PART
-        ]
-        if all(each.positive for each, _ in parts):
-            return " · ".join(each.name + _exponent(part) for each, part in parts)
-        return " ".join(f"{part:+.3g} {each.name}" for each, part in parts)
+        own = self._modes[1][:, 0]
+        own = own / own[np.abs(own).argmax()]
+        kept = np.flatnonzero(np.abs(own) > MIN_PART)
+        names = [self.parameters[k].name for k in kept]
+        if not all(self.parameters[k].positive for k in kept):
+            parts = [f"{own[k]:+.2g} {name}" for k, name in zip(kept, names, strict=True)]
+            return " ".join(parts) + ", each in units of its own bound"
+        direction = (own * self.alone)[kept]
+        direction /= direction[np.abs(direction).argmax()]
+        return " · ".join(map(_power, names, direction.tolist()))
 
     @property
     def covariance(self) -> Floats:
@@ -98,7 +96,5 @@ class Information:
         return strength, modes
 
 
-def _exponent(part: float) -> str:
-    if abs(part - 1) < 0.05:
-        return ""
-    return f"^{part:.2g}"
+def _power(name: str, exponent: float) -> str:
+    return name if abs(exponent - 1) < 0.05 else f"{name}^{exponent:.2g}"

@@ -202,7 +202,7 @@ def _of_instrument(twin: Twin, name: str, start: float | None) -> Parameter:
 
 
 def _throughput(twin: Twin, start: float | None) -> list[Parameter]:
-    """A factor for each pattern, in the order of exposure; the instrument scales their mean to 1."""
+    """A factor for each pattern in the order of exposure; the instrument keeps their mean at 1."""
     if start is not None:
         raise InputError(f"{THROUGHPUT}: has no single start; those of the instrument are used")
     plans = twin.instrument.pattern_plans

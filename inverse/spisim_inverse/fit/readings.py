@@ -101,7 +101,7 @@ class Readings:
             moved_m = light.path_length_m + 2 * twin.range_offset_m
             light = replace(light, path_length_m=moved_m)
         sequence, plans = LightSequence(np.zeros(1), (light,)), len(self.capture.setup.plans)
-        made, mean = record_frames(
+        made, _ = record_frames(
             twin.scene, twin.instrument, sequence, (), np.random.SeedSequence(0), noise=False,
             frames=plans,
         )  # fmt: skip

@@ -152,7 +152,8 @@ class Fitted:
         """What limits the meaning of the estimates."""
         lines = [f"{name} is at its bound: its sigma means nothing" for name in self.at_bounds]
         lines += [
-            f"the recording does not depend on {name}: it kept its start" for name in self.uninformed
+            f"the recording does not depend on {name}: it kept its start"
+            for name in self.uninformed
         ]
         if not self.fits:
             lines.append("the model does not fit: estimates and sigmas are those of a wrong model")
