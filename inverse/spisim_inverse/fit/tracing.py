@@ -15,8 +15,6 @@ from spisim_inverse.fit.twin import Twin
 
 STREAM = 6
 """Random stream of a fit's light: not that of a simulated recording of the same seed."""
-STEP = 0.1
-"""Relative step of a reflectance. Light is nearly proportional to it, so that any step will do."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,43 +42,33 @@ class Tracer:
         return self._last[1]
 
     def _traced(self, twin: Twin, free: Sequence[Parameter], spp: int) -> Traced:
-        by_score = [each for each in free if not each.name.startswith(MATERIAL)]
-        scores = sensitivities(twin.scene, [each.name for each in by_score])
-        light = self._solved(twin, spp, scores)
-        changes = {
-            each.name: _change(light, score, each.slope(twin.values[each.name]))
-            for each, score in zip(by_score, scores, strict=True)
-        }
-        for each in free:
-            if each not in by_score:
-                changes[each.name] = self._difference(twin, each, light, spp)
-        return Traced(light, changes)
-
-    def _solved(self, twin: Twin, spp: int, scores: Sequence[Sensitivity] = ()) -> Transport:
+        scores = sensitivities(twin.scene, [each.name for each in free])
         outputs = Outputs(
             frequencies_hz=twin.instrument.tap_frequencies_hz, weights=weights_of(scores)
         )
-        return solve(twin.scene, twin.instrument, spp=spp, seed=self._seed, outputs=outputs)
+        light = solve(twin.scene, twin.instrument, spp=spp, seed=self._seed, outputs=outputs)
+        changes = {
+            each.name: _change(light, score, _slope(each, twin))
+            for each, score in zip(free, scores, strict=True)
+        }
+        return Traced(light, changes)
 
-    def _difference(
-        self, twin: Twin, parameter: Parameter, light: Transport, spp: int
-    ) -> Transport:
-        own = twin.values[parameter.name]
-        step = STEP if own * (1 + STEP) <= parameter.bounds[1] else -STEP
-        other = self._solved(parameter.applied(twin, own * (1 + step)), spp)
-        return replace(
-            light,
-            image=(other.image - light.image) / step,
-            spot_histogram=(other.spot_histogram - light.spot_histogram) / step,
-        )
+
+def _slope(parameter: Parameter, twin: Twin) -> float:
+    """Change of what a sensitivity is by, per unit of the coordinate: of a reflectance, a factor."""
+    if parameter.name.startswith(MATERIAL):
+        return 1.0
+    return parameter.slope(twin.values[parameter.name])
 
 
 def _change(light: Transport, score: Sensitivity, slope: float) -> Transport:
-    image = score.of(light, "image")[0] if "image_" + score.weight.name in light.extra else 0.0
-    spots = light.spot_histogram
-    if f"spot_histogram_{score.weight.name}" in light.extra:
-        spots = score.of(light, "spot_histogram")[0]
-    return replace(light, image=slope * (image + 0 * light.image), spot_histogram=slope * spots)
+    """Change of image and echoes; arrays without light stay."""
+    arrays = {}
+    for name in ("image", "spot_histogram"):
+        known = f"{name}_{score.weight.name}" in light.extra
+        change = score.of(light, name)[0] if known else np.zeros_like(getattr(light, name))
+        arrays[name] = slope * change
+    return replace(light, **arrays)
 
 
 def moved(light: Transport, change: Transport, step: float) -> Transport:
