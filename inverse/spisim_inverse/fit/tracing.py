@@ -55,7 +55,7 @@ class Tracer:
 
 
 def _slope(parameter: Parameter, twin: Twin) -> float:
-    """Change of what a sensitivity is by, per unit of the coordinate: of a reflectance, a factor."""
+    """Change of what a sensitivity is by per unit of the coordinate; a factor on reflectances."""
     if parameter.name.startswith(MATERIAL):
         return 1.0
     return parameter.slope(twin.values[parameter.name])
