@@ -190,7 +190,7 @@ def fitted_rig(number: int) -> Outcome:
     nominal = instrument_of()
     adc = nominal.imaging.detector.adc
     assert adc is not None
-    stated = {
+    stated: dict[str, Any] = {
         "electrons_per_count": adc.electrons_per_count,
         "offset_counts": float(adc.offset_counts),
     }

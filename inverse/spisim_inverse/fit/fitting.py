@@ -13,6 +13,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.simulation.light import LightSequence
 from spisim.simulation.measurement import record
 from spisim.transport import ground_truth
 from spisim_compare.gaussian import Covariance
@@ -35,6 +36,7 @@ ROUNDS = 2, 1
 """Times that the weights of these stages follow from what they expect."""
 TOLERANCE = 0.05
 """Change of chi-squared that ends a stage: a quarter of a standard deviation."""
+TINY = 1e-300
 AT_BOUND = 1e-2
 """Distance from a bound, in coordinates relative to its size, that counts as at it."""
 
@@ -109,10 +111,7 @@ def _stages(spp: int) -> list[int]:
 def _check_same_instrument(
     capture: Capture, twin: Twin, tracer: Tracer, chosen: Sequence[Parameter], spp: int
 ) -> None:
-    light = tracer(twin, chosen, spp).light
-    from spisim.simulation.light import LightSequence
-
-    sequence = LightSequence(np.zeros(1), (light,))
+    sequence = LightSequence(np.zeros(1), (tracer(twin, chosen, spp).light,))
     plans = len(capture.setup.plans)
     simulated = record(
         twin.scene, twin.instrument, sequence, [ground_truth(twin.scene, twin.instrument)],
@@ -161,10 +160,11 @@ class _Search:
     def improved(self, start: Floats, spp: int, steps: int, stage: int) -> Floats:
         """Coordinates that are likelier, with weights of those at the start."""
         noise = self.model.covariance(start, spp)
-        bounds = np.transpose(
-            [[each.coordinate(max(b, 1e-300) if each.positive else b) for b in each.bounds]
-             for each in self.model.parameters]
-        )  # fmt: skip
+        ends = [
+            [each.coordinate(max(bound, TINY) if each.positive else bound) for bound in each.bounds]
+            for each in self.model.parameters
+        ]
+        low, high = np.transpose(ends)
         taken = 0
 
         def residual(coordinates: Floats) -> Floats:
@@ -174,16 +174,19 @@ class _Search:
                 self.progress((stage + min(taken / steps, 1.0)) / self.stages)
             return self._residual(coordinates, spp, noise)
 
-        found = least_squares(
+        def slope(coordinates: Floats) -> Floats:
+            return self._slope(coordinates, spp, noise)
+
+        best = least_squares(
             residual,
-            np.clip(start, *bounds),
-            lambda coordinates: self._slope(coordinates, spp, noise),
-            bounds,
+            np.clip(start, low, high),
+            slope,
+            (low, high),
             x_scale="jac",
             ftol=TOLERANCE / self.model.readings.mean.size,
             max_nfev=steps,
         )
-        return np.asarray(found.x)
+        return np.asarray(best.x)
 
     def result(self, coordinates: Floats, spp: int, uninformed: Sequence[Parameter]) -> Fitted:
         """What came out."""

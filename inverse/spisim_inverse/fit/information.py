@@ -73,7 +73,7 @@ class Information:
         """The combination of parameters that readings determine least, in words."""
         own = self._modes[1][:, 0]
         own = own / own[np.abs(own).argmax()]
-        kept = np.flatnonzero(np.abs(own) > MIN_PART)
+        kept = np.flatnonzero(np.abs(own) > MIN_PART).tolist()
         names = [self.parameters[k].name for k in kept]
         if not all(self.parameters[k].positive for k in kept):
             parts = [f"{own[k]:+.2g} {name}" for k, name in zip(kept, names, strict=True)]

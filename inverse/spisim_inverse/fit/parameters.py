@@ -180,7 +180,7 @@ def _scale(twin: Twin, name: str, start: float | None) -> Parameter:
 
     def change(each: Twin, value: float) -> Twin:
         scale = replace(getattr(each, part), **{field: value})
-        return replace(each, **{part: scale})  # type: ignore[arg-type]
+        return replace(each, **{part: scale})
 
     bounds = _around(value) if positive else (-np.inf, np.inf)
     return Parameter(name, unit, value, bounds, positive, False, change)
@@ -245,7 +245,7 @@ def _field(instrument: Instrument, name: str) -> float | None:
 
 def with_field(instrument: Instrument, name: str, value: object) -> Instrument:
     """The instrument with another value of a field."""
-    return _changed(instrument, name.split("."), value)  # type: ignore[no-any-return]
+    return _changed(instrument, name.split("."), value)
 
 
 def _changed(section: Any, path: Sequence[str], value: object) -> Any:

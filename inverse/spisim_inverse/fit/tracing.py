@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ def _slope(parameter: Parameter, twin: Twin) -> float:
 
 def _change(light: Transport, score: Sensitivity, slope: float) -> Transport:
     """Change of image and echoes; arrays without light stay."""
-    arrays = {}
+    arrays: dict[str, Any] = {}
     for name in ("image", "spot_histogram"):
         known = f"{name}_{score.weight.name}" in light.extra
         change = score.of(light, name)[0] if known else np.zeros_like(getattr(light, name))
