@@ -28,7 +28,7 @@ from spisim_inverse.fit.tracing import Tracer
 from spisim_inverse.fit.twin import Twin
 
 FIRST_SPP = 8
-"""Paths per pixel of the first steps; each stage has so many times those of the one before."""
+"""Paths per pixel of the first steps; a stage has at most so many times those before it."""
 GROWTH = 16
 STEPS = 25, 6
 """Maximum evaluations of the first stage, and of each of the later ones."""
@@ -103,8 +103,8 @@ def fit(
 
 def _stages(spp: int) -> list[int]:
     stages = [spp]
-    while stages[0] >= GROWTH * FIRST_SPP:
-        stages.insert(0, stages[0] // GROWTH)
+    while stages[0] > 2 * FIRST_SPP:
+        stages.insert(0, max(stages[0] // GROWTH, FIRST_SPP))
     return stages
 
 
