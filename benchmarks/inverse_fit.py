@@ -9,7 +9,7 @@ scene states. Light of recording and fit is traced with different random numbers
 of logarithms.
 
 A flat board in a dark room calibrates a rig whose offset of ranges, gain, dark level, laser power
-and throughput of patterns are off.
+and throughput of patterns are off; and a measured wall a TMF8820 (`inverse_wall`).
 """
 
 import sys
@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 import yaml
 from intervals import of_figure, of_fraction
+from inverse_wall import wall_checks, wall_poses, wall_table
+from measured_wall import SHIPPED
 from options import benchmark_options, finish
 
 import spisim
@@ -73,16 +75,19 @@ class Outcome:
 
 def main() -> int:
     """Fit and print; the exit status is 1 if a promise is broken."""
-    options = benchmark_options(__doc__, "a few captures", PAGE)
+    measured = {"type": Path, "default": SHIPPED, "help": "folder with the measured wall"}
+    options = benchmark_options(__doc__, "a few captures", PAGE, others={"--measured": measured})
     use_threads(1)
     twins = [fitted_twin(k) for k in range(QUICK_CAPTURES if options.quick else CAPTURES)]
     rigs = [fitted_rig(k) for k in range(QUICK_RIGS if options.quick else RIGS)]
+    wall = wall_poses(options.measured, options.quick)
     around = surroundings(("spisim", "mitsuba", "numpy", "scipy"))
     tables = [
         table("Fits of visibility, three reflectances and gain", twins),
         table("Calibration by a flat target", rigs),
+        wall_table(wall),
     ]
-    checks = [*checks_of("twin", twins), *checks_of("rig", rigs)]
+    checks = [*checks_of("twin", twins), *checks_of("rig", rigs), *wall_checks(wall)]
     return finish(options, PAGE, "fit", around, tables, checks)
 
 

@@ -96,10 +96,18 @@ class Fitted:
             )
         ]
 
+    @property
+    def scale(self) -> float:
+        """Factor on the errors of a model that does not fit: the root of chi-squared per freedom.
+
+        R. T. Birge, Phys. Rev. 40, 207 (1932): what it leaves out is as large as the residuals.
+        """
+        return 1.0 if self.fits else float(np.sqrt(self.chi_squared / self.freedom))
+
     @cached_property
     def covariance(self) -> Floats:
         """Covariance (k, k) of the coordinates: logarithms of positive parameters."""
-        return self.information.covariance
+        return self.scale**2 * self.information.covariance
 
     @property
     def correlation(self) -> Floats:
@@ -156,7 +164,9 @@ class Fitted:
             for name in self.uninformed
         ]
         if not self.fits:
-            lines.append("the model does not fit: estimates and sigmas are those of a wrong model")
+            lines.append(
+                f"the model does not fit: all sigmas are {self.scale:.2g} times those of the noise"
+            )
         return lines
 
     def summary(self) -> dict[str, Any]:
@@ -166,6 +176,7 @@ class Fitted:
             "chi_squared": self.chi_squared,
             "freedom": self.freedom,
             "probability": self.probability,
+            "scale": self.scale,
             "estimates": [each._asdict() for each in self.estimates],
             "covariance_of_coordinates": self.covariance.tolist(),
             "condition": self.information.condition,
