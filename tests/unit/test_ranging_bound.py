@@ -9,7 +9,7 @@ import pytest
 from instruments import changed
 from reconstruction.base.errors import InputError
 from reconstruction.capture.schema import between
-from reconstruction.ranging.bound import Targets, make_bound
+from reconstruction.ranging.bound import Targets, make_bound, make_bounds
 from reconstruction.ranging.fog.overlap import overlap
 from spisim.budget import Target, range_sigma_m, spot_link
 from spisim.instrument import SpotLight, load_instrument
@@ -130,8 +130,13 @@ def test_in_fog_it_is_the_inverse_of_numeric_information(name: str, changes: dic
     scale = np.sqrt(np.diagonal(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
-    result = make_bound(spots, 5.0, VAGUE)(targets, readings)
-    assert result == pytest.approx(np.sqrt(np.diagonal(inverse)[:4]), rel=0.02)
+    result, expected = (
+        make_bounds(spots, 5.0, VAGUE)(targets, readings),
+        np.sqrt(inverse.diagonal()),
+    )
+    assert result.range_m == pytest.approx(expected[:4], rel=0.02)
+    assert result.log_reflectance == pytest.approx(expected[4:8], rel=0.02)
+    assert result.log_extinction == pytest.approx(expected[12], rel=0.02)
 
 
 def test_what_is_known_beforehand_narrows_it() -> None:
