@@ -1,0 +1,151 @@
+"""Base and chosen instrument on the same scenes, paired, with intervals over scenes."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import t
+
+from reconstruction.base.arrays import Floats
+from spisim_inverse.design.objectives import LIMIT_M, OBJECTIVES
+from spisim_inverse.design.sampling import BOUNDS, RANGES, Sample
+
+RESAMPLES = 1000
+CONFIDENCE = 0.95
+Pairs = Sequence[tuple[Sample, Sample]]
+"""Samples of the same cases, by base and by chosen instrument."""
+
+
+@dataclass(frozen=True)
+class Compared:
+    """A figure of base and chosen instrument in one weather, or in all (None).
+
+    ``change`` is the ratio of chosen to base, or the difference of fractions, with a 95 % interval.
+    """
+
+    weather: str
+    name: str
+    unit: str
+    base: float
+    chosen: float
+    change: float
+    low: float
+    high: float
+
+    @property
+    def is_fraction(self) -> bool:
+        """Whether the change is a difference."""
+        return self.unit == "%"
+
+    @property
+    def better(self) -> bool | None:
+        """Whether the chosen instrument is better; None if the interval does not say."""
+        same = 0.0 if self.is_fraction else 1.0
+        if self.low <= same <= self.high or not np.isfinite(self.low):
+            return None
+        return (self.change > same) == (self.name == WITH_A_RANGE)
+
+
+WITH_A_RANGE, WRONG = "spots with a range", f"ranges wrong by more than {LIMIT_M:g} m"
+BY_BOTH = "rms error of spots ranged by both"
+BOUND = "rms bound of the same spots"
+
+
+def judge(
+    base: Sequence[Sample], chosen: Sequence[Sample], objectives: Sequence[str]
+) -> list[Compared]:
+    """All figures in each weather.
+
+    Parameters
+    ----------
+    base, chosen
+        Samples of the same cases, in the same order.
+    objectives
+        Their names; errors of ranges are also compared spot by spot.
+    """
+    pairs = list(zip(base, chosen, strict=True))
+    figures: dict[str, tuple[str, Callable[[Pairs], tuple[float, float]]]] = {
+        OBJECTIVES[name].title: (OBJECTIVES[name].unit, _objective(name)) for name in objectives
+    }
+    sampled = {OBJECTIVES[name].samples for name in objectives}
+    if RANGES in sampled:
+        figures |= {
+            BY_BOTH: ("m", _rmse_by_both),
+            WITH_A_RANGE: ("%", _fraction(np.isfinite)),
+            WRONG: ("%", _fraction(lambda error_m: np.abs(error_m) > LIMIT_M)),
+        }
+    if {RANGES, BOUNDS} <= sampled:
+        figures[BOUND] = "m", _bound_by_both
+    return [
+        compared(weather, name, unit, of, [pair for pair in pairs if pair[0].weather == weather])
+        for weather in dict.fromkeys(each.weather for each in base)
+        for name, (unit, of) in figures.items()
+    ]
+
+
+def compared(
+    weather: str, name: str, unit: str, of: Callable[[Pairs], tuple[float, float]], pairs: Pairs
+) -> Compared:
+    """A figure with its change, and Student's interval from the bootstrap over worlds."""
+    worlds = list(dict.fromkeys(each.world for each, _ in pairs))
+    members = [[pair for pair in pairs if pair[0].world == world] for world in worlds]
+
+    def change(some: Pairs) -> float:
+        before, after = of(some)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return after - before if unit == "%" else float(np.log(np.divide(after, before)))
+
+    before, after = of(pairs)
+    middle, low, high = change(pairs), -np.inf, np.inf
+    if len(worlds) > 1:
+        rng = np.random.default_rng(0)
+        draws = rng.integers(len(worlds), size=(RESAMPLES, len(worlds)))
+        changes = np.array([change([p for n in draw for p in members[n]]) for draw in draws])
+        changes = changes[np.isfinite(changes)]
+        error = np.sqrt(len(worlds) / (len(worlds) - 1)) * changes.std() if changes.size else np.inf
+        half = float(t.isf((1 - CONFIDENCE) / 2, len(worlds) - 1)) * error
+        low, high = middle - half, middle + half
+    if unit != "%":
+        middle, low, high = (float(np.exp(each)) for each in (middle, low, high))
+    return Compared(weather, name, unit, before, after, float(middle), float(low), float(high))
+
+
+def _objective(name: str) -> Callable[[Pairs], tuple[float, float]]:
+    of = OBJECTIVES[name].of
+    return lambda pairs: (of([each for each, _ in pairs]), of([each for _, each in pairs]))
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
+
+
+def _rmse_by_both(pairs: Pairs) -> tuple[float, float]:
+    errors = [_joined(pairs, number) for number in (0, 1)]
+    both = np.isfinite(errors[0]) & np.isfinite(errors[1])
+    return _rms(errors[0][both]), _rms(errors[1][both])
+
+
+def _bound_by_both(pairs: Pairs) -> tuple[float, float]:
+    both = np.isfinite(_joined(pairs, 0)) & np.isfinite(_joined(pairs, 1))
+    bounds = [
+        np.concatenate(
+            [np.tile(pair[n].bound_m, (len(pair[n].error_m), 1))[:, pair[n].counts].ravel()
+             for pair in pairs if pair[n].counts.any()]
+        )
+        for n in (0, 1)
+    ]  # fmt: skip
+    return _rms(bounds[0][both]), _rms(bounds[1][both])
+
+
+def _joined(pairs: Pairs, number: int) -> Floats:
+    return np.concatenate([pair[number].error_m[:, pair[number].counts].ravel() for pair in pairs])
+
+
+def _fraction(hits: Callable[[Floats], Floats]) -> Callable[[Pairs], tuple[float, float]]:
+    """Per cent of the spots that count."""
+
+    def of(pairs: Pairs) -> tuple[float, float]:
+        one, other = (100 * float(np.mean(hits(_joined(pairs, number)))) for number in (0, 1))
+        return one, other
+
+    return of
