@@ -90,7 +90,8 @@ class Bench:
             return self._laser_w / self._total_w
         if name == TIMES:
             tof: Any = self.base.tof
-            return [tof.light_time_s(each) for each in tof.modulation.frequencies_hz]
+            times = np.array([tof.light_time_s(each) for each in tof.modulation.frequencies_hz])
+            return (times / times.sum()).tolist()
         if "." not in name:
             return None
         value: Any = self._fields

@@ -8,7 +8,7 @@ from scipy.stats import t
 
 from reconstruction.base.arrays import Floats
 from spisim_inverse.design.objectives import LIMIT_M, OBJECTIVES
-from spisim_inverse.design.sampling import BOUNDS, RANGES, Sample
+from spisim_inverse.design.sampling import RANGES, Sample
 
 RESAMPLES = 1000
 CONFIDENCE = 0.95
@@ -74,7 +74,7 @@ def judge(
             WITH_A_RANGE: ("%", _fraction(np.isfinite)),
             WRONG: ("%", _fraction(lambda error_m: np.abs(error_m) > LIMIT_M)),
         }
-    if {RANGES, BOUNDS} <= sampled:
+    if RANGES in sampled and all(each.bound_m.size for each, _ in pairs if each.counts.any()):
         figures[BOUND] = "m", _bound_by_both
     return [
         compared(weather, name, unit, of, [pair for pair in pairs if pair[0].weather == weather])

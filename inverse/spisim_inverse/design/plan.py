@@ -233,10 +233,13 @@ class PlannedDesign:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of all that the search depends on: the plan and the files that it names."""
+        """SHA-256 of all that figures depend on: the plan but for the number of `evaluations`,
+        and the files that it names.
+        """
+        fields = {name: value for name, value in self.fields.items() if name != "evaluations"}
         names = [source.scene for source in (*self.plan.search, *self.plan.judgement)]
         texts = [read_text(self.scene_file(name)) for name in names if name]
-        content = yaml.safe_dump([self.fields, self.instrument.text, texts], sort_keys=False)
+        content = yaml.safe_dump([fields, self.instrument.text, texts], sort_keys=False)
         return hashlib.sha256(content.encode()).hexdigest()
 
     def _beside(self, name: str, folder: Path, kind: str) -> Path:

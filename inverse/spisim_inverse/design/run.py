@@ -20,7 +20,7 @@ from spisim_inverse.design.judgement import Compared, judge
 from spisim_inverse.design.light import TracedLight
 from spisim_inverse.design.objectives import OBJECTIVES, figure, over_weathers
 from spisim_inverse.design.plan import PlannedDesign
-from spisim_inverse.design.sampling import Sample, sample
+from spisim_inverse.design.sampling import BOUNDS, RANGES, Sample, has_bounds, sample
 from spisim_inverse.design.search import Search, front, relative_logs
 from spisim_inverse.design.space import Space
 
@@ -86,12 +86,20 @@ class Measuring:
     def samples(
         self, instrument: Instrument, noise: str, draws: int, progress: Callable[[float], None]
     ) -> list[Sample]:
-        """Samples of all cases; instruments have equal noise if it has the same name."""
+        """Samples of all cases; instruments have equal noise if it has the same name.
+
+        In the judgement, errors of ranges come with their bounds, where there are any.
+        """
         lit = self._light.of(instrument, progress)
+        wanted = set(self._wanted)
+        if self._part == "judgement" and RANGES in wanted:
+            wanted |= (
+                {BOUNDS} if has_bounds(instrument, (each.case.scene for each in lit)) else set()
+            )
         return sample(
             instrument,
             lit,
-            self._wanted,
+            wanted,
             max_range_m=self._max_range_m,
             draws=draws,
             seed=int(stream(self._plan.seed, self._part, noise).integers(2**31)),

@@ -1,6 +1,6 @@
 """What an instrument measures in lit cases: errors of its ranges and images, and their bounds."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from warnings import catch_warnings, simplefilter
@@ -15,6 +15,7 @@ from reconstruction.default_ranging import SetupKey, default_ranges
 from reconstruction.evaluation.metrics import image_metrics
 from reconstruction.ranging.bound import Targets, make_bound, smooth_overlap
 from spisim.instrument import Instrument
+from spisim.scene import Scene
 from spisim.simulation.measurement import record, spot_light
 from spisim_inverse.design.light import Lit
 
@@ -78,6 +79,13 @@ def sample(
         samples.append(_sampled(instrument, each, wanted, max_range_m, draws, seed + number))
         progress((number + 1) / len(lit))
     return samples
+
+
+def has_bounds(instrument: Instrument, scenes: Iterable[Scene]) -> bool:
+    """Whether ranges have bounds: readings that the fit in fog supports, in even air."""
+    if not instrument.ranges or any(scene.volumes for scene in scenes):
+        return False
+    return instrument.ranging.tof.method in ("cw", "pulsed")
 
 
 def _sampled(

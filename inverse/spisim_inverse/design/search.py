@@ -81,7 +81,7 @@ class Search:
 
     def _possible(self, start: Point) -> Point:
         """The start, or the first possible instrument of a space-filling sequence."""
-        self._budget = self.evaluations
+        self._budget = self.evaluations + TRIES  # also for those that show what matters
         reasons: list[str] = []
         names, lists = list(self.space.lists), self.space.lists
         dimensions = self.space.size + len(names)
@@ -188,7 +188,7 @@ class Search:
         values = self.space.values(point)
         key = key_of(values)
         if key not in self.made:
-            if self._simulated >= self._budget or self._impossible > self._budget * FUTILE:
+            if self._simulated >= self._budget or self._impossible > self._budget * FUTILE + TRIES:
                 raise Spent
             self.made[key] = point, self.evaluate(values)
             if self.made[key][1].figures is None:
