@@ -12,16 +12,16 @@ import pytest
 from designs import loaded
 from reconstruction import InputError
 from spisim_inverse.design.archive import FILE, Archive, Evaluation
-from spisim_inverse.design.judgement import WITH_A_RANGE, WRONG, judge
+from spisim_inverse.design.judgement import WITH_A_RANGE, WRONG, Pairs, compared, judge
 from spisim_inverse.design.objectives import LIMIT_M, OBJECTIVES, figure, over_weathers
-from spisim_inverse.design.plan import Choice, PlannedDesign
+from spisim_inverse.design.plan import Allowed, PlannedDesign
 from spisim_inverse.design.sampling import Sample
 from spisim_inverse.design.search import Search, front
 from spisim_inverse.design.space import Point, Space
 
 CHOICES = {
-    "x": Choice(low=[0.0, 0.0], high=[1.0, 2.0]),
-    "kind": Choice(values=("bad", "good", "worse")),
+    "x": Allowed(low=[0.0, 0.0], high=[1.0, 2.0]),
+    "kind": Allowed(values=("bad", "good", "worse")),
 }
 OFFSET = {"bad": 1.0, "good": 0.0, "worse": 2.0}
 
@@ -183,8 +183,9 @@ class TestJudgement:
         for row in rows:
             if not row.is_fraction and "bound" not in row.name:
                 assert row.change == pytest.approx(0.8)
-                assert row.low <= 0.8 + 1e-9
-                assert row.high >= 0.8 - 1e-9
+                low, high = row.interval()
+                assert low <= 0.8 + 1e-9
+                assert high >= 0.8 - 1e-9
                 assert row.better
 
     def test_lost_spots_count_against_it(self) -> None:
@@ -199,12 +200,19 @@ class TestJudgement:
         assert all(row.better is None for row in rows)
 
     def test_independent_noise_is_rarely_a_gain(self) -> None:
-        wins = 0
-        for seed in range(60):
-            rng = np.random.default_rng(seed)
+        def rms(pairs: Pairs) -> tuple[float, float]:
             one, other = (
-                [sample_of(rng.normal(0, 0.01, (2, 4)), f"w{n}") for n in range(10)]
-                for _ in range(2)
+                np.sqrt(np.mean([pair[n].error_m ** 2 for pair in pairs])) for n in (0, 1)
             )
-            wins += judge(one, other, ["range_rmse_m"])[0].better is not None
-        assert wins <= 9  # 3 expected of 60; P(> 9) = 0.1 %
+            return float(one), float(other)
+
+        wins = 0
+        for seed in range(30):
+            rng = np.random.default_rng(seed)
+            drawn = rng.normal(0, 0.01, (10, 2, 2, 4))
+            pairs = [
+                (sample_of(one, f"w{n}"), sample_of(other, f"w{n}"))
+                for n, (one, other) in enumerate(drawn)
+            ]
+            wins += compared("fog", "rms", "m", rms, pairs).better is not None
+        assert wins <= 6  # 1.5 expected of 30; P(> 6) = 0.1 %

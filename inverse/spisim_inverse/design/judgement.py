@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.stats import t
@@ -11,16 +12,18 @@ from spisim_inverse.design.objectives import LIMIT_M, OBJECTIVES
 from spisim_inverse.design.sampling import RANGES, Sample
 
 RESAMPLES = 1000
-CONFIDENCE = 0.95
+MIN_FINITE = 0.95
+"""Fraction of resamples that need a figure: without the others it would look too sure."""
 Pairs = Sequence[tuple[Sample, Sample]]
 """Samples of the same cases, by base and by chosen instrument."""
 
 
 @dataclass(frozen=True)
 class Compared:
-    """A figure of base and chosen instrument in one weather, or in all (None).
+    """A figure of base and chosen instrument in one weather.
 
-    ``change`` is the ratio of chosen to base, or the difference of fractions, with a 95 % interval.
+    ``sigma`` is the standard error of the ratio's logarithm, or of the difference of percentages,
+    over ``worlds`` independent scenes.
     """
 
     weather: str
@@ -28,9 +31,8 @@ class Compared:
     unit: str
     base: float
     chosen: float
-    change: float
-    low: float
-    high: float
+    sigma: float
+    worlds: int
 
     @property
     def is_fraction(self) -> bool:
@@ -38,12 +40,34 @@ class Compared:
         return self.unit == "%"
 
     @property
+    def change(self) -> float:
+        """Chosen over base, or their difference."""
+        if self.is_fraction:
+            return self.chosen - self.base
+        return self.chosen / self.base if self.base else np.nan
+
+    def interval(self, confidence: float = 0.95) -> tuple[float, float]:
+        """Student's interval of the change."""
+        if self.worlds < 2:
+            return -np.inf, np.inf
+        half = float(t.isf((1 - confidence) / 2, self.worlds - 1)) * self.sigma
+        if self.is_fraction:
+            return self.change - half, self.change + half
+        return self.change * float(np.exp(-half)), self.change * float(np.exp(half))
+
+    @property
     def better(self) -> bool | None:
         """Whether the chosen instrument is better; None if the interval does not say."""
+        low, high = self.interval()
         same = 0.0 if self.is_fraction else 1.0
-        if self.low <= same <= self.high or not np.isfinite(self.low):
+        if not np.isfinite(low) or low <= same <= high:
             return None
         return (self.change > same) == (self.name == WITH_A_RANGE)
+
+    def summary(self) -> dict[str, Any]:
+        """Plain values, ready for JSON."""
+        low, high = self.interval()
+        return {**vars(self), "change": self.change, "low": low, "high": high}
 
 
 WITH_A_RANGE, WRONG = "spots with a range", f"ranges wrong by more than {LIMIT_M:g} m"
@@ -86,7 +110,7 @@ def judge(
 def compared(
     weather: str, name: str, unit: str, of: Callable[[Pairs], tuple[float, float]], pairs: Pairs
 ) -> Compared:
-    """A figure with its change, and Student's interval from the bootstrap over worlds."""
+    """A figure with the error of its change, by the bootstrap over worlds."""
     worlds = list(dict.fromkeys(each.world for each, _ in pairs))
     members = [[pair for pair in pairs if pair[0].world == world] for world in worlds]
 
@@ -95,19 +119,15 @@ def compared(
         with np.errstate(divide="ignore", invalid="ignore"):
             return after - before if unit == "%" else float(np.log(np.divide(after, before)))
 
-    before, after = of(pairs)
-    middle, low, high = change(pairs), -np.inf, np.inf
+    sigma = np.inf
     if len(worlds) > 1:
         rng = np.random.default_rng(0)
         draws = rng.integers(len(worlds), size=(RESAMPLES, len(worlds)))
         changes = np.array([change([p for n in draw for p in members[n]]) for draw in draws])
         changes = changes[np.isfinite(changes)]
-        error = np.sqrt(len(worlds) / (len(worlds) - 1)) * changes.std() if changes.size else np.inf
-        half = float(t.isf((1 - CONFIDENCE) / 2, len(worlds) - 1)) * error
-        low, high = middle - half, middle + half
-    if unit != "%":
-        middle, low, high = (float(np.exp(each)) for each in (middle, low, high))
-    return Compared(weather, name, unit, before, after, float(middle), float(low), float(high))
+        if changes.size > MIN_FINITE * RESAMPLES:
+            sigma = float(np.sqrt(len(worlds) / (len(worlds) - 1)) * changes.std())
+    return Compared(weather, name, unit, *of(pairs), sigma, len(worlds))
 
 
 def _objective(name: str) -> Callable[[Pairs], tuple[float, float]]:

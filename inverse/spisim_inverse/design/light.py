@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -24,6 +25,8 @@ from spisim.version import __version__
 
 SPOT_FACTOR = 16
 """Factor of the paths of spots: they are few, and decide about ranges."""
+EXTRA = "extra."
+"""Prefix of arrays of `Transport.extra` in files."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +164,7 @@ def _seed(*keys: int) -> int:
 
 
 def _write(path: Path, light: Transport) -> None:
-    extra = {f"extra.{name}": array for name, array in light.extra.items()}
+    extra = {f"{EXTRA}{name}": array for name, array in light.extra.items()}
     own = {each.name: getattr(light, each.name) for each in fields(light) if each.name != "extra"}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **own, **extra)
@@ -170,14 +173,11 @@ def _write(path: Path, light: Transport) -> None:
 
 def _read(path: Path) -> Transport:
     try:
-        with np.load(path) as kept:
+        with path.open("rb") as file, np.load(file) as kept:
             arrays = {name: kept[name] for name in kept.files}
-    except (OSError, ValueError, EOFError) as error:
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(f"{path}: not readable ({error}); remove it") from None
-    extra = {
-        name.removeprefix("extra."): arrays.pop(name)
-        for name in list(arrays)
-        if name.startswith("extra.")
-    }
+    beside = {name for name in arrays if name.startswith(EXTRA)}
+    extra = {name.removeprefix(EXTRA): arrays.pop(name) for name in beside}
     own = {name: array if array.ndim else array.item() for name, array in arrays.items()}
     return Transport(**own, extra=extra)

@@ -62,10 +62,11 @@ def in_words(design: Design) -> list[str]:
         title = OBJECTIVES[name].title
         for each in design.judged:
             if each.name == title:
+                low, high = each.interval()
                 lines.append(
                     f"{each.weather}: {title.split(',')[0]} {_value(each.base, each.unit)} "
                     f"with the base, {_value(each.chosen, each.unit)} with the chosen instrument, "
-                    f"{each.change:.2f} times ({each.low:.2f} to {each.high:.2f})"
+                    f"{each.change:.2f} times ({low:.2f} to {high:.2f})"
                 )
     return ["On scenes that the search has not seen:", *lines]
 
@@ -91,10 +92,8 @@ def _both(name: str, design: Design, part: str) -> tuple[str, str, str]:
 
 
 def _row(each: Compared) -> tuple[str, str, str, str, str]:
-    if each.is_fraction:
-        change = f"{each.change:+.1f} ({each.low:+.1f} to {each.high:+.1f})"
-    else:
-        change = f"{each.change:.2f} ({each.low:.2f} to {each.high:.2f})"
+    (low, high), digits = each.interval(), "+.1f" if each.is_fraction else ".2f"
+    change = f"{each.change:{digits}} ({low:{digits}} to {high:{digits}})"
     verdict = {True: "better", False: "worse", None: ""}[each.better]
     values = _value(each.base, each.unit), _value(each.chosen, each.unit)
     return (f"{each.weather}: {each.name}", *values, change, verdict)

@@ -76,7 +76,7 @@ class Source(Section):
         return self.family or str(self.scene)
 
 
-class Choice(Section):
+class Allowed(Section):
     """Allowed values of a parameter: a list of `values`, or all from `low` to `high`.
 
     `low` and `high` have the shape of the field, a number or lists of numbers.
@@ -92,14 +92,14 @@ class Choice(Section):
     """Values are multiples of this."""
 
     @model_validator(mode="after")
-    def _one_kind(self) -> Choice:
+    def _one_kind(self) -> Allowed:
         ends = self.low is not None, self.high is not None
         if (self.values is None) != all(ends) or (self.values is not None and any(ends)):
-            raise PydanticCustomError("choice", "should have either values, or low and high")
+            raise PydanticCustomError("allowed", "should have either values, or low and high")
         if self.values is None:
             self._check_ends()
         elif self.step is not None:
-            raise PydanticCustomError("choice", "step is only for low and high")
+            raise PydanticCustomError("allowed", "step is only for low and high")
         return self
 
     def _check_ends(self) -> None:
@@ -161,7 +161,7 @@ class DesignPlan(Section):
     """Scenes that base and chosen instrument are compared in."""
     weathers: Annotated[dict[Name, dict[Name, Any]], Field(min_length=1)]
     """Sections of a scene file by name of the weather; those not given keep clear air."""
-    choose: Annotated[dict[Name, Choice], Field(min_length=1)]
+    choose: Annotated[dict[Name, Allowed], Field(min_length=1)]
     """What may be chosen."""
     objectives: Annotated[
         tuple[Annotated[Name, BeforeValidator(_objective)], ...], Field(min_length=1)

@@ -82,7 +82,8 @@ def judgement_figure(design: Design, width_in: float = WIDE_IN) -> Figure:
     figure = Figure(figsize=(width_in, 0.32 * len(rows) + 1.0), layout="constrained")
     axis = figure.subplots()
     at = np.arange(len(rows))[::-1]
-    change, low, high = (np.array([getattr(r, n) for r in rows]) for n in ("change", "low", "high"))
+    change = np.array([each.change for each in rows])
+    low, high = np.array([each.interval() for each in rows]).reshape(-1, 2).T
     bars = np.where(np.isfinite([change - low, high - change]), [change - low, high - change], 0)
     axis.axvline(1.0, color="#5a646e", linewidth=1)
     for number, (y, row) in enumerate(zip(at, rows, strict=True)):

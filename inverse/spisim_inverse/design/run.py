@@ -63,7 +63,7 @@ class Design:
                 {"values": each.values, "search": each.figures, "judgement": judged}
                 for each, judged in zip(self.front, self.front_judged, strict=True)
             ],
-            "judgement": [vars(each) for each in self.judged],
+            "judgement": [each.summary() for each in self.judged],
         }
 
 

@@ -74,6 +74,12 @@ def sample(
     InputError
         If the readings have no bound, or the fog is uneven and bounds are wanted.
     """
+    uneven = [each.case.scene.name for each in lit if each.case.scene.volumes]
+    if uneven and BOUNDS in wanted:
+        raise InputError(
+            f"range_bound_m: {uneven[0]} has volumes, and the bound is that of even fog; use "
+            "range_error_m"
+        )
     samples = []
     for number, each in enumerate(lit):
         samples.append(_sampled(instrument, each, wanted, max_range_m, draws, seed + number))
@@ -141,12 +147,7 @@ def _bounds_m(instrument: Instrument, lit: Lit, capture: Capture, max_range_m: f
 
     The reflectance is what unscattered light says of it.
     """
-    scene, air = lit.case.scene, lit.case.scene.atmosphere
-    if scene.volumes:
-        raise InputError(
-            f"range_bound_m: {scene.name} has volumes, and the bound is that of even fog; use "
-            "range_error_m"
-        )
+    air = lit.case.scene.atmosphere
     tof, optics = instrument.ranging.tof, instrument.spot_optics
     light = spot_light(instrument, lit.light, 1)
     readings = tof.record(light, optics, None).readings[0]

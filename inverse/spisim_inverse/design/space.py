@@ -9,7 +9,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim_inverse.design.bench import Bench
-from spisim_inverse.design.plan import Choice
+from spisim_inverse.design.plan import Allowed
 
 DIGITS = 6
 """Significant digits of a value: closer ones are the same instrument."""
@@ -27,7 +27,7 @@ class Point:
 class Space:
     """The choices of a plan."""
 
-    choices: Mapping[str, Choice]
+    choices: Mapping[str, Allowed]
 
     @cached_property
     def ranges(self) -> dict[str, tuple[Floats, Floats]]:
