@@ -62,9 +62,9 @@ class Bench:
         for name, value, limit in self._limits(instrument):
             if value > limit * (1 + ROUNDING):
                 raise InputError(f"{name} is {value:.6g}; at most {limit:.6g}, as of the base")
-        for name, classes, value, limit in self._classes(instrument):
-            if classes.index(value) > classes.index(limit):
-                raise InputError(f"{name} is {value}; at most {limit}, as of the base")
+        for name, classes, own, highest in self._classes(instrument):
+            if classes.index(own) > classes.index(highest):
+                raise InputError(f"{name} is {own}; at most {highest}, as of the base")
 
     def check_name(self, name: str) -> None:
         """Raise InputError, with the nearest name, unless a parameter is one of the instrument."""

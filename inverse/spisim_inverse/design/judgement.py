@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import t
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, Mask
 from spisim_inverse.design.objectives import LIMIT_M, OBJECTIVES
 from spisim_inverse.design.sampling import RANGES, Sample
 
@@ -161,7 +161,7 @@ def _joined(pairs: Pairs, number: int) -> Floats:
     return np.concatenate([pair[number].error_m[:, pair[number].counts].ravel() for pair in pairs])
 
 
-def _fraction(hits: Callable[[Floats], Floats]) -> Callable[[Pairs], tuple[float, float]]:
+def _fraction(hits: Callable[[Floats], Mask]) -> Callable[[Pairs], tuple[float, float]]:
     """Per cent of the spots that count."""
 
     def of(pairs: Pairs) -> tuple[float, float]:

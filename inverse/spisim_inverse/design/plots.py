@@ -1,5 +1,8 @@
 """Plots of a design: the search, its front, and the judgement on unseen scenes."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
@@ -47,7 +50,7 @@ def front_figure(design: Design, width_in: float = WIDE_IN) -> Figure | None:
         return None
     figure = Figure(figsize=(width_in, 0.6 * width_in + 0.8), layout="constrained")
     axis = figure.subplots()
-    clouds = {
+    clouds: dict[tuple[str, str, str, str], list[Any]] = {
         ("an instrument", QUIET, ".", ""): [each.figures for each in design.evaluations],
         ("front, scenes of the search", FRONT, "o", "-"): [each.figures for each in design.front],
         ("the same, unseen scenes", JUDGED, "s", "--"): list(design.front_judged),
@@ -102,9 +105,9 @@ def _row_label(row: Compared, width_in: float) -> str:
     return drawn(text if width_in == WIDE_IN else shortened(text)[: NAME_CHARACTERS // 2])
 
 
-def _of(figures: object, name: str) -> float:
-    assert isinstance(figures, dict)
-    return float(figures[name])
+def _of(figures: Mapping[str, float] | None, name: str) -> float:
+    assert figures is not None
+    return figures[name]
 
 
 def _limits(values: Floats) -> tuple[float, float]:

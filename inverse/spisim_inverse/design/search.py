@@ -29,6 +29,8 @@ PER_COORDINATE, MIN_POPULATION = 3, 8
 """Size of the population of differential evolution."""
 FUTILE = 20
 """Impossible instruments looked at for each simulated one, before a search ends."""
+MOST = 10_000
+"""Calls or generations of an optimiser, whose points may all be known."""
 Evaluate = Callable[[Mapping[str, Any]], Evaluation]
 
 
@@ -160,28 +162,27 @@ class Search:
         def enough(*_: Any, **__: Any) -> bool:
             return self._simulated >= stop_at
 
-        differential_evolution(
-            lambda unit: self._at(unit, point, weights),
-            [(0.0, 1.0)] * self.space.size,
-            init=population,
-            maxiter=10_000,
-            tol=0.01,
-            polish=False,
-            rng=rng,
-            callback=enough,
-        )
+        options: Any = {"init": population, "maxiter": MOST, "tol": 0.01, "polish": False}
+        options |= {"rng": rng, "callback": enough}
+        differential_evolution(self._scorer(point, weights), self._cube, **options)
 
     def _descend(self, weights: Floats, point: Point) -> None:
-        minimize(
-            lambda unit: self._at(unit, point, weights),
-            np.array(point.unit),
-            method="Nelder-Mead",
-            bounds=[(0.0, 1.0)] * self.space.size,
-            options={"xatol": 1e-3, "fatol": 1e-3, "adaptive": True, "maxfev": 10_000},
-        )
+        options: Any = {"xatol": 1e-3, "fatol": 1e-3, "adaptive": True, "maxfev": MOST}
+        start, scored = np.array(point.unit), self._scorer(point, weights)
+        minimize(scored, start, method="Nelder-Mead", bounds=self._cube, options=options)
 
-    def _at(self, unit: Floats, point: Point, weights: Floats) -> float:
-        return self.score(self._evaluated(Point(tuple(unit.tolist()), point.indices)), weights)
+    @property
+    def _cube(self) -> Any:
+        return [(0.0, 1.0)] * self.space.size
+
+    def _scorer(self, point: Point, weights: Floats) -> Callable[[Floats], float]:
+        """Score by coordinates, with the point's indices."""
+
+        def scored(unit: Floats) -> float:
+            here = Point(tuple(unit.tolist()), point.indices)
+            return self.score(self._evaluated(here), weights)
+
+        return scored
 
     def _evaluated(self, point: Point) -> Evaluation:
         """The evaluation of a point; raises Spent where a new one would exceed the budget."""
