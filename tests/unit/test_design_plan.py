@@ -57,9 +57,11 @@ def test_weathers_clear_what_the_scene_has(tmp_path: Path) -> None:
     assert weather_of(plan, "fog")["fog"] == {"visibility_m": 50}
 
 
-def test_the_digest_is_of_all_but_the_number_of_evaluations(tmp_path: Path) -> None:
+def test_the_digest_is_of_all_that_the_search_depends_on(tmp_path: Path) -> None:
     before = loaded(tmp_path).digest
     assert loaded(tmp_path, evaluations=7).digest == before
+    assert loaded(tmp_path, judgement=[{"scene": "tunnel"}]).digest == before
+    assert loaded(tmp_path, search=[{"scene": "tunnel"}]).digest != before
     assert loaded(tmp_path, draws=7).digest != before
 
 

@@ -17,6 +17,7 @@ import numpy as np
 
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import write_atomically
+from spisim.base.config.distributions import stream
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light import LightSequence, Transport, solve, solve_spots
@@ -71,7 +72,7 @@ class TracedLight:
         for number, case in enumerate(self.cases):
             key = number, optics_of(instrument)
             if key not in self._kept:
-                light = self._traced(case, instrument, number)
+                light = self._traced(case, instrument)
                 self._kept[key] = light, ground_truth(case.scene, instrument, subpixels=1)
             light, truth = self._kept[key]
             scaled = replace(light, spot_crosstalk_w=light.spot_crosstalk_w * _mean_w(instrument))
@@ -79,8 +80,7 @@ class TracedLight:
             progress((number + 1) / len(self.cases))
         return lit
 
-    def _traced(self, case: Case, instrument: Instrument, number: int) -> Transport:
-        seed = [self.seed, number]
+    def _traced(self, case: Case, instrument: Instrument) -> Transport:
         whole = self._from_file(
             case,
             optics_of(instrument, directions=False),
@@ -89,7 +89,7 @@ class TracedLight:
                     case.scene,
                     instrument,
                     spp=self.spp,
-                    seed=_seed(*seed, 0),
+                    seed=self._seed(case, "image"),
                     outputs=Outputs(frequencies_hz=instrument.tap_frequencies_hz),
                 ),
                 instrument,
@@ -107,9 +107,12 @@ class TracedLight:
                 directions,
                 whole,
                 spp=SPOT_FACTOR * self.spp,
-                seed=_seed(*seed, 1),
+                seed=self._seed(case, "spots"),
             ),
         )
+
+    def _seed(self, case: Case, what: str) -> int:
+        return int(stream(self.seed, case.world, case.weather, what).integers(2**31))
 
     def _from_file(self, case: Case, optics: str, trace: Callable[[], Transport]) -> Transport:
         what = repr((case.scene.text, optics, self.spp, self.seed, __version__))
@@ -157,10 +160,6 @@ def _per_watt(light: Transport, instrument: Instrument) -> Transport:
         spot_crosstalk_w=light.spot_crosstalk_w / watt,
         spot_crosstalk_error_w=light.spot_crosstalk_error_w / watt,
     )
-
-
-def _seed(*keys: int) -> int:
-    return int(np.random.SeedSequence(keys).generate_state(1)[0])
 
 
 def _write(path: Path, light: Transport) -> None:

@@ -118,9 +118,8 @@ def _over_sum(name: str, value: Any) -> Any:
 
 
 def _value(value: float, unit: str) -> str:
-    if unit == "%":
-        return f"{value:.1f} %"
-    return engineering(value, unit) if unit else f"{value:.3g}"
+    text = engineering(value, unit) if unit and unit != "%" else f"{value:.3g} {unit}"
+    return text.strip().replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _rounded(value: Any) -> Any:

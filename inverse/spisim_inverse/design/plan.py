@@ -33,6 +33,8 @@ from spisim.scene import scenes_folder
 from spisim.scene.families import FAMILIES
 from spisim_inverse.design.objectives import OBJECTIVES
 
+LATER = ("description", "evaluations", "judgement")
+"""Fields of a plan that change no figure of its search."""
 MAX_COMPONENTS = 64
 """Maximum numbers that a search changes together."""
 
@@ -233,11 +235,9 @@ class PlannedDesign:
 
     @cached_property
     def digest(self) -> str:
-        """SHA-256 of all that figures depend on: the plan but for the number of `evaluations`,
-        and the files that it names.
-        """
-        fields = {name: value for name, value in self.fields.items() if name != "evaluations"}
-        names = [source.scene for source in (*self.plan.search, *self.plan.judgement)]
+        """SHA-256 of all that figures of the search depend on."""
+        fields = {name: value for name, value in self.fields.items() if name not in LATER}
+        names = [source.scene for source in self.plan.search]
         texts = [read_text(self.scene_file(name)) for name in names if name]
         content = yaml.safe_dump([fields, self.instrument.text, texts], sort_keys=False)
         return hashlib.sha256(content.encode()).hexdigest()

@@ -1,14 +1,15 @@
 """Plots of a design: the search, its front, and the judgement on unseen scenes."""
 
 from collections.abc import Mapping
+from textwrap import wrap
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 
 from reconstruction.base.arrays import Floats
-from reconstruction.base.text import shortened
 from spisim_app.report.style import CURVE_COLOURS, WIDE_IN, drawn
 from spisim_app.report.units import prefix_axis
 from spisim_inverse.design.judgement import BY_BOTH, Compared
@@ -16,8 +17,8 @@ from spisim_inverse.design.objectives import OBJECTIVES
 from spisim_inverse.design.run import Design
 
 QUIET, FRONT, JUDGED = "#b0b0b0", CURVE_COLOURS[0], CURVE_COLOURS[1]
-NAME_CHARACTERS = 48
-"""Characters of a label of the judgement."""
+NARROW_CHARACTERS, LABEL_CHARACTERS = 22, 24
+"""Characters in a line of the judgement's labels in a narrow window, and of an axis' label."""
 ROOM = 0.15
 """Room at the ends of an axis, over its length."""
 
@@ -35,7 +36,7 @@ def search_figure(design: Design, width_in: float = WIDE_IN) -> Figure:
         axis.axhline(values[0], color=JUDGED, linestyle="--", label="base")
         axis.set_ylim(*_limits(values))
         _label(name, axis.yaxis)
-    axes[0].legend(loc="upper right", ncols=3)
+    _legend(figure, axes[0], width_in)
     axes[-1].set_xlabel("evaluation")
     return figure
 
@@ -53,7 +54,7 @@ def front_figure(design: Design, width_in: float = WIDE_IN) -> Figure | None:
     clouds: dict[tuple[str, str, str, str], list[Any]] = {
         ("an instrument", QUIET, ".", ""): [each.figures for each in design.evaluations],
         ("front, scenes of the search", FRONT, "o", "-"): [each.figures for each in design.front],
-        ("the same, unseen scenes", JUDGED, "s", "--"): list(design.front_judged),
+        ("the same, unseen scenes", JUDGED, "s", ""): list(design.front_judged),
         ("base, scenes of the search", FRONT, "*", ""): [design.evaluations[0].figures],
         ("base, unseen scenes", JUDGED, "*", ""): [design.base_judged],
     }
@@ -65,24 +66,20 @@ def front_figure(design: Design, width_in: float = WIDE_IN) -> Figure | None:
         (names[0], axis.set_xlim, axis.xaxis),
         (names[1], axis.set_ylim, axis.yaxis),
     ):
-        every = [_of(each, name) for group in clouds.values() for each in group]
-        seen = np.array([_of(each.figures, name) for each in design.evaluations])
-        set_limits(
-            min(every) - 0.05 * _limits(seen)[1],
-            max(
-                _limits(seen)[1],
-                *(_of(each, name) for each in [*design.front_judged, design.base_judged]),
-            ),
-        )
+        kept = [*design.front_judged, design.base_judged, design.evaluations[0].figures]
+        values = [_of(each, name) for each in [*kept, *(each.figures for each in design.front)]]
+        room = ROOM * (max(values) - min(values))
+        set_limits(min(values) - room, max(values) + room)
         _label(name, axes)
-    axis.legend(loc="best")
+    _legend(figure, axis, width_in)
     return figure
 
 
 def judgement_figure(design: Design, width_in: float = WIDE_IN) -> Figure:
     """Ratios of chosen to base on unseen scenes, with 95 % intervals."""
     rows = [each for each in design.judged if not each.is_fraction and np.isfinite(each.change)]
-    figure = Figure(figsize=(width_in, 0.32 * len(rows) + 1.0), layout="constrained")
+    lines = 1 if width_in == WIDE_IN else 2
+    figure = Figure(figsize=(width_in, 0.32 * lines * len(rows) + 1.0), layout="constrained")
     axis = figure.subplots()
     at = np.arange(len(rows))[::-1]
     change = np.array([each.change for each in rows])
@@ -95,14 +92,28 @@ def judgement_figure(design: Design, width_in: float = WIDE_IN) -> Figure:
             change[number], y, xerr=bars[:, number : number + 1], fmt="o", color=colour, capsize=3
         )
     axis.set_yticks(at, [_row_label(row, width_in) for row in rows])
-    axis.set_xlabel("chosen over base; below 1 is better")
+    axis.set_xlim(*_around_one(change))  # intervals of few scenes lie beyond
+    axis.set_xlabel("chosen over base")
     return figure
 
 
 def _row_label(row: Compared, width_in: float) -> str:
     name = "rms error" if row.name == BY_BOTH else row.name.split(",")[0]
-    text = f"{row.weather}: {name}"
-    return drawn(text if width_in == WIDE_IN else shortened(text)[: NAME_CHARACTERS // 2])
+    text = drawn(f"{row.weather}: {name}")
+    return text if width_in == WIDE_IN else "\n".join(wrap(text, NARROW_CHARACTERS)[:2])
+
+
+def _around_one(change: Floats) -> tuple[float, float]:
+    low, high = min(float(change.min()), 1.0), max(float(change.max()), 1.0)
+    room = max(high - low, 0.5)
+    return max(low - room, 0.0), high + room
+
+
+def _legend(figure: Figure, axis: Axes, width_in: float) -> None:
+    """A legend above the plots, which leaves all points in view."""
+    handles, labels = axis.get_legend_handles_labels()
+    columns = 3 if width_in == WIDE_IN else 1
+    figure.legend(handles, labels, loc="outside upper center", ncols=columns)
 
 
 def _of(figures: Mapping[str, float] | None, name: str) -> float:
@@ -124,3 +135,5 @@ def _label(name: str, axis: Axis) -> None:
         prefix_axis(axis, f"{title}, {objective.unit}")
     else:
         axis.set_label_text(title)
+    label = axis.get_label_text().replace(", ", ",\N{NO-BREAK SPACE}")
+    axis.set_label_text("\n".join(wrap(label, LABEL_CHARACTERS)))
