@@ -18,8 +18,9 @@ from spisim_inverse.design.archive import FILE
 from spisim_inverse.design.bench import Bench
 from spisim_inverse.design.cases import make_cases
 from spisim_inverse.design.light import TracedLight, optics_of
+from spisim_inverse.design.measuring import LIGHT
 from spisim_inverse.design.objectives import OBJECTIVES
-from spisim_inverse.design.run import INSTRUMENT, LIGHT, PAGE
+from spisim_inverse.design.run import INSTRUMENT, PAGE
 from spisim_inverse.design.sampling import BOUNDS, RANGES, sample
 
 SMALL: dict[str, Any] = {

@@ -84,6 +84,10 @@ class Bench:
                 raise InputError(f"{name}: unknown field {part!r}: {nearest(part, allowed)}")
             section = getattr(section, part)
 
+    def is_bundle(self, name: str) -> bool:
+        """Whether a parameter is neither a field nor one of those beside fields."""
+        return "." not in name and name not in (LASER_FRACTION, *Instrument.model_fields)
+
     def start(self, name: str) -> Any:
         """Value of a parameter in the base; None for a bundle."""
         if name == LASER_FRACTION:
@@ -92,7 +96,7 @@ class Bench:
             tof: Any = self.base.tof
             times = np.array([tof.light_time_s(each) for each in tof.modulation.frequencies_hz])
             return (times / times.sum()).tolist()
-        if "." not in name:
+        if self.is_bundle(name):
             return None
         value: Any = self._fields
         for part in name.split("."):
