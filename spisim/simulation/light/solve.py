@@ -21,7 +21,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.path_weights import PathWeight
+from spisim.transport.engine.path_weights import PathWeight, tracked_by
 from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
@@ -140,7 +140,7 @@ def solve(
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
     streams = streams_of(seed)
-    world = build_world(scene)
+    world = build_world(scene, tracked_by(outputs.weights))
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
     steady = steady_light(scene, instrument, world, placed, streams[2:])
