@@ -96,7 +96,9 @@ def trained(
         optimiser.step()
         schedule.step()
         if step % REPORTED == REPORTED - 1:
-            print(f"step {step + 1} of {steps}: {10 / math.log(10) * loss.item():.2f} dB", flush=True)
+            print(
+                f"step {step + 1} of {steps}: {10 / math.log(10) * loss.item():.2f} dB", flush=True
+            )
     return np.asarray(displayed(free).detach().cpu(), dtype=np.uint8)
 
 

@@ -78,6 +78,11 @@ class ChargeModel:
         return np.asarray(self._modulated + self._mean_light).ravel()
 
     @property
+    def echo_of_spots(self) -> Floats:
+        """Readings of the echoes as columns (n, spots), each of one spot."""
+        return self._per_spot([self._modulated + self._mean_light])
+
+    @property
     def echo_unsure(self) -> Floats:
         """Standard deviation of ``echo`` as columns (n, spots)."""
         return self._per_spot([UNSURE_MEAN * self._mean_light])

@@ -19,8 +19,13 @@ from .gaussian import Covariance
 from .midpoint import Midpoint
 from .patterns import constant, light_error
 
-FEW_PATHS = 2.0
-"""Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
+UNSTATED = 0.004
+"""Relative error of the image beyond those stated, common to its pixels: paths so rare and bright
+that few launches meet them, as of retro-reflectors and gloss."""
+UNSTATED_OF_SPOT = 0.007
+"""The same of the echo of a spot."""
+UNSTATED_TURN_DEG = 0.015
+"""What such an error of single pixels looks like: a turn, in degrees."""
 
 DECODED = 1.5
 """Variance of a coefficient over four times that of a reading, 2 y - all - dark: the light's error
@@ -42,21 +47,25 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     on = constant(capture.setup.plans)
     dark, dark_of_spots = _dark(capture)
     daylight = max(abs(midpoint.background) - dark, 0.0)
-    steady = FEW_PATHS * stated("daylight_relative_error") * daylight * on
-    factors = np.zeros((variance.size, 2))
-    factors[:patterns] = np.column_stack([total, steady])
+    steady = stated("daylight_relative_error") * daylight * on
+    image = [total, steady, UNSTATED * (midpoint.patterns - on * midpoint.background)]
+    if midpoint.turned_per_deg is not None:
+        image += [*(UNSTATED_TURN_DEG * midpoint.turned_per_deg).T]
+    factors = np.zeros((variance.size, len(image)))
+    factors[:patterns] = np.column_stack(image)
     added = [factors]
     if spots is not None:
         mean = spots.means[number]
-        share = FEW_PATHS * stated("spot_noise_share")
+        share = stated("spot_noise_share")
         variance[patterns:] += share**2 * mean.variance * mean.frames
-        relative = FEW_PATHS * np.hypot(
+        relative = np.hypot(
             stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
         )
         of_spots = spots.steady_of_spots
         seen = np.maximum(of_spots.sum(axis=0), np.finfo(np.float64).tiny)
         of_spots = of_spots * np.maximum(1 - dark_of_spots / seen, 0.0)
-        added.append(np.vstack([np.zeros((patterns, of_spots.shape[1])), relative * of_spots]))
+        shared = np.hstack([relative * of_spots, UNSTATED_OF_SPOT * spots.echo_of_spots])
+        added.append(np.vstack([np.zeros((patterns, shared.shape[1])), shared]))
     return replace(noise, variance=variance).plus(added)
 
 

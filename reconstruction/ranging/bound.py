@@ -71,7 +71,7 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
 
 
 def make_bounds(
-    spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR
+    spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR, frames: int = 1
 ) -> Callable[[Targets, Floats], Sigmas]:
     """Bounds of the errors of all that a recording's light depends on.
 
@@ -86,6 +86,8 @@ def make_bounds(
         Maximum range of targets.
     prior : tuple of float
         Standard deviations as in `PRIOR`; infinite for no prior.
+    frames : int
+        How many equal frames are taken together.
     """
     require_optics(spots)
     lights = _lights(spots, max_range_m)
@@ -100,7 +102,7 @@ def make_bounds(
     def bounds(targets: Targets, readings: Floats) -> Sigmas:
         information = np.zeros((fog + 2, fog + 2))
         information[-2:, -2:] = _prior_information(*prior)
-        weights = precision(readings)
+        weights = frames * precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
             jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)

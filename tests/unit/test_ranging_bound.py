@@ -179,3 +179,18 @@ def test_what_the_capture_has_to_tell() -> None:
     for unknown in ("electrons_per_joule", "laser_energies_j", "contrasts"):
         with pytest.raises(InputError, match="light in each reading is unknown"):
             make_bound(replace(spots, **{unknown: np.nan}), 5.0)
+
+
+def test_frames_together_know_the_extinction_better() -> None:
+    """Without a prior by the root of their number; with one at least as well as it."""
+    fog = changed("fog")
+    light = received(fog, "fog", RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER, np.full(4, 1e9))
+    readings, spots = recorded(fog, light)
+    targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
+
+    def sigma(prior: tuple[float, float], frames: int) -> float:
+        return make_bounds(spots, 5.0, prior, frames)(targets, readings).log_extinction
+
+    assert sigma(UNKNOWN, 1) == pytest.approx(3 * sigma(UNKNOWN, 9))
+    assert sigma((np.inf, 1e-6), 1) < sigma((np.inf, 0.1), 1) < sigma(UNKNOWN, 1)
+    assert sigma((0.05, np.inf), 1) < 0.05
