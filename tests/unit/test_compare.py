@@ -21,6 +21,7 @@ from spisim_compare.causes import FACTOR, Cause
 from spisim_compare.comparing import compare
 from spisim_compare.comparison import in_words, named, parameters, probability
 from spisim_compare.gaussian import Covariance, least_squares
+from spisim_compare.histograms import MIN_COUNTS, joined_bins
 from spisim_compare.judging import ALARM, Difference, judge
 from spisim_compare.noise import noise_of
 from spisim_compare.patterns import common_noise, patterns_mean
@@ -314,6 +315,14 @@ class TestArrays:
         assert named(compare_arrays(one, self.histograms(2)).verdict) == "equal"
         assert named(compare_arrays(one, self.histograms(2, 1.1)).verdict) == "power"
         assert named(compare_arrays(one, self.histograms(2, more=1.0)).verdict) == "background"
+
+    def test_deviations_of_equal_histograms_are_normal(self):
+        z = compare_arrays(self.histograms(1), self.histograms(2)).z
+        assert kstest(z, "norm").pvalue > 1e-3
+
+    def test_groups_of_bins_are_numbered_one_by_one(self):
+        counts = np.array([MIN_COUNTS, 1, MIN_COUNTS - 1, 3 * MIN_COUNTS, 1.0])
+        assert joined_bins(counts).tolist() == [0, 1, 1, 2, 2]
 
     def test_bad_arrays(self, tmp_path):
         with pytest.raises(InputError, match="the shape is"):

@@ -394,3 +394,9 @@ def test_polarities_that_nobody_knows_are_refused_in_auto_too(tmp_path, capsys):
     assert "unknown polarity 'both'" in refused(
         capsys, tmp_path, "a.npy", "--order", "auto", "--polarity", "both"
     )
+
+
+def test_a_text_about_the_detector_is_short(tmp_path):
+    (tmp_path / "a.yaml").write_text("noise: 1\n" * 10_000)
+    with pytest.raises(InputError, match=r"a\.yaml.*more than 64 KiB; expected a few lines"):
+        read_about(tmp_path / "a.yaml")
