@@ -23,8 +23,8 @@ from spisim_compare.comparison import in_words, named, parameters, probability
 from spisim_compare.gaussian import Covariance, least_squares
 from spisim_compare.histograms import MIN_COUNTS, joined_bins
 from spisim_compare.judging import ALARM, Difference, judge
-from spisim_compare.noise import noise_of
-from spisim_compare.patterns import common_noise, patterns_mean
+from spisim_compare.noise import _total, noise_of
+from spisim_compare.patterns import Mean, common_noise, patterns_mean
 from spisim_compare.reading import compare_files
 
 FRAMES = 8
@@ -280,6 +280,14 @@ class TestRefused:
         steered = replace(spots, pointing=np.tile(spots.directions, (FRAMES, 1, 1)))
         with pytest.raises(InputError, match="SIMULATED: spots/pointing"):
             compare(recorded(1), replace(recorded(2), spots=steered))
+
+
+def test_the_error_of_a_noise_ratio_is_that_of_its_degrees_of_freedom():
+    """Variances of 100 readings of 9 frames each, four times as large as stated."""
+    frames, scatter = np.full(100, 9), np.full(100, 4.0)
+    mean = Mean(np.ones(100), np.ones(100), np.ones(100, bool), frames, scatter)
+    (term,) = _total("REAL", "readings of spots", mean)
+    assert (term.ratio, term.sigma) == pytest.approx((4.0, 4.0 * np.sqrt(2 / 800)))
 
 
 class TestArrays:

@@ -91,6 +91,8 @@ def test_paper_pastes_its_tables(tmp_path: Path) -> None:
     assert text.endswith("after\n")
     assert "\nold\n" not in text
     assert "| PIN | outdoors | 0.8 to 1.7 |" in text
+    assert "0.8 to 1.7" in run.stdout
+    assert '"checks"' not in run.stdout  # for people
 
 
 @pytest.mark.parametrize(

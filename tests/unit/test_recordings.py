@@ -400,3 +400,10 @@ def test_a_text_about_the_detector_is_short(tmp_path):
     (tmp_path / "a.yaml").write_text("noise: 1\n" * 10_000)
     with pytest.raises(InputError, match=r"a\.yaml.*more than 64 KiB; expected a few lines"):
         read_about(tmp_path / "a.yaml")
+
+
+def test_patterns_of_other_sides_than_stated_are_refused(tmp_path, capsys):
+    tall, wide = hadamard(16), hadamard(8)
+    np.savez(tmp_path / "a.npz", y=tall @ IMAGE.T @ wide, down=tall, along=wide)
+    message = refused(capsys, tmp_path, "a.npz", "--variable", "y", "--factors", "down,along")
+    assert "the patterns have 16 x 8 pixels, not the 8 x 16 of --shape" in message

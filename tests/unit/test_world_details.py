@@ -103,3 +103,24 @@ def test_wires_of_a_valley_end_above_the_land_behind_the_drone() -> None:
     lands = [mesh for name, mesh in drawn.meshes.items() if name.startswith("ground")]
     upwards = np.tile((0.0, 0.0, 1.0), (len(end), 1))
     assert not any(land.ray.intersects_any(end, upwards).any() for land in lands)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_stands_beside_a_pad_is_near_it_but_not_on_it(seed: int) -> None:
+    drawn = build("landing-pad", seed, {"standing": 8, "pad_m": 1.0})
+    for name in ("crates", "drums", "cones", "gas-bottles"):
+        away_m = np.hypot(*drawn.meshes[f"{name}.ply"].vertices[:, :2].T)
+        assert away_m.min() > 0.5
+        assert away_m.max() < 10
+
+
+@pytest.mark.parametrize("seed", [2, 5])
+def test_no_tree_grows_through_a_bridge(seed: int) -> None:
+    drawn = build("bridge", seed, {"width_m": 14.0, "river_m": 20.0, "traffic": "none"})
+    (deck,) = (thing for thing in drawn.objects if thing["name"] == "deck")
+    angle = np.radians(deck["rotate_deg"][2])
+    middle, across = np.array(deck["translate_m"][:2]), (-np.sin(angle), np.cos(angle))
+    trees = [mesh for name, mesh in drawn.meshes.items() if name.startswith("tree-")]
+    assert trees
+    for tree in trees:
+        assert np.abs((tree.vertices[:, :2] - middle) @ across).min() > 14.0 / 2
