@@ -21,7 +21,7 @@ from spisim_compare.causes import FACTOR, Cause
 from spisim_compare.comparing import compare
 from spisim_compare.comparison import in_words, named, parameters, probability
 from spisim_compare.gaussian import Covariance, least_squares
-from spisim_compare.histograms import MIN_COUNTS, joined_bins
+from spisim_compare.histograms import MIN_COUNTS, HistogramModel, joined_bins
 from spisim_compare.judging import ALARM, Difference, judge
 from spisim_compare.noise import _total, noise_of
 from spisim_compare.patterns import Mean, common_noise, patterns_mean
@@ -207,6 +207,13 @@ class TestCaptures:
         assert named(comparison.verdict) == "equal"
         assert [each.name for each in comparison.groups][:2] == ["patterns", "spot 0"]
         json.dumps(comparison.summary())
+
+    def test_histograms_differ_as_their_variance_says(self):
+        model = HistogramModel(recorded(1, "spad").spots, recorded(2, "spad").spots)
+        one, other = (mean.value for mean in model.means)
+        z = (one - other) / np.sqrt(model.variance)
+        usable = z[model.usable]
+        assert abs(np.mean(usable**2) - 1) < 4 * np.sqrt(2 / usable.size)
 
 
 class TestUnknownNoise:
