@@ -9,7 +9,6 @@ from spisim_worlds.hovering_drone import Airframe
 from spisim_worlds.parts import facade
 from spisim_worlds.parts.boats import hull
 from spisim_worlds.parts.facade import Front
-from spisim_worlds.parts.figure import vest_bands
 from spisim_worlds.parts.stairs import RAILING_M, add_winding
 from spisim_worlds.tunnel import _valve
 
@@ -66,15 +65,6 @@ def test_a_bow_rakes_forward_from_its_foot_to_its_deck() -> None:
     ends = [made.vertices[np.isclose(made.vertices[:, 2], z), 0].max() for z in levels]
     assert ends == sorted(ends)
     assert ends[-1] < 20 < made.bounds[1, 0]
-
-
-def test_bands_of_a_vest_are_one_above_the_other_and_wider_above() -> None:
-    bands = vest_bands()
-    for low in (1.03, 1.2):
-        own = bands.vertices[np.abs(bands.vertices[:, 2] - low - 0.025) < 0.03]
-        assert np.ptp(own[:, 2]) == pytest.approx(0.05)
-        wide = [np.ptp(own[own[:, 2] == z, 1]) for z in (own[:, 2].min(), own[:, 2].max())]
-        assert wide[0] < wide[1]
 
 
 def test_bars_hang_level_before_the_end_wall_of_a_hall() -> None:
