@@ -19,6 +19,7 @@ from reconstruction.capture.importers import (
     readings_of,
 )
 from reconstruction.cli import main
+from reconstruction.cli.importing import _frames
 from reconstruction.operators import expose, make_plan, ordered_rows, sequency
 from reconstruction.operators.bases.hadamard import Hadamard
 from spisim_formats.recordings.spas import whole_numbers
@@ -407,3 +408,13 @@ def test_patterns_of_other_sides_than_stated_are_refused(tmp_path, capsys):
     np.savez(tmp_path / "a.npz", y=tall @ IMAGE.T @ wide, down=tall, along=wide)
     message = refused(capsys, tmp_path, "a.npz", "--variable", "y", "--factors", "down,along")
     assert "the patterns have 16 x 8 pixels, not the 8 x 16 of --shape" in message
+
+
+def test_the_longer_axis_is_that_of_the_readings_of_a_frame():
+    """Unless the array is an image of readings, or has a single frame."""
+    frames = np.random.default_rng(3).random((3, 10))
+    np.testing.assert_array_equal(_frames(frames, SHAPE), frames)
+    np.testing.assert_array_equal(_frames(frames.T, SHAPE), frames)
+    for single in (frames[:1], frames[:1].T, frames[0]):
+        np.testing.assert_array_equal(_frames(single, SHAPE), frames[:1])
+    assert _frames(np.ones(SHAPE), SHAPE).shape == (1, 128)
