@@ -27,7 +27,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.ranging import Visibility, pooled, ranging_method
-from reconstruction.ranging.bound import PRIOR, Targets, make_extinction_bound
+from reconstruction.ranging.bound import PRIOR, Targets, make_bounds
 from reconstruction.ranging.visibility import BACKSCATTER_LOG_SIGMA, RATIO_LOG_SIGMA
 from spisim.instrument import Instrument
 from spisim_paper.checks import Check, Table, surroundings
@@ -138,7 +138,7 @@ def _possible(
     prior = PRIOR[0], BACKSCATTER_LOG_SIGMA
     empty = between(spots, 0, 0)
     one, together = (
-        make_extinction_bound(empty, 2 * FARTHEST_M, prior, frames)(targets, mean)
+        make_bounds(empty, 2 * FARTHEST_M, prior, frames)(targets, mean).log_extinction
         for frames in (1, FRAMES)
     )
     return float(np.hypot(one, RATIO_LOG_SIGMA)), float(np.hypot(together, RATIO_LOG_SIGMA))

@@ -14,7 +14,7 @@ from .judging import Difference, judge
 from .light_error import with_light_error
 from .midpoint import Midpoint
 from .noise import noise_of
-from .patterns import common_noise
+from .patterns import common_noise, names_of_patterns
 from .same import check_comparable
 
 
@@ -114,14 +114,5 @@ def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
 
 
 def _names(midpoint: Midpoint) -> list[str]:
-    sign = {1: "on", -1: "complement", 0: "difference"}
-    plans = midpoint.simulated.setup.plans
-    names = [
-        f"exposure {k}, pattern {index} {sign[polarity]}"
-        + (f", plan {turn}" if len(plans) > 1 else "")
-        for turn, plan in enumerate(plans)
-        for k, (index, polarity) in enumerate(
-            zip(plan.index.tolist(), plan.polarity.tolist(), strict=True)
-        )
-    ]
+    names = names_of_patterns(midpoint.simulated.setup.plans)
     return names + ([] if midpoint.spots is None else midpoint.spots.names)

@@ -17,7 +17,7 @@ from spisim.instrument import Instrument, SpotLight
 
 from .gaussian import Covariance
 from .midpoint import Midpoint
-from .patterns import constant, exposed
+from .patterns import constant, light_error
 
 FEW_PATHS = 2.0
 """Factor on the error of steady light, which is stated from few paths."""
@@ -38,10 +38,10 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
     if capture.provenance.source != "simulation":
         return noise
-    stated = _Stated(capture)
+    stated = StatedAccuracy(capture)
     patterns, spots = midpoint.patterns.size, midpoint.spots
     variance = noise.variance.copy()
-    own, total = _of_image(capture)
+    own, total = image_error_of(capture)
     number = 0 if capture is midpoint.real else 1
     mean = midpoint.means[number]
     least = DECODED * stated("noise_share") ** 2 * np.nan_to_num(mean.variance) * mean.frames
@@ -83,19 +83,16 @@ def _parts_of_spots(noise: Floats, spot: NDArray[np.intp], errors: Floats) -> Fl
     return np.asarray(own / own.mean())[spot]
 
 
-def _of_image(capture: Capture) -> tuple[Floats, Floats]:
+def image_error_of(capture: Capture) -> tuple[Floats, Floats]:
     """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
 
-    The errors of pixels are independent; that of the sum of all is common to all patterns.
+    In electrons, by the light of a simulation; zero for any other capture.
     """
     plans = capture.setup.plans
-    on = constant(plans)
     if capture.truth is None or not capture.plan.shows_image:
-        return np.zeros(on.size), np.zeros(on.size)
-    squares = np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2
-    half = np.where(on > 0, squares.sum() / 4, 0.0)
-    whole = np.where(on > 0, exposed(plans, squares), squares.sum())
-    return np.maximum(whole - half, 0.0), np.sqrt(half)
+        none = np.zeros(constant(plans).size)
+        return none, none
+    return light_error(plans, np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2)
 
 
 def _dark(capture: Capture) -> tuple[float, Floats]:
@@ -128,8 +125,8 @@ def _dark(capture: Capture) -> tuple[float, Floats]:
     return of_patterns, dark.electrons(dark.taps)[0].sum(axis=1)
 
 
-class _Stated:
-    """Accuracy of the light by name, 0 where it is not stated."""
+class StatedAccuracy:
+    """Accuracy of a simulation's light by its name in the settings, 0 where it is not stated."""
 
     def __init__(self, capture: Capture) -> None:
         try:

@@ -22,11 +22,12 @@ from spisim_compare.causes import FACTOR, Cause, Causes
 from spisim_compare.comparing import compare
 from spisim_compare.comparison import in_words, named, parameters, probability
 from spisim_compare.gaussian import Covariance, least_squares
+from spisim_compare.histograms import MIN_COUNTS, HistogramModel, joined_bins
 from spisim_compare.judging import ALARM, PATTERNS, SPOTS, Difference, judge
 from spisim_compare.light_error import UNSTATED, UNSTATED_OF_SPOT, with_light_error
 from spisim_compare.midpoint import Midpoint
-from spisim_compare.noise import noise_of
-from spisim_compare.patterns import common_noise, patterns_mean
+from spisim_compare.noise import _total, noise_of
+from spisim_compare.patterns import Mean, common_noise, patterns_mean
 from spisim_compare.reading import compare_files
 
 FRAMES = 8
@@ -311,6 +312,13 @@ class TestCaptures:
         assert [each.name for each in comparison.groups][:2] == ["patterns", "spot 0"]
         json.dumps(comparison.summary())
 
+    def test_histograms_differ_as_their_variance_says(self):
+        model = HistogramModel(recorded(1, "spad").spots, recorded(2, "spad").spots)
+        one, other = (mean.value for mean in model.means)
+        z = (one - other) / np.sqrt(model.variance)
+        usable = z[model.usable]
+        assert abs(np.mean(usable**2) - 1) < 4 * np.sqrt(2 / usable.size)
+
 
 class TestUnknownNoise:
     def test_is_that_of_the_scatter(self):
@@ -385,6 +393,14 @@ class TestRefused:
             compare(recorded(1), replace(recorded(2), spots=steered))
 
 
+def test_the_error_of_a_noise_ratio_is_that_of_its_degrees_of_freedom():
+    """Variances of 100 readings of 9 frames each, four times as large as stated."""
+    frames, scatter = np.full(100, 9), np.full(100, 4.0)
+    mean = Mean(np.ones(100), np.ones(100), np.ones(100, bool), frames, scatter)
+    (term,) = _total("REAL", "readings of spots", mean)
+    assert (term.ratio, term.sigma) == pytest.approx((4.0, 4.0 * np.sqrt(2 / 800)))
+
+
 class TestArrays:
     def image(self, seed: int, factor: float = 1.0, shift: int = 0) -> np.ndarray:
         rng = np.random.default_rng(seed)
@@ -418,6 +434,14 @@ class TestArrays:
         assert named(compare_arrays(one, self.histograms(2)).verdict) == "equal"
         assert named(compare_arrays(one, self.histograms(2, 1.1)).verdict) == "power"
         assert named(compare_arrays(one, self.histograms(2, more=1.0)).verdict) == "background"
+
+    def test_deviations_of_equal_histograms_are_normal(self):
+        z = compare_arrays(self.histograms(1), self.histograms(2)).z
+        assert kstest(z, "norm").pvalue > 1e-3
+
+    def test_groups_of_bins_are_numbered_one_by_one(self):
+        counts = np.array([MIN_COUNTS, 1, MIN_COUNTS - 1, 3 * MIN_COUNTS, 1.0])
+        assert joined_bins(counts).tolist() == [0, 1, 1, 2, 2]
 
     def test_bad_arrays(self, tmp_path):
         with pytest.raises(InputError, match="the shape is"):
