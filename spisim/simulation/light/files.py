@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
-from spisim.simulation.light.sensitivity import OtherFog, Sensitivity
+from spisim.simulation.light.sensitivity import Sensitivity
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -68,7 +68,7 @@ def light_channels(
 
 
 def fog_channels(
-    light: Transport, derivatives: Sequence[Sensitivity], others: Mapping[float, OtherFog]
+    light: Transport, derivatives: Sequence[Sensitivity], others: Mapping[float, Transport]
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
     channels: dict[str, NDArray[np.floating]] = {}
@@ -77,7 +77,7 @@ def fog_channels(
         channels[name], channels[f"{name}_error"] = each.of(light)
     for visibility_m, other in others.items():
         name = f"transport_at_{visibility_m:g}m"
-        channels[name], channels[f"{name}_error"] = other.image(light)
+        channels[name], channels[f"{name}_error"] = other.image, other.image_error
     return channels
 
 
@@ -85,15 +85,22 @@ def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {f"{name}.{order}": part for order, part in zip(ORDERS, parts, strict=True)}
 
 
-def write_histograms(path: Path, light: Transport) -> None:
+def write_histograms(
+    path: Path, light: Transport, others: Mapping[float, Transport] | None = None
+) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.
 
-    `units.<name>` is the unit of each array.
+    That of the spots in fog of other visibilities is added. `units.<name>` is the unit of each
+    array.
     """
     arrays = {
         "spot_histogram": light.spot_histogram,
         "path_length_m": light.path_length_m,
         **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
+        **{
+            f"spot_histogram_at_{visibility_m:g}m": other.spot_histogram
+            for visibility_m, other in (others or {}).items()
+        },
     }
     units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
     buffer = io.BytesIO()

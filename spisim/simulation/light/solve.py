@@ -14,16 +14,22 @@ from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
 from spisim.simulation.light.extra import extra_light, weighted_light
-from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
-from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.simulation.light.noise_metric import image_error_metric
+from spisim.simulation.light.other_fog import OtherFog, Reweighted, in_each, over_fogs
+from spisim.simulation.light.path_bins import BIN_WIDTH_M
+from spisim.simulation.light.spots import GROWTH, SampleBudget, bins_of, spot_metric, spots_of
 from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
-from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.path_weights import PathWeight
-from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
-from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.engine.sampling import (
+    ErrorMetric,
+    Estimate,
+    PathBudget,
+    SamplingBudget,
+    TargetError,
+)
 from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.views import InstrumentView
@@ -31,16 +37,10 @@ from spisim.transport.world import World, build_world
 
 logger = logging.getLogger(__name__)
 
-#: Laser paths per `spp`: the few beams need far fewer paths than thousands of pixels.
-SPOT_PATHS_PER_SPP = 64
-#: Laser paths of the first launch towards a target error: fewer would take as long.
-FIRST_SPOT_PATHS = 64
 #: Minimum launches of the image towards a target error: enough, as many coefficients average it.
 MIN_IMAGES = 5
 #: Minimum paths per pixel and launch: each path has several rays, which gather most of the light.
 MIN_PATHS = 0.5
-#: Maximum growth of the number of paths from launch to launch: early error estimates are good.
-GROWTH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +76,7 @@ class Transport:
     paths: int
     seconds: float
     extra: Mapping[str, NDArray[Any]]  # as above
-
-
-#: `spp`, and the target noise share that replaces it.
-SampleBudget = tuple[int, float | None]
+    reweighted: Reweighted | None = None  # None for light of a pass through its own fog
 
 
 def _none(**sums: Floats) -> Estimate:
@@ -133,6 +130,58 @@ def solve(
         If some light was not a finite number and is left out, or a mirror throws a laser straight
         into its detector.
     """
+    budget = (spp, transport_noise_share)
+    return _solved(scene, instrument, (), budget, seed, outputs, progress)[0]
+
+
+@with_backend
+def solve_fogs(
+    scene: Scene,
+    instrument: Instrument,
+    others: Sequence[OtherFog],
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+    outputs: Outputs = Outputs(),  # noqa: B008
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Transport, ...]:
+    """Light of a scene in its own fog, as `solve` traces it, and in others from the same paths.
+
+    Steady light is traced in each fog. With `transport_noise_share`, paths are traced until the
+    light in every fog is as good, except where a pass through that fog would cost less.
+
+    Parameters
+    ----------
+    others
+        Other fogs of the scene. `Transport.reweighted` of the light in one says how many paths
+        carry it; `Reweighted.require_carried` refuses too few.
+    scene, instrument, spp, transport_noise_share, seed, outputs, progress
+        As of `solve`.
+
+    Returns
+    -------
+    tuple of Transport
+        In the scene's own fog, then in the others.
+
+    Raises
+    ------
+    InputError
+        As `solve`, where light up to 2048 times weaker is too much to be summed.
+    """
+    budget = (spp, transport_noise_share)
+    return _solved(scene, instrument, others, budget, seed, outputs, progress)
+
+
+def _solved(
+    scene: Scene,
+    instrument: Instrument,
+    others: Sequence[OtherFog],
+    sampling: SampleBudget,
+    seed: int,
+    outputs: Outputs,
+    progress: Callable[[float], None] | None,
+) -> tuple[Transport, ...]:
     began = time.perf_counter()
     if instrument.ranges:
         instrument.ranging.tof.check_bins(BIN_WIDTH_M)
@@ -143,51 +192,90 @@ def solve(
     world = build_world(scene)
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
-    steady = steady_light(scene, instrument, world, placed, streams[2:])
-    dropped = steady.pop("dropped")
-    image, (spots, lengths_m) = NO_IMAGE, (NO_SPOTS, np.zeros(0))
+    steady = [
+        steady_light(each, instrument, in_fog, placed, streams[2:])
+        for each, in_fog in (
+            (scene, world),
+            *((other.scene, build_world(other.scene)) for other in others),
+        )
+    ]
+    weights = tuple(weight for other in others for weight in other.weights)
+    recorded = replace(outputs, weights=(*outputs.weights, *weights))
+    images, spots, lengths_m = [NO_IMAGE] * len(steady), [NO_SPOTS] * len(steady), np.zeros(0)
+    carried = [1.0] * len(others)
     if instrument.images:
+        metrics = [image_error_metric(instrument, each["daylight_w"]) for each in steady]
         image = _image(
-            instrument,
             world,
             placed,
-            steady["daylight_w"],
-            (spp, transport_noise_share),
-            outputs,
+            over_fogs(metrics, others),
+            sampling,
+            recorded,
             streams[0],
             _part(progress, 0.1, 0.8),
         )
+        images = in_each(image, metrics, others)
+        carried = [other.carried(image.mean, "image") for other in others]
     if instrument.ranges:
-        spots, lengths_m = trace_spots(
-            instrument,
+        bins = bins_of(instrument, world, placed)
+        metrics = [spot_metric(instrument, each, bins) for each in steady]
+        result = spots_of(
             world,
             placed,
-            steady,
-            (spp, transport_noise_share),
+            bins,
+            over_fogs(metrics, others),
+            sampling,
             streams[1],
             _part(progress, 0.8, 1.0),
-            outputs.weights,
+            recorded.weights,
         )
+        spots, lengths_m = in_each(result, metrics, others), bins.centres_m
+        each_carried = [other.carried(result.mean, "histogram") for other in others]
+        carried = np.minimum(carried, each_carried).tolist()
     seconds, shape = time.perf_counter() - began, placed.projector.shape
     logger.info(
         "light of %s: %d paths in %.1f s; error over the detectors' noise %.2g, of spots %.2g",
         scene.name,
-        image.paths + spots.paths,
+        images[0].paths + spots[0].paths,
         seconds,
-        image.size,
-        spots.size,
+        images[0].size,
+        spots[0].size,
     )
+    ratios = [other.ratio for other in others]
+    how = [None, *(Reweighted(*each) for each in zip(ratios, carried, strict=True))]
+    return tuple(
+        _transport(instrument, *each, lengths_m, outputs, shape, seconds)
+        for each in zip(images, spots, steady, how, strict=True)
+    )
+
+
+def _transport(
+    instrument: Instrument,
+    image: Estimate,
+    spots: Estimate,
+    steady: dict[str, Any],
+    reweighted: Reweighted | None,
+    lengths_m: Floats,
+    outputs: Outputs,
+    shape: tuple[int, int],
+    seconds: float,
+) -> Transport:
+    """All light in one fog."""
+    imaged = image if instrument.images else None
+    if reweighted is not None:
+        outputs = replace(outputs, weights=())
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
         **spot_fields(spots, lengths_m),
-        **steady,
+        **{name: value for name, value in steady.items() if name != "dropped"},
         noise_share=image.size,
-        dropped=image.dropped + spots.dropped + dropped,
+        dropped=image.dropped + spots.dropped + steady["dropped"],
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=extra_light(outputs, image.mean if instrument.images else None, spots.mean, shape)
-        | weighted_light(outputs, image if instrument.images else None, spots, shape),
+        extra=extra_light(outputs, None if imaged is None else imaged.mean, spots.mean, shape)
+        | weighted_light(outputs, imaged, spots, shape),
+        reweighted=reweighted,
     )
 
 
@@ -207,10 +295,9 @@ def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
 
 
 def _image(
-    instrument: Instrument,
     world: World,
     placed: InstrumentView,
-    daylight_w: float,
+    error_metric: ErrorMetric,
     sampling: SampleBudget,
     outputs: Outputs,
     seed: np.random.SeedSequence,
@@ -218,7 +305,6 @@ def _image(
 ) -> Estimate:
     """Light of the projector on the bucket detector."""
     spp, noise_share = sampling
-    error_metric = image_error_metric(instrument, daylight_w)
     budget: SamplingBudget = PathBudget(spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(
@@ -237,61 +323,6 @@ def _image(
         outputs=outputs,
         progress=progress,
     )
-
-
-def trace_spots(
-    instrument: Instrument,
-    world: World,
-    placed: InstrumentView,
-    steady: Mapping[str, Any],
-    sampling: SampleBudget,
-    seed: np.random.SeedSequence,
-    progress: Callable[[float], None] | None,
-    path_weights: Sequence[PathWeight] = (),
-) -> tuple[Estimate, Floats]:
-    """Light of the lasers on their detectors, and the path lengths (bins,) of its histogram."""
-    spp, noise_share = sampling
-    longest_m = 2 * instrument.ranging.tof.unambiguous_range_m
-    bins = spot_bins(
-        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
-    )
-    error_metric = spot_error_metric(
-        instrument,
-        steady["spot_daylight_w"],
-        steady["spot_crosstalk_w"],
-        2 * np.pi / longest_m * bins.centres_m,
-    )
-    budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
-    if noise_share is not None:
-        budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
-    result = ranging_histogram(
-        world, placed, bins, budget, seed=seed, path_weights=path_weights, progress=progress
-    )
-    return result, bins.centres_m
-
-
-def ranging_histogram(
-    world: World,
-    placed: InstrumentView,
-    bins: PathLengthBins,
-    budget: SamplingBudget,
-    *,
-    seed: np.random.SeedSequence,
-    max_vertices: int = MAX_VERTICES,
-    path_weights: Sequence[PathWeight] = (),
-    progress: Callable[[float], None] | None = None,
-) -> Estimate:
-    """Light of spots or zones by path length; see `spot_histogram`.
-
-    Light is the same both ways: zones are traced as pixels whose light the flood collects.
-    """
-    options: Any = {"seed": seed, "max_vertices": max_vertices, "progress": progress}
-    if placed.zones is None:
-        options["path_weights"] = path_weights
-        return spot_histogram(world, placed.beams, placed.tof, bins, budget, **options)
-    flood = replace(placed.tof, positions_m=placed.tof.positions_m[:1], axes=placed.tof.axes[:1])
-    outputs = Outputs(orders=True, bins=bins, weights=tuple(path_weights))
-    return transport_image(world, placed.zones, flood, budget, outputs=outputs, **options)
 
 
 def steady_light(
