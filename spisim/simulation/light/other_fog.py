@@ -32,7 +32,7 @@ class Reweighted:
     """How light in a fog follows from that traced in another."""
 
     ratio: float  # of the extinction to that of the traced fog
-    carried: float  # effective fraction of the paths, the least of image and spots
+    carried: float  # effective fraction of the paths, the lesser of image and spots
 
     @property
     def limit(self) -> float:
@@ -96,10 +96,12 @@ class OtherFog:
     def between(cls, scene: Scene, other: Scene) -> "OtherFog":
         """The fog of another scene, equal to `scene` but for the number of droplets.
 
-        Raises InputError as `require_fog_alone`, and if the droplets are others.
+        Raises InputError as `require_fog_alone`, and if droplets or pose are others.
         """
         require_fog_alone(scene)
         require_fog_alone(other)
+        if not np.array_equal(scene.drone_pose, other.drone_pose):
+            raise InputError(f"scene {other.name!r} is seen from another pose than {scene.name!r}")
         own, its = scene.atmosphere, other.atmosphere
         same_phase = np.array_equal(own.phase.density(_COSINES), its.phase.density(_COSINES))
         if own.albedo != its.albedo or not same_phase:
@@ -126,16 +128,27 @@ class OtherFog:
         end = self.ending
         return {name[: -len(end)]: each for name, each in sums.items() if name.endswith(end)}
 
-    def carried(self, sums: Mapping[str, Floats], name: str) -> float:
-        """Effective fraction of the paths of sums `name`, of the spot with the least of it.
+    def carried_image(self, sums: Mapping[str, Floats], rows: int) -> float:
+        """Effective fraction of the paths of an `image` of so many rows.
 
-        That of "image" is over all pixels; 0 if some weights are too large to be summed.
+        It is the mean over the rows, harmonic and weighted by their light in this fog: what rows
+        that see other ranges gain or lose is no uncertainty. 0 if weights are too large to sum.
         """
-        each = (sums[f"{name}{ending}"] for ending in ("", *(f"_{w.name}" for w in self.weights)))
-        plain, first, second = (np.atleast_2d(values).sum(axis=-1) for values in each)
-        lit = plain > 0
-        fraction = first[lit] ** 2 / (plain[lit] * second[lit])
+        light, fraction = self._carried(sums, "image", rows)
+        return float(np.nan_to_num(light.sum() / (light / fraction).sum())) if len(light) else 1.0
+
+    def carried_spots(self, sums: Mapping[str, Floats]) -> float:
+        """Effective fraction of the paths of the spot of `histogram` with the least of it."""
+        _, fraction = self._carried(sums, "histogram", len(sums["histogram"]))
         return float(np.nan_to_num(fraction).min(initial=1.0))
+
+    def _carried(self, sums: Mapping[str, Floats], name: str, rows: int) -> tuple[Floats, Floats]:
+        """Light in this fog and effective fraction of paths, of rows that are not dark."""
+        endings = ("", *(f"_{weight.name}" for weight in self.weights))
+        each = (sums[f"{name}{ending}"].reshape(rows, -1).sum(axis=-1) for ending in endings)
+        plain, first, second = each
+        lit = (plain > 0) & ~(first <= 0)
+        return first[lit], first[lit] ** 2 / (plain[lit] * second[lit])
 
 
 def over_fogs(metrics: Sequence[ErrorMetric], others: Sequence[OtherFog]) -> ErrorMetric:

@@ -215,7 +215,7 @@ def _solved(
             _part(progress, 0.1, 0.8),
         )
         images = in_each(image, metrics, others)
-        carried = [other.carried(image.mean, "image") for other in others]
+        carried = [other.carried_image(image.mean, placed.projector.shape[0]) for other in others]
     if instrument.ranges:
         bins = bins_of(instrument, world, placed)
         metrics = [spot_metric(instrument, each, bins) for each in steady]
@@ -230,7 +230,7 @@ def _solved(
             recorded.weights,
         )
         spots, lengths_m = in_each(result, metrics, others), bins.centres_m
-        each_carried = [other.carried(result.mean, "histogram") for other in others]
+        each_carried = [other.carried_spots(result.mean) for other in others]
         carried = np.minimum(carried, each_carried).tolist()
     seconds, shape = time.perf_counter() - began, placed.projector.shape
     logger.info(
