@@ -8,41 +8,23 @@ the mesh wraps around the point.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import drjit as dr
 import mitsuba as mi
-import trimesh
 
-from spisim.transport.jit import Bool, Float, Object, Point, Ray, Sampler, UInt
+from spisim.transport.crossings import NONE, ClosedMesh
+from spisim.transport.jit import Bool, Float, Object, Point, Ray, Sampler
 from spisim.transport.media import Grid
-from spisim.transport.meshes import mesh_shape
 
-#: Step beyond a crossing, relative to its coordinates: 8 times the resolution of single precision.
-#: Thinner walls are missed.
-NUDGE = 2.0**-20
-#: Index of no triangle.
-NONE = 0xFFFFFFFF
 #: Direction in which a point's winding number is counted: along no edge or plane of usual models.
 SLANTED = (0.36235775, 0.47384721, 0.80258311)
-
-
-class _Crossing(NamedTuple):
-    """The next crossing of a ray with the mesh."""
-
-    met: Bool
-    counts: Bool  # on another triangle than the last one
-    distance: Float
-    sign: Float  # 1 outwards, -1 inwards
-    triangle: UInt
-    beyond: Float  # the distance from which to look for the next
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosed:
     """A medium within a closed mesh: homogeneous, or with the density of a grid around the mesh."""
 
-    surface: Object  # mi.Scene of the mesh alone
+    surface: ClosedMesh
     extinction_per_m: Float
     albedo: Float
     phase: Object
@@ -55,17 +37,17 @@ class Enclosed:
     @dr.syntax
     def flight(self, ray: Ray, far: Float, sampler: Sampler, active: Bool, left_m: Float) -> Float:
         """Drawn afresh between crossings, because flights have no memory; without a bias."""
-        wraps, inside_m = self._sums(ray, far, active)
+        wraps, inside_m = self.surface.sums(ray, far, active)
         result, gone, since = mi.Float(dr.inf), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
         while dr.hint(going, exclude=[self, ray, far]):
-            crossing = self._next(ray, gone, last, going)
+            crossing = self.surface.next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
             distance = self._collision(ray, since, end, wraps, sampler, inside)
             result = dr.select(inside & (distance < end), distance, result)
-            wraps -= dr.select(crossing.counts, crossing.sign, 0)
+            wraps -= dr.select(crossing.met, crossing.sign, 0)
             since = dr.select(going, end, since)
             gone, last = crossing.beyond, crossing.triangle
             going &= crossing.met & (crossing.distance < far) & (result == dr.inf)
@@ -73,13 +55,20 @@ class Enclosed:
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         if self.grid is None:
-            _, inside_m = self._sums(ray, far, active)
-            return dr.exp(-self.extinction_per_m * inside_m)
+            return dr.exp(-self.depth(ray, far, sampler, active))
         return self._tracked(ray, far, sampler, active)
+
+    def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
+        if self.grid is None:
+            _, inside_m = self.surface.sums(ray, far, active)
+            return self.extinction_per_m * inside_m
+        near, end = self.grid.box.interval(ray, far)
+        position = ray(dr.lerp(near, end, sampler.next_1d(active)))
+        return self.extinction_at(position) * dr.maximum(end - near, 0)
 
     def extinction_at(self, point: Point) -> Float:
         slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))
-        wraps, _ = self._sums(slanted, mi.Float(0), mi.Bool(True))
+        wraps, _ = self.surface.sums(slanted, mi.Float(0), mi.Bool(True))
         density = mi.Float(1) if self.grid is None else self.grid.density_at(point)
         return self.extinction_per_m * dr.maximum(wraps, 0) * density
 
@@ -87,16 +76,16 @@ class Enclosed:
     def _tracked(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Ratio tracking, from crossing to crossing."""
         assert self.grid is not None
-        wraps, inside_m = self._sums(ray, far, active)
+        wraps, inside_m = self.surface.sums(ray, far, active)
         through, gone, since = mi.Float(1), mi.Float(0), mi.Float(0)
         last = mi.UInt32(NONE)
         going = active & (inside_m > 0)
         while dr.hint(going, exclude=[self, ray, far]):
-            crossing = self._next(ray, gone, last, going)
+            crossing = self.surface.next(ray, gone, last, going)
             end = dr.minimum(crossing.distance, far)
             inside = going & (wraps > 0.5)
             through *= self.grid.tracked(ray, since, end, wraps, sampler, inside)
-            wraps -= dr.select(crossing.counts, crossing.sign, 0)
+            wraps -= dr.select(crossing.met, crossing.sign, 0)
             since = dr.select(going, end, since)
             gone, last = crossing.beyond, crossing.triangle
             going &= crossing.met & (crossing.distance < far) & (through > 0)
@@ -110,39 +99,3 @@ class Enclosed:
             return self.grid.collision(ray, near, end, times, sampler, active)
         rate = self.extinction_per_m * times
         return near - dr.log(1 - sampler.next_1d(active)) / rate
-
-    @dr.syntax
-    def _sums(self, ray: Ray, far: Float, active: Bool) -> tuple[Float, Float]:
-        """Winding number at the origin, and the length of the ray inside up to `far`."""
-        wraps, inside_m, gone = mi.Float(0), mi.Float(0), mi.Float(0)
-        last = mi.UInt32(NONE)
-        going = mi.Bool(active)
-        while dr.hint(going, exclude=[self, ray, far]):
-            crossing = self._next(ray, gone, last, going)
-            wraps += dr.select(crossing.counts, crossing.sign, 0)
-            reached = crossing.sign * dr.minimum(crossing.distance, far)
-            inside_m += dr.select(crossing.counts, reached, 0)
-            gone, last = crossing.beyond, crossing.triangle
-            going &= crossing.met
-        return wraps, dr.maximum(inside_m, 0)
-
-    def _next(self, ray: Ray, gone: Float, last: UInt, active: Bool) -> _Crossing:
-        rest = mi.Ray3f(ray.o + gone * ray.d, ray.d)
-        si = self.surface.ray_intersect(rest, mi.RayFlags.Minimal, False, active)
-        met = active & si.is_valid()
-        distance = dr.select(met, gone + si.t, dr.inf)
-        size = 1 + dr.max(dr.abs(ray.o)) + distance
-        return _Crossing(
-            met,
-            met & (si.prim_index != last),
-            distance,
-            dr.select(dr.dot(si.n, ray.d) > 0, mi.Float(1), mi.Float(-1)),
-            dr.select(met, si.prim_index, last),
-            dr.select(met, distance + NUDGE * size, gone),
-        )
-
-
-def surface_scene(mesh: trimesh.Trimesh) -> Object:
-    """A closed mesh in a Mitsuba scene of its own."""
-    null = mi.load_dict({"type": "null"})
-    return mi.load_dict({"type": "scene", "bounds": mesh_shape([mesh], null, {})})

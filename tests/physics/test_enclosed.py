@@ -8,7 +8,9 @@ import trimesh
 import worlds
 from spisim.atmosphere import HenyeyGreenstein, explicit
 from spisim.scene import Volume
-from spisim.transport.backend import activate
+from spisim.transport import world
+from spisim.transport.backend import CUDA_VARIANT, activate
+from spisim.transport.crossings import MeshTree, TracedMesh
 from spisim.transport.world import build_world
 
 SEEDS = worlds.seeds(8)
@@ -39,6 +41,15 @@ def bumps(shape=(5, 4, 6)):
 def medium(volume):
     activate()
     return build_world(worlds.scene(worlds.plane(9.0), volumes=[volume])).media
+
+
+@pytest.fixture(params=["traced", "tree"], autouse=True)
+def closed_mesh(request, monkeypatch):
+    """Either form of a mesh: that of CPUs, and that of GPUs, which runs on both."""
+    form = {"traced": TracedMesh, "tree": MeshTree}[request.param]
+    if form is TracedMesh and activate() == CUDA_VARIANT:
+        pytest.skip("kernels on a GPU trace one scene")
+    monkeypatch.setattr(world, "closed_mesh", form.of)
 
 
 def rays(spread=1.0, seed=0):
@@ -89,8 +100,8 @@ def test_light_in_a_box_of_triangles_is_that_in_a_box(density):
     runs = []
     for shape in ("box", as_mesh(BANK)):
         position = worlds.scene(*worlds.room(), volumes=[filled(shape, density=density, pose=BANK)])
-        world = build_world(position)
-        runs.append([worlds.image(world, view, end, 512, seed) for seed in SEEDS])
+        built = build_world(position)
+        runs.append([worlds.image(built, view, end, 512, seed) for seed in SEEDS])
     score = worlds.z_score(*runs)
     assert np.abs(score).max() < 4
     assert np.sqrt(np.mean(score**2)) < 1.8
@@ -147,3 +158,18 @@ def test_flights_end_as_often_as_light_does(density):
     assert np.all(np.abs(survived - given) < 4 * noise + 1e-7)
     assert survived[2] == pytest.approx(survived[1], abs=0.02)  # in the hollow
     assert survived[-1] < 0.7
+
+
+def test_rays_at_edges_cross_one_of_both_triangles():
+    """The winding number is a whole one, and that of the point."""
+    activate()
+    mesh = trimesh.creation.icosphere(3, 2.0)
+    tree = MeshTree.of(mesh)
+    for origin, wraps in ((np.array([3.0, 0.5, -4.0]), 0.0), (np.array([0.3, 0.2, 0.1]), 1.0)):
+        corners = mesh.vertices[mesh.edges_unique]  # (edges, 2, 3)
+        directions = (corners[:, 0] * 0.4 + corners[:, 1] * 0.6) - origin
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        towards = mi.Vector3f(np.asarray(directions.T, dtype=np.float32))
+        ray = mi.Ray3f(mi.Point3f(*origin.tolist()), towards)
+        winding, _ = tree.sums(ray, mi.Float(10.0), mi.Bool(True))
+        np.testing.assert_array_equal(winding.numpy(), wraps)

@@ -23,6 +23,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.path_weights import tracked_by
 from spisim.transport.engine.sampling import (
     ErrorMetric,
     Estimate,
@@ -189,7 +190,7 @@ def _solved(
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
     streams = streams_of(seed)
-    world = build_world(scene)
+    world = build_world(scene, tracked_by(outputs.weights))
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
     steady = [
