@@ -1,18 +1,20 @@
 """Light in other fogs from the paths of one pass: right, and what a study of fogs gains by it.
 
-    python benchmarks/inverse_fogs.py [--quick] [--json] [--markdown]
+    python benchmarks/inverse_fogs.py [--quick] [--jobs N] [--json] [--markdown]
 
 First, light traced in fog of 50 m and reweighted to others is held against passes through those
-fogs, by z over seeds: total light and its quadrants, the spots' light near and far. Then a study of
-six visibilities is made twice from the same seeds: every fog traced, and from the passes that a
-study makes by itself. Times are of one process, in turns.
+fogs, by z over seeds: total light and its quadrants, the spots' light near and far by its order of
+scattering. Then a study of six visibilities is made twice from the same seeds: every fog traced,
+and from the passes that a study makes by itself. Times are those of the processor, in turns.
 """
 
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -30,36 +32,40 @@ from spisim.simulation import simulate
 from spisim.simulation.light import Transport, solve
 from spisim.simulation.light.other_fog import OtherFog
 from spisim.simulation.light.solve import solve_fogs
+from spisim.transport import Outputs
 from spisim.transport.backend import use_threads
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "inverse.md"
 SCENES = ("target-plane", "warehouse", "reflective-shelf", "street-canyon")
 TRACED_M, OTHERS_M = 50.0, (35.0, 42.0, 60.0, 80.0)
-SPP, SEEDS = 64, 8
+ORDERS = Outputs(orders=True)
+SPP, SEEDS = 32, 8
 STUDIED = ("warehouse", "person", "scaffold")
 VISIBILITIES_M = (20, 40, 80, 160, 320, 640)
 METRICS = ("image_correlation", "image_psnr_db", "range_error_m", "depth_mae_m", "depth_within_25")
-ROUNDS = 8
+ROUNDS = 6
 MAX_Z, MAX_TRACED = 4.0, 1 / 3
-#: Ratio of interval widths that "no wider" allows: half of what 8 rounds leave unsure.
+#: Ratio of interval widths that "no wider" allows.
 MAX_WIDTH = 1.05
 RESAMPLED = 1000
 
 
 def main() -> int:
     """Compare and print; the exit status is 1 if a promise is broken."""
-    options = benchmark_options(__doc__, "one scene, three rounds", PAGE)
-    use_threads(1)
-    few = 1 if options.quick else None
-    rows = [row for name in SCENES[:few] for row in compared(name)]
-    both = [study(name, 3 if options.quick else ROUNDS) for name in STUDIED[:few]]
+    jobs = {"--jobs": {"type": int, "default": 1, "help": "processes, each with one scene"}}
+    options = benchmark_options(__doc__, "one scene, three rounds", PAGE, others=jobs)
+    few, rounds = (1, 3) if options.quick else (None, ROUNDS)
+    with ProcessPoolExecutor(options.jobs, get_context("spawn"), use_threads, (1,)) as pool:
+        studies = [pool.submit(study, name, rounds) for name in STUDIED[:few]]
+        rows = [row for each in pool.map(compared, SCENES[:few]) for row in each]
+        both = [each.result() for each in studies]
     tables = [
         Table(
             f"Light traced in {TRACED_M:g} m and reweighted, against passes through the other fog: "
             f"largest |z| over {SEEDS} seeds, {SPP} paths a pixel and end, of image and spots, and "
-            "the effective fraction of the paths.",
-            ("scene", "visibility", "z, image", "z, spots", "carried", "ln of all light"),
+            "the effective fraction of the paths; change: of the logarithm of all light.",
+            ("scene", "visibility", "z, image", "z, spots", "carried", "change"),
             [each.row for each in rows],
         ),
         Table(
@@ -111,16 +117,21 @@ class Compared:
         )
 
 
-def compared(name: str) -> Iterator[Compared]:
+def compared(name: str) -> list[Compared]:
     """All other fogs of a scene."""
+    rows = []
     weather = {"fog": {"visibility_m": TRACED_M}, "rain": None, "snow": None, "smoke": None}
     scene = spisim.load_scene(name, changes=weather)
     others = [OtherFog.of_visibility(scene, each) for each in OTHERS_M]
-    passes = [solve_fogs(scene, INSTRUMENT, others, spp=SPP, seed=seed) for seed in range(SEEDS)]
+    passes = [
+        solve_fogs(scene, INSTRUMENT, others, spp=SPP, seed=seed, outputs=ORDERS)
+        for seed in range(SEEDS)
+    ]
     here = np.mean([each[0].image.sum() for each in passes])
     for number, (visibility_m, other) in enumerate(zip(OTHERS_M, others, strict=True), start=1):
         through = [
-            solve(other.scene, INSTRUMENT, spp=SPP, seed=100 + seed) for seed in range(SEEDS)
+            solve(other.scene, INSTRUMENT, spp=SPP, seed=100 + seed, outputs=ORDERS)
+            for seed in range(SEEDS)
         ]
         from_here = [each[number] for each in passes]
         image_z, spots_z = (
@@ -129,7 +140,8 @@ def compared(name: str) -> Iterator[Compared]:
         )
         carried = min(each.reweighted.carried for each in from_here if each.reweighted)
         change = np.log(np.mean([each.image.sum() for each in from_here]) / here)
-        yield Compared(name, visibility_m, image_z, spots_z, carried, float(change))
+        rows.append(Compared(name, visibility_m, image_z, spots_z, carried, float(change)))
+    return rows
 
 
 def quadrants(light: Transport) -> Floats:
@@ -140,10 +152,9 @@ def quadrants(light: Transport) -> Floats:
 
 
 def near_and_far(light: Transport) -> Floats:
-    """The light of each spot before and beyond 3 m of range, and that of orders of scattering."""
-    near = light.path_length_m < 6.0
-    spots = light.spot_histogram
-    return np.concatenate([spots[:, near].sum(1), spots[:, ~near].sum(1)])
+    """The light of each spot, by its order of scattering, before and beyond 3 m of range."""
+    near, spots = light.path_length_m < 6.0, light.extra["spot_orders"]
+    return np.concatenate([spots[..., near].sum(-1).ravel(), spots[..., ~near].sum(-1).ravel()])
 
 
 def largest_z(off: Floats) -> float:

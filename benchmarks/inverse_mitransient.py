@@ -4,16 +4,14 @@
 
 mitransient's `transient_prbvolpath` replays each path backwards (path replay backpropagation:
 D. Vicini, S. Speierer & W. Jakob, ACM Trans. Graph. 40(4), 108 (2021)). It renders each spot dual,
-from the laser with a lamp in the detector's place. Ours are central differences of passes with the
-same random numbers. The scene is a closed room in clear air, by the reflectance of its walls, and
-with a bank of homogeneous fog, by its extinction.
+from the laser with a lamp in the detector's place. Ours are sums of light weighted by scores. The
+scene is a closed room, whose walls' reflectance is the parameter: in clear air, and with a bank of
+homogeneous fog, whose extinction is one, too.
 """
 
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from alternatives import TransientGradients
@@ -25,11 +23,13 @@ from room import air, box_pose, room
 import spisim
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR
-from spisim.scene import Scene, Volume
+from spisim.scene import Volume
 from spisim.transport.backend import use_threads
 from spisim.transport.engine.estimator import spot_histogram
+from spisim.transport.engine.path_weights import Score, tracked_by
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.scores import Extinction, Parameter, Reflectance
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table, surroundings
@@ -42,55 +42,45 @@ DETECTORS = replace(
     PLACED.tof, area_m2=replace(PLACED.bucket, half_angle_rad=HALF_ANGLE_RAD).area_m2
 )
 BINS = PathLengthBins(41, 2.0)
-#: Step of the logarithm of a parameter, either way.
-STEP = 0.02
 MAX_Z, MIN_GAIN = 4.0, 20.0
+#: mitransient's paths per spot.
+PATHS = 2**17
+WALLS = room(CLEAR).objects[0].material
+FOG = air(20)
+#: It begins 2 m ahead: mitransient starts every path in clear air.
+BANK = Volume("bank", FOG, box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene at some factor on one of its parameters."""
+    """A scene and one of its parameters, for us and by its name and value in Mitsuba's scene."""
 
-    name: str
+    scene: str
     derivative: str
-    scene: Callable[[float], Scene]
-    theirs: str  # the parameter's name in Mitsuba's scene
+    volumes: tuple[Volume, ...]
+    parameter: Parameter
+    theirs: str
     value: float
     paths: int  # ours, per spot and end
 
 
-def walls(factor: float) -> Scene:
-    """The room with walls of another reflectance."""
-    scene = room(CLEAR)
-    first, *rest = scene.objects
-    material = replace(first.material, reflectance=factor * REFLECTANCE)
-    return replace(scene, objects=(replace(first, material=material), *rest))
-
-
-def bank(factor: float) -> Scene:
-    """The room with a bank of fog of another extinction; it begins 2 m ahead."""
-    fog = air(20)
-    medium = replace(fog, extinction_per_m=factor * fog.extinction_per_m)
-    volume = Volume("bank", medium, box_pose((5.8, 5.8, 5.5), (0, 0, 5)))
-    return replace(room(CLEAR), volumes=(volume,))
-
-
-REFLECTANCE = 0.5
 CASES = (
     Case(
         "room",
         "∂/∂ ln reflectance of the walls",
-        walls,
-        WALLS := "mesh_0.bsdf.brdf_0.reflectance.value",
-        REFLECTANCE,
-        2**12,
+        (),
+        Reflectance(WALLS.name),
+        "mesh_0.bsdf.brdf_0.reflectance.value",
+        WALLS.reflectance,
+        2**14,
     ),
     Case(
         "fog bank",
         "∂/∂ ln extinction",
-        bank,
+        (BANK,),
+        Extinction(0),
         "volume_0.interior_medium.sigma_t.value.value",
-        air(20).extinction_per_m,
+        FOG.extinction_per_m,
         2**16,
     ),
 )
@@ -119,15 +109,15 @@ def main() -> int:
     for case in CASES:
         try:
             ours, theirs = measure(methods(case), 6 if options.quick else 20)
-        except ImportError as error:
-            table = Table(f"Not compared: {error} (`pip install mitransient`).")
+        except ImportError as missing:
+            table = Table(f"Not compared: {missing} (`pip install mitransient`).")
             return finish(options, PAGE, "mitransient", around, [table], [])
         gain, error = ratio(ours, theirs, np.mean)
         z = z_score(ours.readings, theirs.readings)
-        rows.append((case.name, case.derivative, "differences", *described(ours), "", ""))
+        rows.append((case.scene, case.derivative, "scores", *described(ours), "", ""))
         rows.append(
             (
-                case.name,
+                case.scene,
                 case.derivative,
                 "mitransient",
                 *described(theirs),
@@ -136,8 +126,8 @@ def main() -> int:
             )
         )
         checks += [
-            Check(f"z, {case.name}", z, MAX_Z),
-            Check(f"gain, {case.name}", gain, MIN_GAIN, at_least=True),
+            Check(f"z, {case.scene}", z, MAX_Z),
+            Check(f"gain, {case.scene}", gain, MIN_GAIN, at_least=True),
         ]
     return finish(options, PAGE, "mitransient", around, [Table(title, columns, rows)], checks)
 
@@ -153,29 +143,31 @@ def described(series: Series) -> tuple[str, ...]:
 
 def methods(case: Case) -> tuple[Method, Method]:
     """Ours and mitransient's; raises ImportError where there is no mitransient."""
-    theirs = TransientGradients(case.scene(1.0), PLACED.beams, DETECTORS, case.theirs)
-    low, high = (build_world(case.scene(np.exp(step))) for step in (-STEP, STEP))
+    scene = replace(room(CLEAR), volumes=case.volumes)
+    theirs = TransientGradients(scene, PLACED.beams, DETECTORS, case.theirs)
+    score = Score("it", case.parameter)
+    world = build_world(scene, tracked_by([score]))
 
-    def power(world: Any, seed: int) -> Floats:
-        entropy = np.random.SeedSequence(seed)
-        budget = PathBudget(case.paths)
-        estimate = spot_histogram(world, PLACED.beams, DETECTORS, BINS, budget, seed=entropy)
-        return np.asarray(estimate.mean["histogram"].sum(axis=1))
+    def scores(seed: int) -> Floats:
+        estimate = spot_histogram(
+            world,
+            PLACED.beams,
+            DETECTORS,
+            BINS,
+            PathBudget(case.paths),
+            seed=np.random.SeedSequence(seed),
+            path_weights=[score],
+        )
+        return np.asarray(estimate.mean["histogram_it"].sum(axis=1))
 
-    def differences(seed: int) -> Floats:
-        return (power(high, seed) - power(low, seed)) / (2 * STEP)
+    def replayed(seed: int) -> Floats:
+        return case.value * theirs.readings(PATHS, seed)
 
     return (
-        Method("differences", f"4 × {case.paths} per spot", differences),
-        Method(
-            "mitransient",
-            f"{PATHS} per spot",
-            lambda seed: case.value * theirs.readings(PATHS, seed),
-        ),
+        Method("scores", f"2 × {case.paths} per spot", scores),
+        Method("mitransient", f"{PATHS} per spot", replayed),
     )
 
-
-PATHS = 2**17
 
 if __name__ == "__main__":
     sys.exit(main())

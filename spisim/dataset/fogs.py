@@ -48,6 +48,10 @@ class FogSeries:
                 self._known.update(dict.fromkeys(series, series))
         return self._known.setdefault(index, (index,))
 
+    def first_of(self, index: int) -> int:
+        """The first sample of its series."""
+        return self.of(index)[0]
+
     def world_of(self, index: int) -> int:
         """A number shared by samples whose light, or else whose surfaces, are worth reusing."""
         series = self.of(index)
