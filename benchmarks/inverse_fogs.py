@@ -54,8 +54,8 @@ RESAMPLED = 1000
 def main() -> int:
     """Compare and print; the exit status is 1 if a promise is broken."""
     jobs = {"--jobs": {"type": int, "default": 1, "help": "processes, each with one scene"}}
-    options = benchmark_options(__doc__, "one scene, three rounds", PAGE, others=jobs)
-    few, rounds = (1, 3) if options.quick else (None, ROUNDS)
+    options = benchmark_options(__doc__, "one scene, four rounds", PAGE, others=jobs)
+    few, rounds = (1, 4) if options.quick else (None, ROUNDS)
     with ProcessPoolExecutor(options.jobs, get_context("spawn"), use_threads, (1,)) as pool:
         studies = [pool.submit(study, name, rounds) for name in STUDIED[:few]]
         rows = [row for each in pool.map(compared, SCENES[:few]) for row in each]

@@ -108,7 +108,7 @@ def main() -> int:
     rows, checks = [], []
     for case in CASES:
         try:
-            ours, theirs = measure(methods(case), 6 if options.quick else 20)
+            ours, theirs = measure(methods(case), 6 if options.quick else 12)
         except ImportError as missing:
             table = Table(f"Not compared: {missing} (`pip install mitransient`).")
             return finish(options, PAGE, "mitransient", around, [table], [])
