@@ -4,6 +4,7 @@ import io
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
-from spisim.simulation.light.sensitivity import Sensitivity
+from spisim.simulation.light.parameters import Proportional, Sensitivity
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -67,8 +68,10 @@ def light_channels(
     return channels
 
 
-def fog_channels(
-    light: Transport, derivatives: Sequence[Sensitivity], others: Mapping[float, Transport]
+def derived_channels(
+    light: Transport,
+    derivatives: Sequence[Sensitivity | Proportional],
+    others: Mapping[float, Transport],
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
     channels: dict[str, NDArray[np.floating]] = {}
@@ -85,13 +88,33 @@ def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {f"{name}.{order}": part for order, part in zip(ORDERS, parts, strict=True)}
 
 
+#: Fields of `Transport` whose derivatives are written with the histograms, and their units.
+DERIVED = {
+    "spot_histogram": "1",
+    "daylight_w": "W",
+    "spot_daylight_w": "W",
+    "spot_crosstalk_w": "W",
+}
+
+
+def _times(unit: str, per: str) -> str:
+    """A unit times the unit of one over a parameter."""
+    if "1" in (unit, per):
+        return unit if per == "1" else per
+    return unit + per[1:] if per.startswith("1/") else f"{unit} {per}"
+
+
 def write_histograms(
-    path: Path, light: Transport, others: Mapping[float, Transport] | None = None
+    path: Path,
+    light: Transport,
+    derivatives: Sequence[Sensitivity | Proportional] = (),
+    others: Mapping[float, Transport] = MappingProxyType({}),
 ) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.
 
-    That of the spots in fog of other visibilities is added. `units.<name>` is the unit of each
-    array.
+    With it go the derivatives of all light but the image's, as ``<field>_per.<parameter>``, their
+    standard errors, and the spots' light in fog of other visibilities. `units.<name>` is the unit
+    of each array.
     """
     arrays = {
         "spot_histogram": light.spot_histogram,
@@ -99,10 +122,16 @@ def write_histograms(
         **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
         **{
             f"spot_histogram_at_{visibility_m:g}m": other.spot_histogram
-            for visibility_m, other in (others or {}).items()
+            for visibility_m, other in others.items()
         },
     }
     units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
+    for each in derivatives:
+        for field, unit in DERIVED.items():
+            name = f"{field}_per.{each.parameter}"
+            arrays[name], arrays[f"{name}_error"] = each.of(light, field)
+            whole = np.array(_times(unit, each.unit))
+            units |= {f"units.{name}": whole, f"units.{name}_error": whole}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays, **units)
     with zipfile.ZipFile(buffer, "a") as archive:

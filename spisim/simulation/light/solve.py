@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.instrument import Detector, Instrument
-from spisim.instrument.model import Source
+from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light.extra import extra_light, weighted_light
 from spisim.simulation.light.noise_metric import image_error_metric
@@ -19,8 +18,8 @@ from spisim.simulation.light.other_fog import OtherFog, Reweighted, in_each, ove
 from spisim.simulation.light.path_bins import BIN_WIDTH_M
 from spisim.simulation.light.spots import GROWTH, SampleBudget, bins_of, spot_metric, spots_of
 from spisim.simulation.light.stated_error import image_error, spot_error
+from spisim.simulation.light.steady import steady_light
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.path_weights import tracked_by
@@ -31,7 +30,6 @@ from spisim.transport.engine.sampling import (
     SamplingBudget,
     TargetError,
 )
-from spisim.transport.engine.walk import MAX_VERTICES
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
@@ -193,15 +191,16 @@ def _solved(
     world = build_world(scene, tracked_by(outputs.weights))
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
+    asked = outputs.weights
     steady = [
-        steady_light(each, instrument, in_fog, placed, streams[2:])
-        for each, in_fog in (
-            (scene, world),
-            *((other.scene, build_world(other.scene)) for other in others),
-        )
+        steady_light(scene, instrument, world, placed, streams[2:], path_weights=asked),
+        *(
+            steady_light(each.scene, instrument, build_world(each.scene), placed, streams[2:])
+            for each in others
+        ),
     ]
     weights = tuple(weight for other in others for weight in other.weights)
-    recorded = replace(outputs, weights=(*outputs.weights, *weights))
+    recorded = replace(outputs, weights=(*asked, *weights))
     images, spots, lengths_m = [NO_IMAGE] * len(steady), [NO_SPOTS] * len(steady), np.zeros(0)
     carried = [1.0] * len(others)
     if instrument.images:
@@ -269,13 +268,14 @@ def _transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
         **spot_fields(spots, lengths_m),
-        **{name: value for name, value in steady.items() if name != "dropped"},
+        **{name: value for name, value in steady.items() if name not in ("dropped", "extra")},
         noise_share=image.size,
         dropped=image.dropped + spots.dropped + steady["dropped"],
         paths=image.paths + spots.paths,
         seconds=seconds,
         extra=extra_light(outputs, None if imaged is None else imaged.mean, spots.mean, shape)
-        | weighted_light(outputs, imaged, spots, shape),
+        | weighted_light(outputs, imaged, spots, shape)
+        | steady["extra"],
         reweighted=reweighted,
     )
 
@@ -324,67 +324,6 @@ def _image(
         outputs=outputs,
         progress=progress,
     )
-
-
-def steady_light(
-    scene: Scene,
-    instrument: Instrument,
-    world: World,
-    placed: InstrumentView,
-    streams: Sequence[np.random.SeedSequence],
-    *,
-    target: float = STEADY_ERROR,
-    max_vertices: int = MAX_VERTICES,
-) -> dict[str, Any]:
-    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
-
-    `target` is their relative error; errors far below the dark current are tolerated, too. Light of
-    the pattern that is scattered more than `max_vertices` times is left out.
-    """
-    none = Received(*np.zeros((2, 0)))
-    bucket, spots = (
-        none
-        if (detector := instrument.detectors.get(name)) is None
-        else daylight_power(
-            scene,
-            instrument,
-            world,
-            view,
-            floor_w=dark_power(instrument, detector, "daylight"),
-            target=target,
-            seed=stream,
-        )
-        for name, view, stream in (
-            ("detector", placed.bucket, streams[0]),
-            ("tof.detector", placed.zones or placed.tof, streams[1]),
-        )
-    )
-    crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
-    if instrument.images and instrument.ranges:
-        crosstalk = projector_power(
-            world,
-            placed.projector,
-            instrument.mean_powers_w,
-            placed.zones or placed.tof,
-            floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
-            target=target,
-            seed=streams[2],
-            max_vertices=max_vertices,
-        )
-    return {
-        "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
-        "daylight_w": float(bucket.power_w.sum()),
-        "daylight_error_w": float(np.linalg.norm(bucket.error_w)),
-        "spot_daylight_w": spots.power_w,
-        "spot_daylight_error_w": spots.error_w,
-        "spot_crosstalk_w": crosstalk.power_w,
-        "spot_crosstalk_error_w": crosstalk.error_w,
-    }
-
-
-def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
-    """Light of a source on one aperture that makes as many electrons as the dark current, W."""
-    return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
 
 
 def _part(

@@ -33,11 +33,11 @@ from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.simulation.light.sequence import LightSequence, at_key_times
 from spisim.simulation.light.solve import (
     Transport,
-    steady_light,
     streams_of,
 )
 from spisim.simulation.light.spots import ranging_histogram
 from spisim.simulation.light.stated_error import image_error, spot_error
+from spisim.simulation.light.steady import steady_light
 from spisim.simulation.light.steered import by_view
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import transport_image
@@ -98,7 +98,7 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     image = _image(instrument, world, placed, extinction, streams[0])
     spots = _spots(instrument, world, placed, extinction, streams[1])
     dropped = image.pop("dropped") + spots.pop("dropped") + steady.pop("dropped")
-    extra = image.pop("extra") | spots.pop("extra")
+    extra = image.pop("extra") | spots.pop("extra") | steady.pop("extra")
     paths = image.pop("paths") + spots.pop("paths")
     return Transport(
         **image,

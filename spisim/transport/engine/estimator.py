@@ -158,13 +158,17 @@ def spot_histogram(
 ) -> Estimate:
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
-    `histogram_orders` (3, beams, bins) splits it by scattering; `path_weights` add both of weighted
-    light. `budget` counts paths per beam from each end.
+    `histogram_orders` (3, beams, bins) splits it by scattering; `path_weights` add the first of
+    weighted light, and both where that is light of another world. `budget` counts paths per beam
+    from each end.
     """
     count = len(beams.origins_m)
     replicas = replicas_of(count)
     histograms: MakeTally = partial(OrderTally, make=partial(HistogramTally, bins=bins))
-    kinds = [histograms, *weighted([histograms], path_weights)]
+    whole: MakeTally = partial(HistogramTally, bins=bins)
+    kinds = [histograms]
+    for each in path_weights:
+        kinds += weighted([histograms if each.is_light else whole], [each])
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(count, kinds, replicas, weighted=bool(path_weights))
