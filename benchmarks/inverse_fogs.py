@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from efficiency import ROUNDING
 from options import benchmark_options, finish
 
 import spisim
@@ -135,7 +136,7 @@ def compared(name: str) -> list[Compared]:
         ]
         from_here = [each[number] for each in passes]
         image_z, spots_z = (
-            largest_z(np.array([of(a) for a in from_here]) - [of(b) for b in through])
+            largest_z(*(np.array([of(each) for each in way]) for way in (from_here, through)))
             for of in (quadrants, near_and_far)
         )
         carried = min(each.reweighted.carried for each in from_here if each.reweighted)
@@ -157,9 +158,10 @@ def near_and_far(light: Transport) -> Floats:
     return np.concatenate([spots[..., near].sum(-1).ravel(), spots[..., ~near].sum(-1).ravel()])
 
 
-def largest_z(off: Floats) -> float:
-    """Of the means of differences (seeds, n)."""
-    error = off.std(axis=0, ddof=1) / np.sqrt(len(off))
+def largest_z(first: Floats, second: Floats) -> float:
+    """Of the differences of two means over seeds (seeds, n), which rounding may make, too."""
+    off, rounding = first - second, ROUNDING * np.abs(second.mean(axis=0))
+    error = np.hypot(off.std(axis=0, ddof=1) / np.sqrt(len(off)), rounding)
     return float(np.abs(off.mean(axis=0)[error > 0] / error[error > 0]).max())
 
 
@@ -231,11 +233,13 @@ def widths(measured: Floats) -> tuple[float, float]:
     def ratio(rounds: Sequence[int] | Floats) -> float:
         spread = measured[rounds].std(axis=0, ddof=1)  # ways, fogs, metrics
         usable = (spread > 0).all(axis=0)
+        if not usable.any():  # the same round again and again
+            return np.nan
         return float(np.exp(np.log(spread[1][usable] / spread[0][usable]).mean()))
 
     rng, count = np.random.default_rng(0), len(measured)
     again = [ratio(rng.integers(count, size=count)) for _ in range(RESAMPLED)]
-    return ratio(np.arange(count)), float(np.std(again))
+    return ratio(np.arange(count)), float(np.nanstd(again))
 
 
 def plan(name: str, rounds: int) -> dict[str, Any]:

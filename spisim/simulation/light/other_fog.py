@@ -8,7 +8,7 @@ weights are equal, and falls as few paths get large weights (A. Kong, J. Am. Sta
 (1994)).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,10 +19,12 @@ from spisim.scene import Scene
 from spisim.transport.engine.path_weights import ExtinctionRatio
 from spisim.transport.engine.sampling import ErrorMetric, Estimate
 
-#: Minimum fraction of the light's paths that may carry an estimate at another extinction.
-MIN_CARRIED = 0.3
+#: Minimum fraction of the paths that carry an estimate: its error is twice that of all of them.
+MIN_CARRIED = 0.25
 #: Error in another fog over that in the traced one up to which more paths pay: twice as many.
 PAYING_ERROR = np.sqrt(2)
+#: Pixels whose paths are counted together: alone, a pixel may have too few to tell weights apart.
+NEIGHBOURS = 8
 #: Cosines at which phase functions are compared.
 _COSINES = np.linspace(-1, 1, 65)
 
@@ -128,25 +130,30 @@ class OtherFog:
         end = self.ending
         return {name[: -len(end)]: each for name, each in sums.items() if name.endswith(end)}
 
-    def carried_image(self, sums: Mapping[str, Floats], rows: int) -> float:
-        """Effective fraction of the paths of an `image` of so many rows.
+    def carried_image(self, sums: Mapping[str, Floats]) -> float:
+        """Effective fraction of the paths of an `image` (pixels,).
 
-        It is the mean over the rows, harmonic and weighted by their light in this fog: what rows
-        that see other ranges gain or lose is no uncertainty. 0 if weights are too large to sum.
+        It is the mean over groups of neighbouring pixels, harmonic and weighted by their light in
+        this fog: what pixels that see other ranges gain or lose is no uncertainty. 0 if weights are
+        too large to sum.
         """
-        light, fraction = self._carried(sums, "image", rows)
+        starts = np.arange(0, len(sums["image"]), NEIGHBOURS)
+        light, fraction = self._carried(
+            sums, "image", lambda pixels: np.add.reduceat(pixels, starts)
+        )
         return float(np.nan_to_num(light.sum() / (light / fraction).sum())) if len(light) else 1.0
 
     def carried_spots(self, sums: Mapping[str, Floats]) -> float:
         """Effective fraction of the paths of the spot of `histogram` with the least of it."""
-        _, fraction = self._carried(sums, "histogram", len(sums["histogram"]))
+        _, fraction = self._carried(sums, "histogram", lambda bins: bins.sum(axis=-1))
         return float(np.nan_to_num(fraction).min(initial=1.0))
 
-    def _carried(self, sums: Mapping[str, Floats], name: str, rows: int) -> tuple[Floats, Floats]:
-        """Light in this fog and effective fraction of paths, of rows that are not dark."""
+    def _carried(
+        self, sums: Mapping[str, Floats], name: str, grouped: Callable[[Floats], Floats]
+    ) -> tuple[Floats, Floats]:
+        """Light in this fog and effective fraction of paths, of groups that are not dark."""
         endings = ("", *(f"_{weight.name}" for weight in self.weights))
-        each = (sums[f"{name}{ending}"].reshape(rows, -1).sum(axis=-1) for ending in endings)
-        plain, first, second = each
+        plain, first, second = (grouped(sums[f"{name}{ending}"]) for ending in endings)
         lit = (plain > 0) & ~(first <= 0)
         return first[lit], first[lit] ** 2 / (plain[lit] * second[lit])
 

@@ -215,7 +215,7 @@ def _solved(
             _part(progress, 0.1, 0.8),
         )
         images = in_each(image, metrics, others)
-        carried = [other.carried_image(image.mean, placed.projector.shape[0]) for other in others]
+        carried = [other.carried_image(image.mean) for other in others]
     if instrument.ranges:
         bins = bins_of(instrument, world, placed)
         metrics = [spot_metric(instrument, each, bins) for each in steady]
