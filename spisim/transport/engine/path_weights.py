@@ -14,7 +14,7 @@ that few of them carry the estimate.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, Protocol
+from typing import Protocol
 
 import drjit as dr
 import mitsuba as mi
@@ -37,10 +37,6 @@ class PathWeight(Protocol):
     def name(self) -> str:
         """Ending of the names of its sums."""
 
-    @property
-    def is_light(self) -> bool:
-        """Whether weighted light is light of another world, to be split by scattering as such."""
-
     def compiled(self) -> OfPath:
         """The weight, whose constants are opaque: other values need no other kernel."""
 
@@ -51,7 +47,6 @@ class Score:
 
     name: str
     parameter: Parameter
-    is_light: ClassVar[bool] = False
 
     def compiled(self) -> OfPath:
         """See `PathWeight`."""
@@ -66,11 +61,6 @@ class ExtinctionRatio:
     ratio: float
     extinction_per_m: float
     power: int = 1
-
-    @property
-    def is_light(self) -> bool:
-        """See `PathWeight`."""
-        return self.power == 1
 
     def compiled(self) -> OfPath:
         """See `PathWeight`."""
