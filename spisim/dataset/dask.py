@@ -99,7 +99,7 @@ class DaskExecutor:
     ) -> Iterator[tuple[int, str | None]]:
         """Samples for the workers that have room: of their worlds, or any for one that is idle."""
         workers = self._workers()
-        if not workers:  # those to come share it all
+        if not workers:  # the next to come may take any
             yield from ((index, None) for index in waiting[: not under_way])
             return
         room = dict.fromkeys(workers, SUBMITTED)

@@ -73,12 +73,12 @@ def _pass(
     scene: Scene,
     instrument: Instrument,
     others: Sequence[OtherFog],
-    share: float,
+    noise_share: float,
     seed: int,
     outputs: Outputs,
 ) -> tuple[Transport, ...]:
     """Light in all fogs; in the scene's own alone if there is more than weighted sums can hold."""
-    how = {"transport_noise_share": share, "seed": seed, "outputs": outputs}
+    how = {"transport_noise_share": noise_share, "seed": seed, "outputs": outputs}
     if others:
         with suppress(InputError):
             return solve_fogs(scene, instrument, others, **how)
@@ -91,8 +91,8 @@ def _promising(traced_per_m: float, other_per_m: float) -> bool:
     return bool(np.exp(-depth) >= MIN_CARRIED)
 
 
-def _is_good(light: Transport, share: float) -> bool:
+def _is_good(light: Transport, noise_share: float) -> bool:
     """Whether the light is carried by enough paths, and its errors are as ordered."""
     assert light.reweighted is not None
     carried = light.reweighted.carried >= MIN_CARRIED
-    return carried and not (light.noise_share > share or light.spot_noise_share > share)
+    return carried and not (light.noise_share > noise_share or light.spot_noise_share > noise_share)

@@ -23,7 +23,7 @@ from spisim.transport.engine.sampling import ErrorMetric, Estimate
 MIN_CARRIED = 0.25
 #: Error in another fog over that in the traced one up to which more paths pay: twice as many.
 PAYING_ERROR = np.sqrt(2)
-#: Pixels whose paths are counted together: alone, a pixel may have too few to tell weights apart.
+#: Pixels whose paths are counted together: alone, a pixel may have too few of them.
 NEIGHBOURS = 8
 #: Cosines at which phase functions are compared.
 _COSINES = np.linspace(-1, 1, 65)
