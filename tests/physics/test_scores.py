@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 import trimesh
 
+import spisim
 import worlds
-from spisim.scene import Material, Volume
+from spisim.scene import Ambient, Material, Volume
 from spisim.scene.bsdf import (
     DIFFUSE,
     Conductor,
@@ -25,6 +26,8 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
+from spisim.scene.lamps import PointLamp, Strength
+from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import Strategy, spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.path_weights import Score, tracked_by
@@ -38,6 +41,7 @@ VIEW = worlds.projector(shape=(8, 8))
 END = worlds.detector((0.1, 0, 0), half_angle_deg=12)
 LASERS = worlds.beams(*([x, y, 8] for x in range(-2, 2) for y in range(-2, 2)))
 EYES = worlds.detector(np.full((16, 3), [0.1, 0, 0]), half_angle_deg=40)
+PAPER = spisim.load_instrument("paper")
 BANK = worlds.bank(0.08, albedo=0.9, g=0.7)
 STEP = 0.01
 SAME = 3e-4
@@ -142,6 +146,30 @@ def spots(scene, scores=(), paths=2048, **options):
     return light, sums
 
 
+def steady(scene, scores=(), lit=None):
+    """The same of steady light on detectors alike, from a fixed number of paths, (1, detectors)."""
+    world = build_world(scene, tracked_by(scores))
+    fixed = {"target": 1e9, "seed": SEED, "path_weights": tuple(scores)}
+    if lit == "projector":
+        received = projector_power(world, VIEW, np.full(VIEW.shape, 1 / 64), EYES, **fixed)
+    else:
+        received = daylight_power(scene, PAPER, world, EYES, **fixed)
+    return received.power_w[None], [received.weighted[each.name][0][None] for each in scores]
+
+
+def outdoors(scene):
+    """Sun and sky over the room without its upper wall, and lamps in it."""
+    (walls, *things), up = scene.objects, (0.0, -1.0, 0.0)
+    mesh = walls.mesh.copy()
+    mesh.update_faces(mesh.face_normals @ up < 0.5)
+    return replace(
+        scene,
+        objects=(replace(walls, mesh=mesh), *things),
+        ambient=Ambient(sun_klx=20.0, sky_klx=10.0, sun_direction=(0.0, 0.6, 0.8)),
+        lamps=(PointLamp("bulb", (1.0, -1.0, 3.0), Strength(1e-8, luminous=False)),),
+    )
+
+
 def scores_of(*parameters):
     return [Score(f"score {number}", each) for number, each in enumerate(parameters)]
 
@@ -231,6 +259,14 @@ def test_the_light_itself_is_untouched_by_scores():
     for scene in (room("gloss"), room("fog")):
         plain, _ = image(scene)
         np.testing.assert_array_equal(plain, image(scene, scores_of(*MATERIALS))[0])
+
+
+@pytest.mark.parametrize("name", some_slow("clear", "fog", "gloss in fog", fast="fog"))
+@pytest.mark.parametrize("lit", ["projector", "daylight"])
+def test_steady_light_has_derivatives(name, lit):
+    scene = outdoors(room(name))
+    parameters = MATERIALS if name == "clear" else (*MATERIALS, Extinction(0), Albedo(0))
+    assert largest_z(steady, scene, *parameters, lit=lit) < 4
 
 
 @pytest.mark.parametrize("strategy", [Strategy.PROJECTOR, Strategy.DETECTOR])
