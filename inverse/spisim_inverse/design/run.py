@@ -17,16 +17,14 @@ from spisim_inverse.design.bench import Bench
 from spisim_inverse.design.judgement import Compared, judge
 from spisim_inverse.design.measuring import Measuring
 from spisim_inverse.design.plan import PlannedDesign
-from spisim_inverse.design.search import Search, front, relative_logs
+from spisim_inverse.design.search import Search, front, score
 from spisim_inverse.design.space import Space
 
 KIND = "design"
-FINALISTS = 6
+FINALISTS = 4
 """Best instruments that are measured once more, with other noise, before one is chosen, and most
 of the front that are judged.
 """
-CONFIRMING_DRAWS = JUDGED_DRAWS = 2
-"""Frames of a scene in confirmation and judgement, for each of the search."""
 PLAN, INSTRUMENT, PAGE = "plan.yaml", "instrument.yaml", "design.html"
 Progress = Callable[[str, float], None]
 
@@ -136,6 +134,7 @@ def _searched(
         evaluate,
         plan.evaluations,
         plan.seed,
+        plan.at_most,
         partial(progress, "searching"),
     )
     return [base, *search.run(space.of_base(bench))]
@@ -158,17 +157,20 @@ def _confirmed(
     planned: PlannedDesign, bench: Bench, seen: Measuring, evaluations: Sequence[Evaluation]
 ) -> tuple[Evaluation, Evaluation]:
     """The base and the best instrument, measured with other noise than that of the search."""
-    objectives, draws = planned.plan.objectives, CONFIRMING_DRAWS * planned.plan.draws
+    plan = planned.plan
+    weights = np.ones(len(plan.objectives))
 
     def ranked(some: Sequence[Evaluation], base: Evaluation) -> list[Evaluation]:
         figures = base.figures
         assert figures is not None
-        return sorted(some, key=lambda each: relative_logs(each, figures, objectives).sum())
+        return sorted(
+            some, key=lambda each: score(each, figures, weights, plan.objectives, plan.at_most)
+        )
 
     first, *others = evaluations
     again = [
         seen.evaluation(
-            each.values, seen.samples(bench.make(each.values), "confirmation", draws, _quiet)
+            each.values, seen.samples(bench.make(each.values), "confirmation", plan.draws, _quiet)
         )
         for each in [first, *ranked(others, first)[:FINALISTS]]
     ]
@@ -184,7 +186,7 @@ def _judged(
     progress: Progress,
 ) -> Design:
     """The design with its figures on unseen scenes."""
-    objectives, draws = planned.plan.objectives, JUDGED_DRAWS * planned.plan.draws
+    objectives, draws = planned.plan.objectives, planned.plan.draws
     base, chosen = confirmed
     unseen = Measuring(planned, folder, "judgement")
     whole = front(evaluations, objectives)
