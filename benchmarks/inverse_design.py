@@ -18,7 +18,9 @@ from options import benchmark_options, finish
 from reconstruction.base.files import write_atomically
 from spisim.base.config import dump_yaml
 from spisim.transport.backend import use_threads
+from spisim_inverse.design.bench import TIMES
 from spisim_inverse.design.judgement import BOUND, BY_BOTH, WITH_A_RANGE, WRONG, Compared
+from spisim_inverse.design.objectives import OBJECTIVES
 from spisim_inverse.design.page import write_design
 from spisim_inverse.design.plan import load_design
 from spisim_inverse.design.run import PAGE, Design, run_design
@@ -95,7 +97,9 @@ def chosen_table(design: Design) -> Table:
     assert design.base.figures is not None
     assert design.chosen.figures is not None
     ratio = design.chosen.figures["range_error_m"] / design.base.figures["range_error_m"]
-    rows = [(name, _plain(old), _plain(new)) for name, (old, new) in design.changed.items()]
+    rows = [
+        (name, _plain(name, old), _plain(name, new)) for name, (old, new) in design.changed.items()
+    ]
     title = (
         f"Chosen among {len(design.evaluations)} instruments; the typical error of ranges on the "
         f"scenes of the search, in all weathers, is {ratio:.2f} of the preset's."
@@ -105,7 +109,12 @@ def chosen_table(design: Design) -> Table:
 
 def compared_table(design: Design) -> Table:
     """Preset and chosen instrument on unseen scenes."""
-    rows = [(each.weather, each.name, *_values(each), _change(each)) for each in design.judged]
+    missing = OBJECTIVES["range_missing"].title  # the rest of those with a range
+    rows = [
+        (each.weather, each.name, *_values(each), _change(each))
+        for each in design.judged
+        if each.name != missing
+    ]
     title = (
         "Both on scenes of families that the search has not seen: ratios of chosen to preset, or "
         "differences of per cent, with their 95 % intervals over scenes."
@@ -137,7 +146,7 @@ def promises(design: Design) -> list[Check]:
         if name == WITH_A_RANGE:
             name, lost = f"{weather}: spots that lose their range, %", each.interval
             ends = partial(_reversed, lost)
-            checks.append(Check(name, -each.change, LOST, interval=ends))
+            checks.append(Check(name, 0.0 - each.change, LOST, interval=ends))
         if name == WRONG:
             checks.append(Check(f"{weather}: more wrong ranges, %", each.change, LOST))
     return checks
@@ -145,14 +154,16 @@ def promises(design: Design) -> list[Check]:
 
 def _reversed(interval: Interval, confidence: float) -> tuple[float, float]:
     low, high = interval(confidence)
-    return -high, -low
+    return 0.0 - high, 0.0 - low
 
 
-def _plain(value: object) -> str:
-    if isinstance(value, list):
-        total = sum(value) if max(value) <= 1 else 1.0
-        return ", ".join(f"{part / total:.3g}" for part in value)
-    return str(value)
+def _plain(name: str, value: object) -> str:
+    """Numbers of a parameter: frequencies in MHz, times as fractions of their sum."""
+    if not isinstance(value, list):
+        return str(value)
+    unit = sum(value) if name == TIMES else 1e6
+    text = ", ".join(f"{part / unit:.3g}" for part in value)
+    return text if name == TIMES else f"{text} MHz"
 
 
 def _values(each: Compared) -> tuple[str, str]:

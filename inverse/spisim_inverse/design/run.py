@@ -25,6 +25,8 @@ FINALISTS = 4
 """Best instruments that are measured once more, with other noise, before one is chosen, and most
 of the front that are judged.
 """
+JUDGED_DRAWS = 3
+"""Frames of a scene for base and chosen instrument in the judgement, for each of the search."""
 PLAN, INSTRUMENT, PAGE = "plan.yaml", "instrument.yaml", "design.html"
 Progress = Callable[[str, float], None]
 
@@ -192,13 +194,14 @@ def _judged(
     whole = front(evaluations, objectives)
     best = [whole[n] for n in np.unique(np.linspace(0, len(whole) - 1, FINALISTS).astype(int))]
     wanted = [base, chosen, *best]
+    times = [JUDGED_DRAWS, JUDGED_DRAWS, *(1 for _ in best)]
     samples = []
-    for number, each in enumerate(wanted):
+    for number, (each, more) in enumerate(zip(wanted, times, strict=True)):
 
         def part(fraction: float, number: int = number) -> None:
             progress("judging", (number + fraction) / len(wanted))
 
-        samples.append(unseen.samples(bench.make(each.values), "judgement", draws, part))
+        samples.append(unseen.samples(bench.make(each.values), "judgement", more * draws, part))
     figures = [
         unseen.evaluation(each.values, one).figures or {}
         for each, one in zip(wanted, samples, strict=True)
