@@ -37,9 +37,9 @@ def noisy_readings(model: readings.ReadingModel, mean: Tensor, normal: Tensor) -
     return _noisy(model, mean, normal)
 
 
-def scene_image(part: scene.SceneImage, values: Tensor) -> Tensor:
-    """Transport image (..., H, W) at values (..., P) of the parameters of its scene."""
-    return _image(part, values)
+def scene_image(part: scene.SceneImage, changes: Tensor) -> Tensor:
+    """Transport image (..., H, W) for changes (..., P) of the parameters of its scene."""
+    return _image(part, changes)
 
 
 def black_and_white(patterns: Tensor) -> Tensor:
