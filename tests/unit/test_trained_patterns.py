@@ -5,8 +5,8 @@ import json
 import inverse_patterns
 import numpy as np
 import pytest
-
 from inverse_patterns import Case, Scenes
+
 from spisim.scene.families import FAMILIES
 
 SIDE, PATTERNS = 16, 12
