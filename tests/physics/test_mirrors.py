@@ -80,6 +80,21 @@ def test_a_mirror_throws_the_projector_back(bsdf) -> None:
     assert np.count_nonzero(image) == 1
 
 
+def test_absorbing_air_weakens_what_a_mirror_throws_back_by_the_whole_way() -> None:
+    """Also where another mirror, hidden here behind the first, might have been on that way."""
+    things = mirror(2.0, 0.0, 3.0), mirror(9.0, 0.0, 3.0)
+    absorbing = {"extinction_per_m": 0.2, "albedo": 0.0}
+    clear, weak = (
+        np.mean([worlds.image(world, VIEW, NEAR, 64, seed).sum() for seed in SEEDS])
+        for world in (
+            build_world(worlds.scene(*things)),
+            build_world(worlds.scene(*things, **absorbing)),
+        )
+    )
+    way_m = np.sqrt(4.0**2 + 0.05**2 + 0.02**2)
+    assert weak / clear == pytest.approx(np.exp(-0.2 * way_m), rel=1e-3)
+
+
 def roof(distance_m: float, half_size_m: float) -> tuple[SceneObject, SceneObject]:
     """Two mirrors at right angles, whose edge is far: z = distance - |x|."""
     return tuple(mirror(distance_m, side * np.pi / 4, half_size_m) for side in (-1, 1))

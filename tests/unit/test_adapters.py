@@ -1,5 +1,9 @@
 """The operator as other libraries have theirs: the same products, and their solvers work."""
 
+import sys
+from importlib.util import find_spec, module_from_spec
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -22,6 +26,40 @@ def test_pylops_inverts_it():
         operator, VALUES, [], iter_lim=50
     )[0]
     np.testing.assert_allclose(result.reshape(16, 16), OPERATOR.min_norm(VALUES), atol=1e-8)
+
+
+class Tensor(np.ndarray):
+    """As much of torch's as the adapter uses."""
+
+    device = "cpu"
+
+    def detach(self):
+        return self
+
+    cpu = numpy = detach
+
+
+def test_deepinv_gets_the_operator_and_its_adjoint(monkeypatch):
+    """By the names of its functions, wherever DeepInverse itself is missing."""
+    torch = SimpleNamespace(
+        as_tensor=lambda values, dtype, device: np.asarray(values, dtype).view(Tensor)
+    )
+    physics = SimpleNamespace(
+        LinearPhysics=lambda **given: SimpleNamespace(**given), GaussianNoise=lambda sigma: sigma
+    )
+    monkeypatch.setitem(sys.modules, "torch", torch)
+    monkeypatch.setitem(sys.modules, "deepinv", SimpleNamespace(physics=physics))
+    spec = find_spec("reconstruction.adapters.deepinv")
+    adapter = module_from_spec(spec)
+    spec.loader.exec_module(adapter)
+    made = adapter.linear_physics(OPERATOR, 0.5)
+    assert (made.noise_model, made.img_size) == (0.5, (1, 16, 16))
+    images = np.stack([IMAGE, 2 * IMAGE])[:, None].view(Tensor)
+    seen = made.A(images)
+    np.testing.assert_allclose(seen, np.stack([VALUES, 2 * VALUES]) / OPERATOR.row_length)
+    back = made.A_adjoint(seen)
+    assert back.shape == images.shape
+    assert np.vdot(back, images) == pytest.approx(np.vdot(seen, seen))
 
 
 def test_deepinv_inverts_it():

@@ -229,9 +229,12 @@ def test_slopes_as_beckmann_has_them() -> None:
 
 @pytest.mark.parametrize("distribution", DISTRIBUTIONS)
 @pytest.mark.parametrize("cosine", [1.0, 0.9, 0.5])
-def test_straight_back_is_what_the_surface_sends(distribution: str, cosine: float) -> None:
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
+def test_straight_back_is_what_the_surface_sends(
+    distribution: str, cosine: float, roughness: float
+) -> None:
     """Mitsuba's shadowing of Beckmann's slopes is a fit, good to 0.4 %."""
-    bsdf = RoughConductor(0.3, **METAL, distribution=distribution)
+    bsdf = RoughConductor(roughness, **METAL, distribution=distribution)
     si = arriving(cosine, 1)
     value = np.pi * load(bsdf).eval(context(), si, si.wi).x.numpy()[0]
     metal = material(bsdf, fresnel_reflectance(bsdf))

@@ -47,6 +47,12 @@ def test_budget_as_json() -> None:
     assert report["fog"]["plain_bias_m"] < 0 < report["fog"]["echo_share"]
 
 
+def test_without_options_the_target_is_a_grey_wall_in_full_daylight() -> None:
+    stated = ("--range", 5, "--reflectance", 0.5, "--illuminance", 100)
+    plain, same = (spisim("budget", "paper", *words, "--json").stdout for words in ((), stated))
+    assert json.loads(plain)["target"] == json.loads(same)["target"]
+
+
 def test_frames_are_averaged_for_a_wanted_correlation() -> None:
     for wanted, words in ((0.7, "frames to average for 0.7"), (0.95, "none are enough")):
         run = spisim("budget", "fga015", "--correlation", wanted)

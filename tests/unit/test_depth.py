@@ -134,6 +134,13 @@ def test_bright_things_may_be_nearer_than_all_anchors_but_dark_ones_no_farther()
     assert mapped[:6].max() <= 6.0
 
 
+def test_the_map_does_not_depend_on_the_unit_of_the_image():
+    rows, columns = np.mgrid[:SIDE, :SIDE]
+    image, depths = 1e-3 + rows * columns / SIDE**2, np.array([3.0, 5.0, 5.0, 8.0])
+    one, other = (anchored_depth(k * image, ANCHORS, depths, np.full(4, 0.01)) for k in (1, 1e4))
+    np.testing.assert_allclose(one, other, rtol=1e-9)
+
+
 def test_the_map_passes_near_precise_anchors():
     view = make_view("corridor", 3)
     ranges = at_anchors(view.depth_m) * np.array([0.9, 1.0, 1.1, 1.2])

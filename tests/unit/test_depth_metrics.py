@@ -57,6 +57,8 @@ def test_what_is_beyond_reach_counts_as_nothing():
     assert result["nothing_share"] == 0.75
     assert result["invented"] == pytest.approx(1 / 3)  # what is told farther than that is nothing
     assert depth_metrics(WALL, WALL)["invented"] is None
+    farthest, nothing = np.full(SHAPE, MAX_RANGE_M), np.full(SHAPE, np.nan)
+    assert depth_metrics(farthest, nothing)["invented"] == 1.0
 
 
 def test_the_brier_score_of_the_base_rate_is_its_variance():

@@ -52,6 +52,7 @@ def test_limits_follow_from_the_exposure_limits() -> None:
         (1310, 1e-8, 7.7e-7 * (8 + 10**2.4)),
         (1390, 100.0, 50.0),  # C7 is past all bounds there; that of class 3B remains
         (1460, 1e-8, 8e-4),
+        (1460, 1.2e-3, 4.4e-3 * 1.2e-3**0.25),
         (1460, 0.1, 4.4e-3 * 0.1**0.25),
         (1460, 100.0, 1.0),
     ],

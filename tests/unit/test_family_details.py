@@ -205,3 +205,10 @@ def test_every_closed_family_is_in_the_library() -> None:
 
 def triangles(scene: Scene) -> int:
     return sum(len(thing.mesh.faces) for thing in scene.objects)
+
+
+def test_draws_offer_a_surface_in_each_corner_of_the_view() -> None:
+    x, y, _ = OFFERED.beams.T
+    assert sorted(zip(np.sign(x), np.sign(y), strict=True)) == [(-1, -1), (-1, 1), (1, -1), (1, 1)]
+    np.testing.assert_array_equal(np.sign(OFFERED.detectors_m[:, 0]), np.sign(x))
+    np.testing.assert_array_equal(np.sign(OFFERED.detectors_m[:, 1]), np.sign(y))

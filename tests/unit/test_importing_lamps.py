@@ -77,6 +77,13 @@ def test_attenuation_of_gazebo(
     assert any("'night' is left out" in note for note in report.notes)
 
 
+def test_a_lamp_of_gazebo_that_is_dimmer_at_its_edge_is_reported(tmp_path: Path) -> None:
+    spot = SPOT.replace("<inner_angle>", "<falloff>0.5</falloff><inner_angle>")
+    file = world(tmp_path / "a.sdf", f"<model name='m'><link name='l'>{BOX}{spot}</link></model>")
+    notes = taken(file, lamps="watts").notes
+    assert any("its edge has the power 0.5 there, 1 here" in note for note in notes)
+
+
 def test_an_included_sun(tmp_path: Path) -> None:
     (tmp_path / "sun").mkdir()
     (tmp_path / "sun" / "model.sdf").write_text(

@@ -24,6 +24,8 @@ from foreign import (
     written,
 )
 from reconstruction.base.errors import InputError
+from spisim.scene.description import BoxObject, CylinderObject, SphereObject
+from spisim_formats.library.units import _resized
 from spisim_formats.library.xml import parse_lenient_xml
 
 BOX = "<box><size>1 2 3</size></box>"
@@ -459,3 +461,12 @@ def test_packages_that_are_bombs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("spisim_formats.usd.package.MAX_FILES", 1)
     with pytest.raises(InputError, match="2 files; more than 1"):
         taken(package(tmp_path / "c.usdz", {"a.usda": text, "b.usda": text}))
+
+
+def test_shapes_grow_with_the_unit_of_their_file() -> None:
+    given = {"name": "a", "material": "white"}
+    box = BoxObject(shape="box", size_m=(1, 2, 3), **given)
+    rod = CylinderObject(shape="cylinder", radius_m=1, height_m=4, **given)
+    assert _resized(box, 0.5).size_m == (0.5, 1, 1.5)
+    assert _resized(SphereObject(shape="sphere", radius_m=3, **given), 0.5).radius_m == 1.5
+    assert (_resized(rod, 0.5).radius_m, _resized(rod, 0.5).height_m) == (0.5, 2)

@@ -13,6 +13,9 @@ from PIL import Image
 
 from commands import mistake
 from foreign import MILLIMETRES_Y_UP, TRIANGLE, collada, glb, taken, triangle_header
+from reconstruction.base.errors import InputError
+from spisim.base.config import linear
+from spisim.base.config.linear import read_exr_red
 from spisim.scene import load_scene
 from spisim.scene.shapes import texture_coordinates
 from spisim_formats.library.textures import GAMMA, RULE
@@ -257,3 +260,15 @@ def test_pictures_are_found_by_their_name(tmp_path: Path, name: str, folder: str
 def test_an_unknown_use_is_refused_by_the_command(tmp_path: Path) -> None:
     arguments = ("scenes", "import", obj(tmp_path), "-o", tmp_path / "a.yaml")
     assert "mean" in mistake(*arguments, "--textures", "pictures")
+
+
+def test_pictures_of_as_many_pixels_as_are_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    picture = np.ones((3, 4), np.float32)
+    OpenEXR.File({}, {"R": OpenEXR.Channel(picture)}).write(str(tmp_path / "a.exr"))
+    monkeypatch.setattr(linear, "MAX_PIXELS", 12)
+    np.testing.assert_array_equal(read_exr_red(tmp_path / "a.exr"), picture)
+    monkeypatch.setattr(linear, "MAX_PIXELS", 11)
+    with pytest.raises(InputError, match="at most 11 pixels"):
+        read_exr_red(tmp_path / "a.exr")

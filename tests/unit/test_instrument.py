@@ -15,6 +15,8 @@ from spisim.instrument import (
     load_instrument,
     quantum_efficiency,
 )
+from spisim.instrument.model import MAX_WAVELENGTH_NM, MIN_WAVELENGTH_NM
+from spisim.scene.sun import daylight_spectrum
 
 
 def contrast(instrument: Instrument) -> float:
@@ -286,3 +288,8 @@ def test_leds_differ_as_they_should(paper: Instrument) -> None:
     assert (
         abs(np.corrcoef(array.pixel_fractions.ravel(), other.pixel_fractions.ravel())[0, 1]) < 0.1
     )
+
+
+def test_wavelengths_are_those_of_the_daylight_table() -> None:
+    wavelengths_nm = daylight_spectrum()[0]
+    assert (wavelengths_nm[0], wavelengths_nm[-1]) == (MIN_WAVELENGTH_NM, MAX_WAVELENGTH_NM)

@@ -54,6 +54,15 @@ def test_answers_become_an_instrument(answers: dict[str, Any]) -> None:
         )
 
 
+def test_the_defaults_are_those_of_the_paper() -> None:
+    paper = load_instrument("paper")
+    made = parse_model(new_instrument_text(completed({})), Instrument, "mine.yaml")
+    assert made.pattern_plan.exposures == paper.pattern_plan.exposures
+    assert made.imaging.projector.shape == paper.imaging.projector.shape
+    assert made.imaging.projector.power_w == paper.imaging.projector.power_w
+    assert made.ranging.spots == paper.ranging.spots
+
+
 def test_converters_hold_a_white_wall_near_by() -> None:
     instrument = parse_model(new_instrument_text(completed({})), Instrument, "mine.yaml")
     bright = budget_warnings(instrument, Target(1.0, 1.0, 100.0))

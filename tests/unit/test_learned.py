@@ -86,6 +86,15 @@ def test_the_image_agrees_with_readings_without_noise(order):
     assert misfit < 1e-3 * np.std(values[1:])
 
 
+def test_features_do_not_depend_on_the_unit_of_the_image():
+    rng = np.random.default_rng(6)
+    first, better, sigma = rng.random((3, 8, 8))
+    one, other = (
+        NetworkInput(k * first, k * better, k * sigma, 0.3, 0.2 * k).features() for k in (1, 7)
+    )
+    np.testing.assert_allclose(one, other, rtol=1e-5)
+
+
 def test_what_is_unlike_all_it_learned_from_is_left_as_it_was(weights):
     image = natural_image(32, 1)
     operator = operator_of(image.shape, 64)

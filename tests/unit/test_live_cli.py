@@ -212,6 +212,14 @@ def test_a_capture_that_tells_no_time_needs_a_rate(capture, tmp_path, capsys):
         main(["replay", str(path), "--to", "-", "--rate", "0"])
 
 
+def test_a_stated_rate_is_that_of_the_replay(path, tmp_path, monkeypatch):
+    periods = []
+    monkeypatch.setattr(replay, "send", lambda capture, outlet, *given: periods.append(given[0]))
+    new = str(tmp_path / "new.stream")
+    assert main(["replay", str(path), "--to", new, "--rate", "20"]) == 0
+    assert periods == [1 / 20]
+
+
 def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch):
     """And closes its sinks."""
     from spisim_live.cli import live

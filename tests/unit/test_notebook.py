@@ -14,12 +14,14 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib import pyplot
+from matplotlib.figure import Figure
 
 import reconstruction
 import spisim
 from datasets import make_set
 from reconstruction import Capture, InputError, reconstruct
 from reconstruction.base import display
+from reconstruction.base.display import draw_map
 from spisim.dataset import open as open_data_set
 
 mpl.use("agg")
@@ -157,3 +159,9 @@ def test_packages_log_and_say_nothing_by_themselves(
     compiled, frame = caplog.messages
     assert compiled == "image methods: zero-filled; ranging methods: cw; depth methods: nearest"
     assert frame.startswith("frame 0, seconds: {'decoding': ")
+
+
+def test_a_map_is_drawn_from_its_1st_to_its_99th_percentile():
+    axes = Figure().subplots()
+    draw_map(axes, np.append(np.linspace(0, 100, 101), [1e6, np.nan])[:, None], "a", "m")
+    assert axes.images[0].get_clim() == pytest.approx((1.01, 99.99))

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from commands import spisim
+from spisim.instrument import load_instrument
 from spisim_paper import table2
-from spisim_paper.fig2 import figure_2, fit_total_count, total_count_max_range
+from spisim_paper.fig2 import LIGHTS, figure_2, fit_total_count, total_count_max_range
 from spisim_paper.fig3 import figure_3, max_ranges
 from spisim_paper.table2 import PAPER, measure, table_2
 
@@ -18,6 +19,12 @@ def test_figure_2_by_total_count() -> None:
     fraction = fit_total_count()
     assert fraction == pytest.approx((0.03056, 0.0224), rel=2e-3)
     assert total_count_max_range(*fraction) == pytest.approx([2.77, 5.08, 7.96], rel=2e-3)
+
+
+def test_lights_of_figure_2_are_those_of_the_paper() -> None:
+    """6.4 W as in Table 1, or four times as much; half or full angle."""
+    power_w = load_instrument("paper").imaging.projector.power_w
+    assert tuple((n * power_w, angle) for n in (1, 4) for angle in (10.0, 20.0)) == LIGHTS
 
 
 def test_checks_of_figure_2_hold() -> None:
@@ -91,6 +98,8 @@ def test_paper_pastes_its_tables(tmp_path: Path) -> None:
     assert text.endswith("after\n")
     assert "\nold\n" not in text
     assert "| PIN | outdoors | 0.8 to 1.7 |" in text
+    assert "0.8 to 1.7" in run.stdout
+    assert '"checks"' not in run.stdout  # for people
 
 
 @pytest.mark.parametrize(

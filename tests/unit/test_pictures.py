@@ -103,6 +103,14 @@ def test_every_shape_has_a_picture(shape, value):
         assert (middle == pictures.NO_DEPTH).all(axis=-1).any()
 
 
+def test_a_label_is_beside_its_cross():
+    picture = np.full((100, 100, 3), 90, np.uint8)
+    pictures.draw_spot(picture, 50, 20, "5 m")
+    assert (picture[:, : 20 - pictures.CROSS - 1] == 90).all()
+    assert (picture[50, 20 - pictures.CROSS : 20 + pictures.CROSS + 1] == 255).all()
+    assert (picture[:, 20 + 2 * pictures.CROSS :] == 255).any()
+
+
 def test_labels_stay_within_the_picture():
     for position in ((0, 0), (99, 99), (50, 70)):
         picture = np.full((100, 100, 3), 90, np.uint8)

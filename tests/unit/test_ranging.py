@@ -168,6 +168,13 @@ def test_unknown_noise_is_estimated_from_the_tap_to_spare():
     np.testing.assert_allclose(mean, np.sqrt(2) * given, rtol=0.1)
 
 
+def test_scatter_below_that_of_the_light_leaves_no_noise_of_the_electronics():
+    ranges, quiet = (
+        measure_ranges(spots(ideal(4), 4, noise_electrons=noise)) for noise in (np.nan, 0.0)
+    )
+    np.testing.assert_array_equal(ranges.sigma_m, quiet.sigma_m)
+
+
 def test_unknown_noise_that_nothing_tells_is_refused():
     with pytest.raises(
         InputError, match=r"noise_electrons is unknown .* readings per frame, not 0"

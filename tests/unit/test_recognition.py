@@ -218,6 +218,17 @@ def test_spectra_are_those_of_images_with_that_spectrum():
     assert np.abs(measured / seen[1:] - 1).max() < 5 * np.sqrt(2 / draws)
 
 
+def test_displayed_wavelets_are_as_long_as_the_root_of_their_pixels():
+    """Of -1 and 1 on 2 x 2 pixels, then 4 x 4, then all 8 x 8, as a variance."""
+    in_signs, unit = (
+        dict(other_spectra((8, 8)))[f"Haar wavelet coefficients, in a pyramid{words}"][4]
+        for words in (" of patterns of -1, 0 and 1", "")
+    )
+    pixels = np.full((8, 8), 4)
+    pixels[:4, :4], pixels[:2, :2] = 16, 64
+    np.testing.assert_allclose(in_signs[1:] / unit[1:], pixels.ravel()[1:])
+
+
 def test_likelihoods_are_greatest_ones():
     """Of Gaussian values: Student's t of 30 degrees of freedom is hardly worse than Gauss."""
     values = np.random.default_rng(14).normal(0, 3, 5000)

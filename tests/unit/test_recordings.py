@@ -19,6 +19,7 @@ from reconstruction.capture.importers import (
     readings_of,
 )
 from reconstruction.cli import main
+from reconstruction.cli.importing import _frames
 from reconstruction.operators import expose, make_plan, ordered_rows, sequency
 from reconstruction.operators.bases.hadamard import Hadamard
 from spisim_formats.recordings.spas import whole_numbers
@@ -394,3 +395,26 @@ def test_polarities_that_nobody_knows_are_refused_in_auto_too(tmp_path, capsys):
     assert "unknown polarity 'both'" in refused(
         capsys, tmp_path, "a.npy", "--order", "auto", "--polarity", "both"
     )
+
+
+def test_a_text_about_the_detector_is_short(tmp_path):
+    (tmp_path / "a.yaml").write_text("noise: 1\n" * 10_000)
+    with pytest.raises(InputError, match=r"a\.yaml.*more than 64 KiB; expected a few lines"):
+        read_about(tmp_path / "a.yaml")
+
+
+def test_patterns_of_other_sides_than_stated_are_refused(tmp_path, capsys):
+    tall, wide = hadamard(16), hadamard(8)
+    np.savez(tmp_path / "a.npz", y=tall @ IMAGE.T @ wide, down=tall, along=wide)
+    message = refused(capsys, tmp_path, "a.npz", "--variable", "y", "--factors", "down,along")
+    assert "the patterns have 16 x 8 pixels, not the 8 x 16 of --shape" in message
+
+
+def test_the_longer_axis_is_that_of_the_readings_of_a_frame():
+    """Unless the array is an image of readings, or has a single frame."""
+    frames = np.random.default_rng(3).random((3, 10))
+    np.testing.assert_array_equal(_frames(frames, SHAPE), frames)
+    np.testing.assert_array_equal(_frames(frames.T, SHAPE), frames)
+    for single in (frames[:1], frames[:1].T, frames[0]):
+        np.testing.assert_array_equal(_frames(single, SHAPE), frames[:1])
+    assert _frames(np.ones(SHAPE), SHAPE).shape == (1, 128)

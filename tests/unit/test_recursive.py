@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from images import natural_image
 from reconstruction import (
@@ -117,6 +118,29 @@ def test_faster_scenes_leave_less_and_a_cut_nothing():
     assert (left[0] == 1).all()
     assert (np.diff(left[:-1], axis=0) <= 1e-12).all()
     assert (left[-1] == 0).all()
+
+
+def test_speeds_are_weighted_by_their_likelihood():
+    """Bayes: a frame's readings are as likely by a speed as the normal densities that it predicts.
+
+    A cut leaves nothing of the frame before, and a scene that stands still all of it.
+    """
+    rng, noise = np.random.default_rng(8), 20.0
+    truth = OPERATOR.forward(natural_image(16, 3))
+    first, second = truth + rng.normal(0, noise, (2, 60))
+    memory = Memory(OPERATOR, speeds=(0.0,))
+    memory.take(EVERY, Coefficients(first, np.full(60, noise)))
+    still, cut = 0.8 * memory.weights + 0.2 * memory._predicted
+    memory.take(EVERY, Coefficients(second, np.full(60, noise)))
+    length = OPERATOR.row_length
+    variance, sigma = memory._expected * memory._scale, noise / length
+    fraction = variance / (variance + sigma**2)
+    by_first = norm(fraction * first / length, np.sqrt((1 - fraction) * variance + sigma**2))
+    by_prior = norm(0, np.sqrt(variance + sigma**2))
+    odds = np.log(cut / still) + np.sum(
+        by_prior.logpdf(second / length) - by_first.logpdf(second / length)
+    )
+    assert np.log(memory.weights[1] / memory.weights[0]) == pytest.approx(odds, rel=1e-6)
 
 
 @pytest.mark.parametrize("pixels_per_frame", [0.0, 0.25, 1.0])

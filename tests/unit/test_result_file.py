@@ -21,10 +21,18 @@ def test_a_result_of_one_image_alone_is_read_back(capture: Capture, tmp_path: Pa
     np.testing.assert_array_equal(outcome.image, result.image)
 
 
-def test_optics_of_one_row_of_pixels_are_those_across() -> None:
-    """Rays of lengths √(1 + x² + y²): along the row they tell the field, across they cannot."""
-    tangents = 0.2 * (2 * np.arange(8) + 1 - 8) / 8
-    lengths = np.sqrt(1 + tangents**2)[None]
+@pytest.mark.parametrize(
+    ("shape", "expected"), [((6, 8), (0.2, 0.1)), ((1, 8), (0.2, 0.2)), ((6, 1), (0.1, 0.1))]
+)
+def test_optics_of_a_result_are_those_of_its_rays(
+    shape: tuple[int, int], expected: tuple[float, float]
+) -> None:
+    """Rays of lengths √(1 + x² + y²); one row or column of pixels states the other side, too."""
+    down, across = (
+        tangent * (2 * np.arange(count) + 1 - count) / count
+        for tangent, count in zip((0.1, 0.2), shape, strict=True)
+    )
+    lengths = np.sqrt(1 + across**2 + down[:, None] ** 2)
     result = _optics(SimpleNamespace(range_over_depth=lengths))
     assert result is not None
-    assert (result.tan_half_width, result.tan_half_height) == pytest.approx((0.2, 0.2))
+    assert (result.tan_half_width, result.tan_half_height) == pytest.approx(expected)

@@ -108,3 +108,10 @@ def test_a_pulse_of_unknown_width_is_refused():
     spots = spots_from_histograms(np.ones((1, 4, BINS)), 1e-10, CYCLES)
     with pytest.raises(InputError, match=r"'returns' needs spots/response_sigma_s or"):
         measure_ranges(spots, 0, "returns")
+
+
+def test_light_after_the_last_bin_is_not_in_it():
+    shape = gaussian_shape(0.5)
+    (inside,) = shape.in_bins(np.array([3.8]), np.arange(4.0))
+    arrived = shape.arrived(np.arange(5) - 3.8)
+    np.testing.assert_allclose(inside, np.diff(arrived))

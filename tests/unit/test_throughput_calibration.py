@@ -20,6 +20,7 @@ from reconstruction.operators import (
     with_throughput,
 )
 from reconstruction.operators.bases.dense import Dense
+from reconstruction.operators.factors import MAX_FACTOR, MIN_FACTOR
 
 SHAPE = (16, 16)
 PLAN = make_plan(SHAPE, 120)
@@ -244,6 +245,14 @@ def test_bad_factors_are_refused(factors, message):
 def test_bad_lists_are_refused(factors, message):
     with pytest.raises(InputError, match=message):
         with_throughput(PLAN, factors)
+
+
+@pytest.mark.parametrize("limit", [MIN_FACTOR, MAX_FACTOR])
+def test_factors_at_the_limits_are_allowed(limit):
+    factors = np.ones(PLAN.patterns.rows)
+    factors[PLAN.distinct[-1]] = limit
+    plan = PatternPlan(SHAPE, PLAN.index, PLAN.polarity, throughput=factors)
+    assert plan.throughput[PLAN.distinct[-1]] == limit
 
 
 def test_what_cannot_be_calibrated_is_refused():

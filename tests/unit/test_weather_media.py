@@ -171,6 +171,13 @@ def test_empirical_models(model: str, by_visibility: dict[float, float]) -> None
         )
 
 
+def test_exponents_of_haze_do_not_depend_on_visibility_beyond_6_km() -> None:
+    """Kim et al. 2001: q = 1.3 from 6 to 50 km, 0.16 V + 0.34 from 1 to 6 km."""
+    for visibility_m, q in ((6500, 1.3), (5500, 0.16 * 5.5 + 0.34)):
+        expected = extinction_at_550nm(visibility_m) * (1.55 / 0.55) ** -q
+        assert empirical_extinction("kim", visibility_m) == pytest.approx(expected, rel=1e-9)
+
+
 def test_mie_theory_agrees_with_al_naboulsi() -> None:
     """Independent fits of FASCODE: 0.3 % for advection fog, 1.5 % for radiation fog."""
     for mie, fitted in (("heavy-advection", "advection"), ("moderate-radiation", "radiation")):

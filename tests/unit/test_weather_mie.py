@@ -168,6 +168,18 @@ def test_a_shipped_fog_and_rain_can_be_made_again() -> None:
     np.testing.assert_allclose(drops.phase[0], shipped_drops.phase[12], rtol=1e-5)
 
 
+def test_the_smallest_drops_of_rain_can_be_made_again() -> None:
+    made, retained = compute(1550, 0, 1), rain_table(1550)
+    assert made.diffracted[0] == pytest.approx(retained.diffracted[0], rel=1e-5)
+    assert made.extinction[0] == pytest.approx(retained.extinction[0], rel=1e-5)
+
+
+def test_rain_is_tabulated_where_water_absorbs_nearly_alike() -> None:
+    assert rain_table(1550 + 49) is rain_table(1550)
+    with pytest.raises(InputError, match="each within 50 nm; found wavelength_nm 1601"):
+        rain_table(1601)
+
+
 # Sizes
 
 

@@ -31,22 +31,60 @@ class Sensitivity:
         """A derivative whose score no other parameter shares."""
         return cls(parameter, unit, Score(f"by_{parameter}", score), scale)
 
+    @property
+    def weights(self) -> tuple[Score, ...]:
+        """What a pass has to record."""
+        return (self.weight,)
+
     def of(self, light: Transport, name: str = "image") -> tuple[NDArray[np.float64], Floats]:
-        """Derivative and standard error of "image" (H, W) or "spot_histogram" (spots, bins)."""
+        """Derivative and standard error of a field of `Transport`.
+
+        Of "image" (H, W), "spot_histogram" (spots, bins), "daylight_w", "spot_daylight_w" (spots,)
+        or "spot_crosstalk_w" (spots,).
+        """
         weighted = light.extra[f"{name}_{self.weight.name}"]
         error = light.extra[f"{name}_{self.weight.name}_error"]
         return self.scale * weighted, abs(self.scale) * error
 
 
+@dataclass(frozen=True)
+class Proportional:
+    """Derivative by a factor, 1, on some of the light: that light itself, nothing of the rest."""
+
+    parameter: str
+    fields: tuple[str, ...]  # of `Transport`
+    unit: str = "1"
+
+    @property
+    def weights(self) -> tuple[Score, ...]:
+        """What a pass has to record: nothing."""
+        return ()
+
+    def of(self, light: Transport, name: str = "image") -> tuple[NDArray[np.float64], Floats]:
+        """See `Sensitivity`."""
+        error = name.removesuffix("_w") + ("_error_w" if name.endswith("_w") else "_error")
+        factor = 1.0 if name in self.fields else 0.0
+        return factor * np.asarray(getattr(light, name)), factor * np.asarray(getattr(light, error))
+
+
+#: Factors on powers, and on all that the detectors receive.
+PROPORTIONAL: Mapping[str, tuple[str, ...]] = {
+    "projector.power": ("image", "spot_crosstalk_w"),
+    "lasers.power": ("spot_histogram",),
+    "daylight": ("daylight_w", "spot_daylight_w"),
+    "gain": ("image", "spot_histogram", "daylight_w", "spot_daylight_w", "spot_crosstalk_w"),
+}
+
 #: Makes the sensitivity of a parameter, or raises InputError if paths do not say it.
-Make = Callable[[], Sensitivity]
+Make = Callable[[], Sensitivity | Proportional]
 
 
 def parameters_of(scene: Scene) -> dict[str, Make]:
     """Parameters of a scene by name.
 
     ``materials.NAME`` is a factor, 1, on the reflectance of a material, textures included, wherever
-    the scene has it. ``scene.fog`` is the weather, ``scene.volumes.NAME`` a volume.
+    the scene has it. ``scene.fog`` is the weather, ``scene.volumes.NAME`` a volume. Those of
+    `PROPORTIONAL` are factors, 1, on light in watts and on what detectors make of it.
     """
     known: dict[str, Make] = {
         f"scene.fog.{name}": partial(make, scene) for name, make in FOG.items()
@@ -58,6 +96,8 @@ def parameters_of(scene: Scene) -> dict[str, Make]:
             known[parameter] = partial(of_medium, parameter, volume.medium, number)
     for material in {thing.material.name for thing in scene.objects}:
         known[f"materials.{material}"] = partial(_by_reflectance, scene, material)
+    for name, lit in PROPORTIONAL.items():
+        known[name] = partial(Proportional, name, lit)
     return known
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene import Scene
-from spisim.simulation.light.parameters import Sensitivity, parameters_of
+from spisim.simulation.light.parameters import Proportional, Sensitivity, parameters_of
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight
 
@@ -20,7 +20,7 @@ from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight
 MIN_CARRIED = 0.3
 
 
-def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity]:
+def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity | Proportional]:
     """Derivatives of light by parameters of a scene.
 
     Parameters
@@ -32,7 +32,7 @@ def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity]:
 
     Returns
     -------
-    list of Sensitivity
+    list of Sensitivity or Proportional
         Their weights go into `Outputs.weights`.
 
     Raises
@@ -100,12 +100,11 @@ class OtherFog:
         return light.extra[name], light.extra[f"{name}_error"]
 
 
-def weights_of(wanted: Sequence[Sensitivity | OtherFog]) -> tuple[PathWeight, ...]:
+def weights_of(wanted: Sequence[Sensitivity | Proportional | OtherFog]) -> tuple[PathWeight, ...]:
     """Weights to record, each once."""
     each: dict[str, PathWeight] = {}
     for one in wanted:
-        some = one.weights if isinstance(one, OtherFog) else (one.weight,)
-        each |= {weight.name: weight for weight in some}
+        each |= {weight.name: weight for weight in one.weights}
     return tuple(each.values())
 
 
