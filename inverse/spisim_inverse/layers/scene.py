@@ -10,12 +10,13 @@ from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.parameters import Sensitivity
+from spisim.simulation.light.parameters import Proportional, Sensitivity
 from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 
 Array = Any
 """An array of NumPy, PyTorch or JAX."""
+Derivative = Sensitivity | Proportional
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,20 +58,20 @@ class SceneImage:
         return cls.of(solve(scene, instrument, spp=spp, seed=seed, outputs=outputs), wanted)
 
     @classmethod
-    def of(cls, light: Transport, wanted: Sequence[Sensitivity]) -> Self:
+    def of(cls, light: Transport, wanted: Sequence[Derivative]) -> Self:
         """From light that was traced with the weights of `wanted`; InputError if it was not."""
         _require_some(wanted)
         for each in wanted:
-            if f"image_{each.weight.name}" not in light.extra:
+            if any(f"image_{weight.name}" not in light.extra for weight in each.weights):
                 raise InputError(
                     f"{each.parameter}: the light was traced without its derivative; pass its "
-                    "weight to Outputs"
+                    "weights to Outputs"
                 )
         derivatives = np.array([each.of(light)[0] for each in wanted])
         return cls(tuple(each.parameter for each in wanted), light.image, derivatives)
 
 
-def _require_some(wanted: Sequence[Sensitivity]) -> None:
+def _require_some(wanted: Sequence[Derivative]) -> None:
     if not wanted:
         raise InputError("no parameter of the scene is named; at least one is needed")
 
