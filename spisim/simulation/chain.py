@@ -234,6 +234,8 @@ def _accuracy(keys: tuple[Transport, ...]) -> dict[str, Any]:
     }
     accuracy["noise_share"] = worst(key.noise_share for key in keys)
     accuracy["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
+    of_spots = np.array([np.sqrt((key.spot_histogram_error**2).sum(axis=1)) for key in keys])
+    accuracy["spot_errors"] = [worst(of_spot) for of_spot in of_spots.T]
     for name in ("daylight", "spot_daylight", "spot_crosstalk"):
         powers = (
             (
