@@ -6,7 +6,7 @@ import pytest
 from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import spots_from_histograms
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.returns import find_returns
+from reconstruction.ranging.returns import _Fit, find_returns
 from reconstruction.ranging.shape import gaussian_shape, sampled_shape
 
 BINS, CYCLES, TRIALS = 600, 10**6, 150
@@ -53,6 +53,15 @@ def test_the_error_of_a_gaussian_pulse_reaches_its_bound():
         errors.append(returns[0].delay - 200.5)
     bound = 12.0 / np.sqrt(photons)
     assert np.std(errors) / bound == pytest.approx(1, abs=3.5 / np.sqrt(4 * TRIALS))
+
+
+def test_the_brightest_pulse_has_its_delay_and_rate_before_any_fit():
+    """Of expected counts, for light that is faint beside the background."""
+    steady, rate, delay = 1e-3, 1e-5, 200.0
+    fit = _Fit(np.zeros(BINS), np.full(BINS, float(CYCLES)), GAUSSIAN)
+    mean = np.array([steady, rate]) @ fit.parts(np.array([delay]))
+    expected = _Fit(-CYCLES * np.expm1(-mean), fit.watched, GAUSSIAN)
+    assert expected._brightest(np.full(BINS, steady)) == pytest.approx((delay, rate), rel=0.01)
 
 
 def test_noise_alone_is_no_pulse():
