@@ -4,7 +4,9 @@
 
 Preset `fog` before four boards at 4 to 9 m (`foglight`) and two shipped scenes, in Mie fog of four
 kinds; light of all orders of scattering is traced. Visibilities are by a contrast of 2 %. Frames
-of a scene differ in their noise alone. `--markdown` pastes the table into docs/results/ranging.md.
+of a scene differ in their noise alone. The bound is that of Cramér and Rao of the boards, for even
+fog whose kind is known as far as the method knows it. `--markdown` pastes the table into
+docs/results/ranging.md.
 """
 
 import sys
@@ -12,9 +14,10 @@ import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from foglight import NATURAL, Cell, light_of
+from foglight import NATURAL, Cell, draw, light_of
 from intervals import of_figure, of_fraction
 from numpy.typing import NDArray
 from options import benchmark_options, finish
@@ -24,6 +27,8 @@ from reconstruction.base.arrays import Floats
 from reconstruction.capture import Spots
 from reconstruction.capture.schema import between
 from reconstruction.ranging import Visibility, pooled, ranging_method
+from reconstruction.ranging.bound import PRIOR, Targets, make_bounds
+from reconstruction.ranging.visibility import BACKSCATTER_LOG_SIGMA, RATIO_LOG_SIGMA
 from spisim.instrument import Instrument
 from spisim_paper.checks import Check, Table, surroundings
 
@@ -42,13 +47,15 @@ MAX_BIAS, MAX_RMSE, WITHIN, MIN_BOUNDED = 0.05, 0.10, (0.60, 0.76), 0.95
 class Stated:
     """Visibilities of scenes (n,): errors of ln V and sigmas, nan where only a bound is stated.
 
-    ``bounded`` says whether the truth is beyond the lower bound.
+    ``bounded`` says whether the truth is beyond the lower bound, and ``possible`` is the bound of
+    Cramér and Rao of the error, nan where it is not known.
     """
 
     kind: NDArray[np.str_]
     error: Floats
     sigma: Floats
     bounded: NDArray[np.bool_]
+    possible: Floats
 
     @property
     def valid(self) -> NDArray[np.intp]:
@@ -61,6 +68,15 @@ class Stated:
         return Stated(*(np.concatenate(pair) for pair in pairs))
 
 
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """Readings of `FRAMES` frames in a kind of fog, and the bound of one frame and of all."""
+
+    kind: str
+    spots: Spots
+    possible: tuple[float, float] = (np.nan, np.nan)
+
+
 def main() -> int:
     """Measure and print; the exit status is 1 if a promise is broken."""
     options = benchmark_options(__doc__, "a scene of boards per cell, of fewer paths", PAGE)
@@ -70,18 +86,20 @@ def main() -> int:
     single, together = {}, {}
     for visibility_m in (*VISIBILITIES_M, *THIN_M):
         scenes = [*recorded(visibility_m, instrument, boards, paths, shipped=not options.quick)]
-        kinds = [kind for kind, _ in scenes]
-        frames = [stated(spots) for _, spots in scenes]
-        single[visibility_m] = judged(kinds, [each[0] for each in frames], visibility_m)
-        together[visibility_m] = judged(kinds, [pooled(each) for each in frames], visibility_m)
+        kinds = [each.kind for each in scenes]
+        frames = [stated(each.spots) for each in scenes]
+        of_one, of_all = np.array([each.possible for each in scenes]).T
+        single[visibility_m] = judged(kinds, [each[0] for each in frames], visibility_m, of_one)
+        pools = [pooled(each) for each in frames]
+        together[visibility_m] = judged(kinds, pools, visibility_m, of_all)
     checks = promises("one frame", single) + promises(f"{FRAMES} frames", together)
     return finish(options, PAGE, "visibility", around, [table(single, together)], checks)
 
 
 def recorded(
     visibility_m: float | None, instrument: Instrument, boards: int, paths: int, *, shipped: bool
-) -> Iterator[tuple[str, Spots]]:
-    """Kind of fog and readings of `FRAMES` frames of every scene."""
+) -> Iterator[Recorded]:
+    """All scenes in all kinds of fog."""
     optics = instrument.spot_optics
     for number, kind in enumerate(NATURAL):
         seed = 1000 + 10 * (visibility_m or 0) + number
@@ -95,9 +113,35 @@ def recorded(
                 echo_per_s=np.repeat(light.echo_per_s[scene, None], FRAMES, axis=0),
                 steady_per_s=np.repeat(light.steady_per_s[scene, None], FRAMES, axis=0),
             )
-            yield kind, instrument.tof.record(one, optics, rng)
+            spots = instrument.tof.record(one, optics, rng)
+            mean = instrument.tof.record(one, optics, None).readings[0]
+            yield Recorded(kind, spots, _possible(cell, scene, instrument, spots, mean))
         for name in SHIPPED if shipped else ():
-            yield kind, _simulated(name, visibility_m, kind, instrument, seed)
+            yield Recorded(kind, _simulated(name, visibility_m, kind, instrument, seed))
+
+
+def _possible(
+    cell: Cell, number: int, instrument: Instrument, spots: Spots, mean: NDArray[Any]
+) -> tuple[float, float]:
+    """Bound of ln V from one frame and from all, of boards, with the prior of droplets."""
+    if cell.visibility_m is None:
+        return np.nan, np.nan
+    directions = instrument.lasers.directions
+    drawn = draw(cell, number, directions)
+    fog = drawn.medium
+    targets = Targets(
+        drawn.range_m,
+        drawn.reflectance * directions[:, 2],
+        fog.extinction_per_m,
+        fog.scattering_per_m * fog.backscatter_per_sr,
+    )
+    prior = PRIOR[0], BACKSCATTER_LOG_SIGMA
+    empty = between(spots, 0, 0)
+    one, together = (
+        make_bounds(empty, 2 * FARTHEST_M, prior, frames)(targets, mean).log_extinction
+        for frames in (1, FRAMES)
+    )
+    return float(np.hypot(one, RATIO_LOG_SIGMA)), float(np.hypot(together, RATIO_LOG_SIGMA))
 
 
 def _simulated(
@@ -120,20 +164,24 @@ def stated(spots: Spots) -> list[Visibility]:
 
 
 def judged(
-    kinds: list[str], estimates: list[Visibility | None], visibility_m: float | None
+    kinds: list[str],
+    estimates: list[Visibility | None],
+    visibility_m: float | None,
+    possible: Floats,
 ) -> Stated:
     """Estimates of scenes beside the truth, None in clear air."""
     median_m, sigma, at_least_m = np.array(estimates, dtype=np.float64).T
     true_m = visibility_m or np.inf
-    return Stated(np.array(kinds), np.log(median_m / true_m), sigma, at_least_m < true_m)
+    error = np.log(median_m / true_m)
+    return Stated(np.array(kinds), error, sigma, at_least_m < true_m, possible)
 
 
 def table(single: dict[float | None, Stated], together: dict[float | None, Stated]) -> Table:
     """A row for each visibility."""
     columns = (
         "visibility, m", "scenes", "stated, %", "bias, %", *(f"{kind}, %" for kind in NATURAL),
-        "RMSE, %", "median σ, %", "within 1 σ, %", "beyond the bound, %",
-        f"{FRAMES} frames: RMSE, %", "median σ, %", "within 1 σ, %",
+        "RMSE, %", "Cramér–Rao, %", "median σ, %", "within 1 σ, %", "beyond the bound, %",
+        f"{FRAMES} frames: RMSE, %", "Cramér–Rao, %", "median σ, %", "within 1 σ, %",
     )  # fmt: skip
     rows = [
         (f"{visibility_m or 'clear'}", *_row(each), *_scatter(together[visibility_m]))
@@ -142,7 +190,8 @@ def table(single: dict[float | None, Stated], together: dict[float | None, State
     title = (
         "`fog`: visibility (2 % contrast) from one frame, and from "
         f"{FRAMES} frames of the same scene together. Errors are of ln V where V is stated, the "
-        "bias by kind of fog, too; beyond the bound is the truth above the lower bound of 95 %."
+        "bias by kind of fog, too; beyond the bound is the truth above the lower bound of 95 %. "
+        "Cramér–Rao is the least RMSE of the boards' readings in even fog."
     )
     return Table(title, columns, rows)
 
@@ -160,12 +209,14 @@ def _mean(values: Floats) -> str:
     return f"{100 * finite.mean():+.0f}" if finite.size else "–"
 
 
-def _scatter(each: Stated) -> tuple[str, str, str]:
+def _scatter(each: Stated) -> tuple[str, str, str, str]:
     error, sigma = each.error[each.valid], each.sigma[each.valid]
-    if not error.size:
-        return "–", "–", "–"
-    within = (np.abs(error) < sigma).mean()
-    return f"{100 * _rms(error):.0f}", f"{100 * np.median(sigma):.0f}", f"{100 * within:.0f}"
+    known = each.possible[np.isfinite(each.possible)]
+    if not error.size or not known.size:
+        return "–", "–", "–", "–"
+    within = 100 * (np.abs(error) < sigma).mean()
+    figures = 100 * _rms(error), 100 * _rms(known), 100 * np.median(sigma), within
+    return tuple(f"{figure:.0f}" for figure in figures)  # type: ignore[return-value]
 
 
 def _rms(values: Floats) -> float:

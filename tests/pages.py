@@ -29,6 +29,7 @@ from spisim.dataset.study.plan import StudyPlan
 from spisim.instrument import Instrument, load_instrument
 from spisim.scene.description import DrawnDescription, SceneDescription
 from spisim_app.cli import app
+from spisim_inverse.design.plan import DesignPlan
 
 ROOT = Path(__file__).parents[1]
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
@@ -140,7 +141,9 @@ def check_yaml(block: Block) -> None:
     source = str(block)
     fields = load_yaml(block.text, source)
     assert isinstance(fields, Mapping), f"{source}: no mapping"
-    if "study" in fields:
+    if fields.keys() & {"judgement", "choose"}:
+        check_fields({**_A_DESIGN, **fields}, DesignPlan, source)
+    elif "study" in fields:
         check_fields({**_A_PLAN, **fields}, StudyPlan, source)
     elif fields.keys() & {"samples", "scenes", "vary"}:
         check_fields({**_A_PLAN, **fields}, Plan, source)
@@ -154,4 +157,12 @@ def check_yaml(block: Block) -> None:
         check_fields(fields, SceneDescription, source)
 
 
+_A_DESIGN = {
+    "name": "part",
+    "search": [{"scene": "warehouse"}],
+    "judgement": [{"scene": "tunnel"}],
+    "weathers": {"clear": {}},
+    "choose": {"plan.patterns": {"low": 63, "high": 127}},
+    "objectives": ["range_error_m"],
+}
 _A_PLAN = {"name": "part", "scenes": [{"scene": "warehouse"}]}

@@ -28,6 +28,8 @@ from spisim.dataset.values import Grid
 from spisim.instrument import Instrument
 from spisim.scene.bsdf import BSDFS
 from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim_inverse.design.objectives import OBJECTIVES
+from spisim_inverse.design.plan import DesignPlan
 
 EXAMPLES = Path(__file__).parent / "file_examples.yaml"
 
@@ -150,6 +152,24 @@ def plan_page(examples: Mapping[str, Any]) -> str:
         "## Metrics\n",
         "| metric | what it is |\n|---|---|",
         *(f"| `{name}` | {quantity.meaning} |" for name, quantity in QUANTITIES.items()),
+        "",
+    ]
+    return "\n".join(parts)
+
+
+def design_page(examples: Mapping[str, Any]) -> str:
+    """Reference of the plans of designs."""
+    schema = TypeAdapter(DesignPlan).json_schema()
+    sections = Sections({**schema["$defs"], "DesignPlan": schema})
+    parts = [
+        "# Design files: every field\n",
+        "The plan of `spisim design` has these sections. [Designing an "
+        "instrument](../howto/designing.md) says what they are for.\n",
+        _HOW_TO_READ,
+        *one("The file", "DesignPlan", sections, examples),
+        "## Objectives\n",
+        "| objective | what it is | unit |\n|---|---|---|",
+        *(f"| `{name}` | {each.title} | {each.unit} |" for name, each in OBJECTIVES.items()),
         "",
     ]
     return "\n".join(parts)
@@ -401,4 +421,5 @@ def pages() -> dict[str, str]:
         "scene-file.md": scene_page(examples),
         "instrument-file.md": instrument_page(examples),
         "plan-file.md": plan_page(examples),
+        "design-file.md": design_page(examples),
     }

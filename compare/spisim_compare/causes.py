@@ -25,6 +25,9 @@ SPOT_UNSURE = 0.1
 DAYLIGHT_UNSURE = 0.15
 """Relative change of steady light per relative change of extinction."""
 MIN_EXTINCTION_PER_M = 0.005
+FOG_PER_M, FOG_ODDS = 0.01, 10.0
+"""Extinction of air that is foggy, and how much likelier another fog is there than another cause:
+fog changes within minutes, powers and mounts hardly in months."""
 TURNED_UNSURE = 0.35
 """Relative error of the change of readings by a turn: what an image of few patterns hides."""
 ELSEWHERE_PER_DEG = 2.0
@@ -42,8 +45,9 @@ class Cause:
     ``unsure`` (n, r) are standard deviations per unit of the norm of all parameters: what the cause
     changes, but by an amount that is not known. ``loose`` are relative errors of the change of all
     readings of patterns, and of all those of spots. Of several ``scales``, the likeliest multiplies
-    ``unsure``. ``level`` is the value half way of what the parameter changes, if known. Causes of
-    one ``family`` are kinds of one thing.
+    ``unsure``. ``level`` is the value half way of what the parameter changes, if known, and
+    ``odds`` how likely the cause is a priori beside others. Causes of one ``family`` are kinds of
+    one thing.
     """
 
     name: str
@@ -54,6 +58,7 @@ class Cause:
     loose: float = 0.0
     level: float = np.nan
     scales: tuple[float, ...] = (1.0,)
+    odds: float = 1.0
 
     def allows(self, theta: Floats) -> bool:
         """Whether parameters are possible: light and fog are not negative in either capture."""
@@ -154,25 +159,17 @@ class Causes:
         if not main.any():
             return None
         level = np.nan if self._at.fog is None else self._at.fog.extinction_per_m
-        return Cause("fog", "fog", (EXTINCTION,), main, np.hstack(unsure), SPOT_UNSURE, level)
+        odds = FOG_ODDS if level > FOG_PER_M else 1.0
+        unsure_of_all = np.hstack(unsure)
+        return Cause(
+            "fog", "fog", (EXTINCTION,), main, unsure_of_all, SPOT_UNSURE, level, odds=odds
+        )
 
     def _pointing(self) -> Cause | None:
-        optics = self._at.simulated.optics
-        if not self._images or optics is None:
+        turned = self._at.turned_per_deg if self._images else None
+        if turned is None:
             return None
-        image = self._at.image
-        height, width = image.shape
-        per_deg = (
-            np.radians(1)
-            / 2
-            * np.array([height / optics.tan_half_height, width / optics.tan_half_width])
-        )
-        slopes = np.gradient(image)
-        turned = [
-            exposed(self._plans, each * pixels)
-            for each, pixels in zip(slopes, per_deg, strict=True)
-        ]
-        main = self._both(np.column_stack(turned), None)
+        main = self._both(turned, None)
         unsure = [self._both(STEADY_PER_DEG * abs(self._at.background) * self._on[:, None], None)]
         if self._at.spots is not None:
             unsure.append(self._both(None, ELSEWHERE_PER_DEG * self._at.spots.elsewhere))

@@ -41,7 +41,7 @@ class ChargeModel:
         self.value = ((self.means[0].value + self.means[1].value) / 2).reshape(shape)
         self.variance = self.means[0].variance + self.means[1].variance
         self.usable = self.means[0].usable & self.means[1].usable
-        self.names = _names(simulated)
+        self.names = names_of_taps(simulated)
         self.spot = np.repeat(np.arange(shape[0]), shape[1])
 
     @property
@@ -76,6 +76,11 @@ class ChargeModel:
     def echo(self) -> Floats:
         """Readings (n,) of the echoes alone; continuous waves hide their mean in steady light."""
         return np.asarray(self._modulated + self._mean_light).ravel()
+
+    @property
+    def echo_of_spots(self) -> Floats:
+        """Readings of the echoes as columns (n, spots), each of one spot."""
+        return self._per_spot([self._modulated + self._mean_light])
 
     @property
     def echo_unsure(self) -> Floats:
@@ -173,7 +178,8 @@ def _mean(spots: Charges) -> Mean:
     )
 
 
-def _names(spots: Charges) -> list[str]:
+def names_of_taps(spots: Charges) -> list[str]:
+    """Names of the taps or windows of all spots."""
     word = "tap" if isinstance(spots, CwSpots) else "window"
     count = spots.readings.shape[-1]
     return [

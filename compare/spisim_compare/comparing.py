@@ -14,7 +14,7 @@ from .judging import Difference, judge
 from .light_error import with_light_error
 from .midpoint import Midpoint
 from .noise import noise_of
-from .patterns import common_noise
+from .patterns import common_noise, names_of_patterns
 from .same import check_comparable
 
 
@@ -40,8 +40,6 @@ def compare(real: Capture, simulated: Capture) -> Comparison:
     check_comparable(real, simulated)
     midpoint = Midpoint.of(real, simulated)
     values, noise, usable = _difference(midpoint)
-    if not usable.any():
-        raise InputError("no reading is usable in both captures: all are saturated")
     patterns = int(usable[: midpoint.patterns.size].sum())
     difference = Difference(values[usable], noise.only(usable), patterns)
     causes = [each.only(usable) for each in Causes(midpoint)()]
@@ -93,7 +91,10 @@ def _facts(midpoint: Midpoint) -> dict[str, str]:
 
 
 def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
-    """Difference of all readings (n,), its covariance, and which are usable."""
+    """Difference of all readings (n,), its covariance, and which are usable.
+
+    Raises InputError if none is.
+    """
     one, other = midpoint.means
     values, usable = [one.value - other.value], [one.usable & other.usable]
     if not midpoint.simulated.plan.shows_image:
@@ -104,6 +105,8 @@ def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
         values.append(spots.means[0].value - spots.means[1].value)
         variances.append(spots.variance)
         usable.append(spots.usable)
+    if not any(each.any() for each in usable):
+        raise InputError("no reading is usable in both captures: all are saturated")
     noise = Covariance(np.concatenate(variances), np.zeros((sum(map(len, values)), 0)))
     for capture in (midpoint.real, midpoint.simulated):
         noise = with_light_error(noise, capture, midpoint)
@@ -111,14 +114,5 @@ def _difference(midpoint: Midpoint) -> tuple[Floats, Covariance, Mask]:
 
 
 def _names(midpoint: Midpoint) -> list[str]:
-    sign = {1: "on", -1: "complement", 0: "difference"}
-    plans = midpoint.simulated.setup.plans
-    names = [
-        f"exposure {k}, pattern {index} {sign[polarity]}"
-        + (f", plan {turn}" if len(plans) > 1 else "")
-        for turn, plan in enumerate(plans)
-        for k, (index, polarity) in enumerate(
-            zip(plan.index.tolist(), plan.polarity.tolist(), strict=True)
-        )
-    ]
+    names = names_of_patterns(midpoint.simulated.setup.plans)
     return names + ([] if midpoint.spots is None else midpoint.spots.names)

@@ -38,6 +38,18 @@ class Covariance:
         shared = np.linalg.solve(self._capacitance, self.factors.T @ own)
         return np.asarray(own - scaled @ shared)
 
+    def whiten(self, columns: Floats) -> Floats:
+        """The inverse's symmetric root, up to a rotation, times columns (n, ...).
+
+        With D^-1/2 F = U S V^T it is (I - U (I - (I + S^2)^-1/2) U^T) D^-1/2.
+        """
+        own = (columns.T / np.sqrt(self.variance)).T
+        if not self.factors.shape[1]:
+            return np.asarray(own)
+        left, strength = self._scaled_factors
+        shrunk = (1 - 1 / np.sqrt(1 + strength**2)) * (left.T @ own).T
+        return np.asarray(own - left @ shrunk.T)
+
     @property
     def total(self) -> Floats:
         """Variance (n,) of each reading."""
@@ -48,6 +60,12 @@ class Covariance:
         """Logarithm of the determinant."""
         of_factors = np.linalg.slogdet(self._capacitance)[1] if self.factors.shape[1] else 0.0
         return float(np.log(self.variance).sum() + of_factors)
+
+    @cached_property
+    def _scaled_factors(self) -> tuple[Floats, Floats]:
+        scaled = self.factors / np.sqrt(self.variance)[:, None]
+        left, strength, _ = np.linalg.svd(scaled, full_matrices=False)
+        return left, strength
 
     @cached_property
     def _capacitance(self) -> NDArray[np.float64]:

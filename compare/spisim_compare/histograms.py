@@ -88,6 +88,11 @@ class HistogramModel:
         return self._joined(self._echo_bins)
 
     @property
+    def echo_of_spots(self) -> Floats:
+        """Arrivals of the echoes as columns (n, S), each of one spot."""
+        return self._per_spot(self._echo_bins)
+
+    @property
     def echo_unsure(self) -> Floats:
         """Standard deviation of ``echo`` as columns (n, 0): steady light is known."""
         return np.zeros((self.value.size, 0))

@@ -3,13 +3,14 @@
 Under the hypothesis that they are equal, the difference d of n readings is normal with a known
 covariance C, and d^T C^-1 d follows chi-squared of n. A cause with directions G (n, k) predicts
 d = G theta; its score statistic follows chi-squared of k and detects small changes of one kind that
-drown in the noise of many readings. An alarm is raised where the smallest of these probabilities,
-times their number (Bonferroni), is below `ALARM`.
+drown in the noise of many readings. Readings of patterns, and of spots, are tested alone, too. An
+alarm is raised where the smallest of these probabilities, times their number (Bonferroni), is below
+`ALARM`.
 
 Causes are not exact: a cause adds to C what it leaves open, in proportion to its size. What
 is left may then exceed the noise by a factor, as no model is exact at any precision. Sets of
 causes are compared by -2 ln of the likelihood at its maximum plus k ln n (G. Schwarz, Ann. Stat. 6,
-461 (1978)), with `PER_CAUSE` for each cause more.
+461 (1978)), with `PER_CAUSE` for each cause more, less 2 ln of its odds a priori.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,8 +31,8 @@ PER_CAUSE = 8.0
 """By how much a further cause must lower the criterion."""
 MAX_CAUSES = 3
 ITERATIONS = 6
-EVERYTHING = "all readings"
-"""Name of the test that no cause makes."""
+EVERYTHING, PATTERNS, SPOTS = "all readings", "readings of patterns", "readings of spots"
+"""Names of the tests that no cause makes."""
 ALL_OF_IT = "power"
 """The cause that contains the others of its family."""
 
@@ -87,7 +88,8 @@ class Verdict:
 def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     """Test for equality, and name causes if it fails."""
     equal, freedom = _plain(difference, ()), difference.values.size
-    tests = {EVERYTHING: float(chi2.sf(equal.chi_squared, freedom))}
+    tests = _tests_of_readings(difference, equal)
+    without_cause = len(tests)
     for cause in causes:
         fit = _plain(difference, [cause])
         gained = max(equal.chi_squared - fit.chi_squared, 0.0)
@@ -100,7 +102,7 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     sigma = np.sqrt(difference.noise.total)
     remainder, rest = equal.remainder / sigma, tests[EVERYTHING]
     if probability < ALARM:
-        of_causes = min(p for name, p in tests.items() if name != EVERYTHING)
+        of_causes = min([*tests.values()][without_cause:], default=1.0)
         best, alternatives = _best(difference, causes, by_cause=of_causes * len(tests) < ALARM)
         chosen = _explained(difference, best)
         remainder = best.fit.remainder / sigma
@@ -108,6 +110,23 @@ def judge(difference: Difference, causes: Sequence[Cause]) -> Verdict:
     return Verdict(
         equal.chi_squared, freedom, tests, probability, chosen, remainder, rest, alternatives
     )
+
+
+def _tests_of_readings(difference: Difference, equal: Fit) -> dict[str, float]:
+    """Probabilities of chi-squared: of everything, and of patterns and spots where there are both.
+
+    The few readings of spots would drown in the many of patterns.
+    """
+    n = difference.values.size
+    tests = {EVERYTHING: float(chi2.sf(equal.chi_squared, n))}
+    of_patterns = np.arange(n) < difference.patterns
+    for name, some in ((PATTERNS, of_patterns), (SPOTS, ~of_patterns)):
+        count = int(np.count_nonzero(some))
+        if 0 < count < n:
+            values = difference.values[some]
+            chi_squared = values @ difference.noise.only(some).solve(values)
+            tests[name] = float(chi2.sf(chi_squared, count))
+    return tests
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,13 +213,15 @@ def _scaled(difference: Difference, causes: tuple[Cause, ...]) -> _Hypothesis:
     columns = _directions(difference, causes)
     for _ in range(ITERATIONS):
         noise = difference.noise
-        for cause, theta in zip(causes, _parts(causes, fit.theta), strict=True):
-            noise = _with_errors(noise, cause, theta, difference.patterns)
+        errors = _parts(causes, np.sqrt(np.diag(fit.covariance)))
+        for cause, theta, error in zip(causes, _parts(causes, fit.theta), errors, strict=True):
+            noise = _with_errors(noise, cause, theta, error, difference.patterns)
         fit = least_squares(difference.values, columns, noise)
     n = difference.values.size
     criterion = _misfit(fit.chi_squared, n)
     criterion += noise.log_determinant - difference.noise.log_determinant
-    criterion += fit.theta.size * np.log(n) + PER_CAUSE * len(causes)
+    criterion += fit.theta.size * np.log(n)
+    criterion += sum(PER_CAUSE - 2 * np.log(cause.odds) for cause in causes)
     return _Hypothesis(causes, fit, float(criterion))
 
 
@@ -216,9 +237,11 @@ def _parts(causes: Sequence[Cause], theta: Floats) -> list[Floats]:
     return [theta[start:stop] for start, stop in pairwise(ends)]
 
 
-def _with_errors(noise: Covariance, cause: Cause, theta: Floats, patterns: int) -> Covariance:
+def _with_errors(
+    noise: Covariance, cause: Cause, theta: Floats, error: Floats, patterns: int
+) -> Covariance:
     change = cause.directions @ theta
-    size = float(np.linalg.norm(theta))
+    size = float(np.linalg.norm([theta, error]))  # rms, as theta is known within its error alone
     loose = np.zeros_like(change)
     of_patterns, of_spots = change[:patterns], change[patterns:]
     if of_patterns.size:  # what all share is in `unsure`

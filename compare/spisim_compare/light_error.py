@@ -17,10 +17,15 @@ from spisim.instrument import Instrument, SpotLight
 
 from .gaussian import Covariance
 from .midpoint import Midpoint
-from .patterns import constant, exposed
+from .patterns import constant, light_error
 
-FEW_PATHS = 2.0
-"""Factor on the errors of steady light and spots: they are means of all spots, from few paths."""
+UNSTATED = 0.004
+"""Relative error of the image beyond those stated, common to its pixels: paths so rare and bright
+that few launches meet them, as of retro-reflectors and gloss."""
+UNSTATED_OF_SPOT = 0.007
+"""The same of the echo of a spot."""
+UNSTATED_TURN_DEG = 0.015
+"""What such an error of single pixels looks like: a turn, in degrees."""
 
 DECODED = 1.5
 """Variance of a coefficient over four times that of a reading, 2 y - all - dark: the light's error
@@ -31,10 +36,10 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
     if capture.provenance.source != "simulation":
         return noise
-    stated = _stated(capture)
+    stated = stated_accuracy(capture)
     patterns, spots = midpoint.patterns.size, midpoint.spots
     variance = noise.variance.copy()
-    own, total = _of_image(capture)
+    own, total = image_error_of(capture)
     number = 0 if capture is midpoint.real else 1
     mean = midpoint.means[number]
     least = DECODED * stated("noise_share") ** 2 * np.nan_to_num(mean.variance) * mean.frames
@@ -42,37 +47,38 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     on = constant(capture.setup.plans)
     dark, dark_of_spots = _dark(capture)
     daylight = max(abs(midpoint.background) - dark, 0.0)
-    steady = FEW_PATHS * stated("daylight_relative_error") * daylight * on
-    factors = np.zeros((variance.size, 2))
-    factors[:patterns] = np.column_stack([total, steady])
+    steady = stated("daylight_relative_error") * daylight * on
+    image = [total, steady, UNSTATED * (midpoint.patterns - on * midpoint.background)]
+    if midpoint.turned_per_deg is not None:
+        image += [*(UNSTATED_TURN_DEG * midpoint.turned_per_deg).T]
+    factors = np.zeros((variance.size, len(image)))
+    factors[:patterns] = np.column_stack(image)
     added = [factors]
     if spots is not None:
         mean = spots.means[number]
-        share = FEW_PATHS * stated("spot_noise_share")
+        share = stated("spot_noise_share")
         variance[patterns:] += share**2 * mean.variance * mean.frames
-        relative = FEW_PATHS * np.hypot(
+        relative = np.hypot(
             stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
         )
         of_spots = spots.steady_of_spots
         seen = np.maximum(of_spots.sum(axis=0), np.finfo(np.float64).tiny)
         of_spots = of_spots * np.maximum(1 - dark_of_spots / seen, 0.0)
-        added.append(np.vstack([np.zeros((patterns, of_spots.shape[1])), relative * of_spots]))
+        shared = np.hstack([relative * of_spots, UNSTATED_OF_SPOT * spots.echo_of_spots])
+        added.append(np.vstack([np.zeros((patterns, shared.shape[1])), shared]))
     return replace(noise, variance=variance).plus(added)
 
 
-def _of_image(capture: Capture) -> tuple[Floats, Floats]:
+def image_error_of(capture: Capture) -> tuple[Floats, Floats]:
     """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
 
-    The errors of pixels are independent; that of the sum of all is common to all patterns.
+    In electrons, by the light of a simulation; zero for any other capture.
     """
     plans = capture.setup.plans
-    on = constant(plans)
     if capture.truth is None or not capture.plan.shows_image:
-        return np.zeros(on.size), np.zeros(on.size)
-    squares = np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2
-    half = np.where(on > 0, squares.sum() / 4, 0.0)
-    whole = np.where(on > 0, exposed(plans, squares), squares.sum())
-    return np.maximum(whole - half, 0.0), np.sqrt(half)
+        none = np.zeros(constant(plans).size)
+        return none, none
+    return light_error(plans, np.nan_to_num(capture.truth.image_error[0].astype(np.float64)) ** 2)
 
 
 def _dark(capture: Capture) -> tuple[float, Floats]:
@@ -105,8 +111,8 @@ def _dark(capture: Capture) -> tuple[float, Floats]:
     return of_patterns, dark.electrons(dark.taps)[0].sum(axis=1)
 
 
-def _stated(capture: Capture) -> Any:
-    """Accuracy of the light by name, 0 where it is not stated."""
+def stated_accuracy(capture: Capture) -> Any:
+    """Accuracy of a simulation's light by its name in the settings, 0 where it is not stated."""
     try:
         light = yaml.safe_load(capture.provenance.settings)["light"]
     except (yaml.YAMLError, KeyError, TypeError):

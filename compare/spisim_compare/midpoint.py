@@ -111,6 +111,29 @@ class Midpoint:
             return 0.0
         return float(on @ (self.patterns - exposed(plans, self.image)) / on.sum())
 
+    @cached_property
+    def turned_per_deg(self) -> Floats | None:
+        """Change of readings of patterns (n, 2) per degree that the view turns down and right.
+
+        None if the optics are not stated.
+        """
+        optics = self.simulated.optics
+        if optics is None:
+            return None
+        height, width = self.image.shape
+        pixels_per_deg = (
+            np.radians(1)
+            / 2
+            * np.array([height / optics.tan_half_height, width / optics.tan_half_width])
+        )
+        slopes = np.gradient(self.image)
+        plans = self.simulated.setup.plans
+        turned = [
+            exposed(plans, slope * pixels)
+            for slope, pixels in zip(slopes, pixels_per_deg, strict=True)
+        ]
+        return np.column_stack(turned)
+
     @property
     def fog(self) -> FogOptics | None:
         """Fog as ranging found it."""

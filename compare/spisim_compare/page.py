@@ -1,10 +1,13 @@
 """The page of a comparison."""
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from numpy.typing import NDArray
 
+from reconstruction.base.arrays import Floats
 from spisim_app.report.page import write_page
 from spisim_app.report.pictures import Scale, intensity_scale
 from spisim_app.report.style import CURVE_COLOURS, WIDE_IN, drawn, plot_in_page, plot_style
@@ -67,20 +70,28 @@ def _cards(comparison: Comparison) -> list[tuple[str, str, str]]:
 
 def readings_figure(comparison: Comparison, width_in: float = WIDE_IN) -> Figure:
     """Plot the difference of each reading over its sigma, before and after the causes."""
-    first = comparison.group == 0
-    rows = [(comparison.groups[0].name, first)]
-    if not first.all():
-        rows.append(("spots", ~first))
+    series = {"as recorded": comparison.z}
+    if comparison.verdict.explained:
+        series["after the causes"] = comparison.remainder
+    return z_figure(series, comparison.group, comparison.groups[0].name, width_in)
+
+
+def z_figure(
+    series: Mapping[str, Floats], group: NDArray[np.intp], first: str, width_in: float = WIDE_IN
+) -> Figure:
+    """Plot differences (n,) of readings over their sigma, those of the first group by themselves.
+
+    ``group`` (n,) are numbers of groups, of which ``first`` is the first one's name.
+    """
+    rows = [(first, group == 0), ("spots", group > 0)]
+    rows = [(name, some) for name, some in rows if some.any()]
     figure = Figure(figsize=(width_in, 2.2 * len(rows) + 0.4), layout="constrained")
     axes = figure.subplots(len(rows), 1, squeeze=False)[:, 0]
     for axis, (name, some) in zip(axes, rows, strict=True):
         at = np.arange(np.count_nonzero(some))
         axis.axhspan(-BAND, BAND, color="#e5e5e5", linewidth=0)
-        series = {"as recorded": comparison.z[some]}
-        if comparison.verdict.explained:
-            series["after the causes"] = comparison.remainder[some]
         for (label, z), colour in zip(series.items(), CURVE_COLOURS, strict=False):
-            axis.plot(at, z, ".", markersize=3, color=colour, label=label)
+            axis.plot(at, z[some], ".", markersize=3, color=colour, label=label)
         axis.set(ylabel="difference / σ", title=drawn(name))
     axes[-1].set_xlabel("reading")
     axes[0].legend(loc="upper right", ncols=2)

@@ -101,6 +101,32 @@ def constant(plans: Sequence[PatternPlan]) -> Floats:
     return np.concatenate([np.abs(plan.polarity).astype(np.float64) for plan in plans])
 
 
+def names_of_patterns(plans: Sequence[PatternPlan]) -> list[str]:
+    """Names of the readings of all patterns, plan after plan."""
+    sign = {1: "on", -1: "complement", 0: "difference"}
+    return [
+        f"exposure {k}, pattern {index} {sign[polarity]}"
+        + (f", plan {turn}" if len(plans) > 1 else "")
+        for turn, plan in enumerate(plans)
+        for k, (index, polarity) in enumerate(
+            zip(plan.index.tolist(), plan.polarity.tolist(), strict=True)
+        )
+    ]
+
+
+def light_error(plans: Sequence[PatternPlan], squares: Floats) -> tuple[Floats, Floats]:
+    """Variance (n,) of each reading of a pattern, and standard error (n,) common to all.
+
+    ``squares`` (H, W) are the squared errors of an image's pixels, which are independent; that of
+    their sum is common to all patterns, in proportion to what they light.
+    """
+    total = max(float(squares.sum()), np.finfo(np.float64).tiny)
+    lit = exposed(plans, squares)
+    common = lit / np.sqrt(total)
+    whole = np.where(constant(plans) > 0, lit, total)
+    return np.maximum(whole - common**2, 0.0), common
+
+
 def buckets_of(value: Floats, variance: Floats, usable: Mask, like: Capture) -> Buckets:
     """Readings (n,) as those of a capture without dead time, one frame for each plan.
 

@@ -11,6 +11,7 @@ method does better.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import ndtr
@@ -41,6 +42,14 @@ Bound = Callable[["Targets", Floats], Floats]
 """Maps targets and mean readings (spots, n) of a frame to standard deviations (spots,) in m."""
 
 
+class Sigmas(NamedTuple):
+    """Standard deviations: of ranges (spots,), ln reflectances (spots,), and ln extinction."""
+
+    range_m: Floats
+    log_reflectance: Floats
+    log_extinction: float
+
+
 @dataclass(frozen=True, eq=False)
 class Targets:
     """Targets of the lasers, with ranges and reflectances (spots,), and the fog's coefficients.
@@ -56,7 +65,15 @@ class Targets:
 
 
 def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR) -> Bound:
-    """Bound of the range errors of a recording.
+    """Bound of the range errors of a recording; as `make_bounds`."""
+    bounds = make_bounds(spots, max_range_m, prior)
+    return lambda targets, readings: bounds(targets, readings).range_m
+
+
+def make_bounds(
+    spots: Spots, max_range_m: float, prior: tuple[float, float] = PRIOR, frames: int = 1
+) -> Callable[[Targets, Floats], Sigmas]:
+    """Bounds of the errors of all that a recording's light depends on.
 
     Raises InputError if the recording lacks what `fog.overlap` needs, or the laser light in each
     reading.
@@ -69,6 +86,8 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
         Maximum range of targets.
     prior : tuple of float
         Standard deviations as in `PRIOR`; infinite for no prior.
+    frames : int
+        How many equal frames are taken together.
     """
     require_optics(spots)
     lights = _lights(spots, max_range_m)
@@ -80,18 +99,19 @@ def make_bound(spots: Spots, max_range_m: float, prior: tuple[float, float] = PR
     size = 2 + steady.shape[1]
     fog = size * len(lights)  # index of its coefficients, after those of the spots
 
-    def bound(targets: Targets, readings: Floats) -> Floats:
+    def bounds(targets: Targets, readings: Floats) -> Sigmas:
         information = np.zeros((fog + 2, fog + 2))
         information[-2:, -2:] = _prior_information(*prior)
-        weights = precision(readings)
+        weights = frames * precision(readings)
         for spot, light in enumerate(lights):
             of_spot, of_fog = _slopes(light, targets, spot)
             jacobian = np.concatenate([of_spot, steady, of_fog], axis=1)
             at = [*range(spot * size, (spot + 1) * size), fog, fog + 1]
             information[np.ix_(at, at)] += (jacobian.T * weights[spot]) @ jacobian
-        return _sigmas(information)[:fog:size]
+        sigmas = _sigmas(information)
+        return Sigmas(sigmas[:fog:size], sigmas[1:fog:size], float(sigmas[fog]))
 
-    return bound
+    return bounds
 
 
 @dataclass(frozen=True, eq=False)

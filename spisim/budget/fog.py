@@ -20,7 +20,7 @@ from reconstruction.capture import Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.schema import between
 from reconstruction.ranging import measure_ranges, reads
-from reconstruction.ranging.bound import Targets, make_bound, smooth_overlap
+from reconstruction.ranging.bound import Sigmas, Targets, make_bounds, smooth_overlap
 from spisim.atmosphere import Atmosphere
 from spisim.budget.link import Target, spot_link
 from spisim.budget.ranging import last_below
@@ -38,13 +38,16 @@ class FogBudget:
 
     `echo_fraction` is the fog's fraction of a laser's light on its detector, `plain_bias_m` the
     error of the instrument's own method without noise, both averaged over the spots; `sigma_m` and
-    `longest_m` are those of the bound for the worst spot.
+    `longest_m` are those of the bound for the worst spot, as is `reflectance_sigma`, relative.
+    `extinction_sigma`, of the logarithm, is that of the visibility, too; ranging's prior is in it.
     """
 
     echo_fraction: float
     plain_bias_m: float | None
     sigma_m: float | None
     longest_m: float | None
+    reflectance_sigma: float | None
+    extinction_sigma: float | None
 
 
 def fog_budget(
@@ -69,8 +72,10 @@ def fog_budget(
     error_m = measure_ranges(spots).range_m - here / instrument.ranging.lasers.directions[:, 2]
     farthest_m = min(instrument.ranging.tof.unambiguous_range_m, MAX_DISTANCE_M)
     distances_m = np.geomspace(MIN_DISTANCE_M, farthest_m, DISTANCES)
-    sigma_m = _bound_m(instrument, target, air, np.append(distances_m, here))
+    bounds = _bounds(instrument, target, air, np.append(distances_m, here))
+    sigma_m = None if bounds is None else np.array([each.range_m.max() for each in bounds])
     finite = sigma_m is not None and np.isfinite(sigma_m[-1])
+    at_target = bounds[-1] if bounds is not None and finite else None
     return FogBudget(
         echo_fraction=fraction,
         plain_bias_m=float(np.nanmean(error_m)) if np.isfinite(error_m).any() else None,
@@ -78,6 +83,8 @@ def fog_budget(
         longest_m=(
             None if sigma_m is None else float(last_below(distances_m, sigma_m[:-1], limit_m))
         ),
+        reflectance_sigma=(None if at_target is None else float(at_target.log_reflectance.max())),
+        extinction_sigma=None if at_target is None else at_target.log_extinction,
     )
 
 
@@ -115,10 +122,10 @@ def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
     return np.asarray(result)
 
 
-def _bound_m(
+def _bounds(
     instrument: Instrument, target: Target, air: Atmosphere, distance_m: Floats
-) -> Floats | None:
-    """Bounds (D,) of the worst spot; None for readings that the fit in fog does not support."""
+) -> list[Sigmas] | None:
+    """Bounds at distances (D,); None for readings that the fit in fog does not support."""
     light, _ = _light(instrument, target, air, distance_m)
     optics, tof = instrument.spot_optics, instrument.ranging.tof
     readings = _as_recorded(instrument, light)
@@ -128,15 +135,13 @@ def _bound_m(
         return None
     mean: NDArray[Any] = tof.record(light, optics, None).readings
     cosine = instrument.ranging.lasers.directions[:, 2]
-    bound = make_bound(readings, float(distance_m.max() / cosine.min()))
+    bounds = make_bounds(readings, float(distance_m.max() / cosine.min()))
     reflectance = float(target.reflectance) * cosine
     coefficients = air.extinction_per_m, _backscatter(air)
-    return np.array(
-        [
-            bound(Targets(each / cosine, reflectance, *coefficients), expected).max()
-            for each, expected in zip(distance_m, mean, strict=True)
-        ]
-    )
+    return [
+        bounds(Targets(each / cosine, reflectance, *coefficients), expected)
+        for each, expected in zip(distance_m, mean, strict=True)
+    ]
 
 
 def _as_recorded(instrument: Instrument, light: SpotLight) -> Spots:

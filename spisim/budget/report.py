@@ -253,6 +253,9 @@ def _range_table(ranges: Mapping[str, Any], fog: Mapping[str, Any] | None) -> Re
         "Fitted: the Cramér-Rao bound with unknown echo and fog.\n"
     )
     rows = [(*row, more) for row, more in zip(rows, fitted, strict=True)]
+    for name in ("reflectance", "extinction"):
+        sigma = fog[f"{name}_sigma"]
+        rows.append((f"{name}, ln, sigma", "", _short(sigma)))
     return ReportTable(("range", ranges["method"], "fog and wall fitted"), rows, note, dim=False)
 
 

@@ -7,8 +7,8 @@ along the detectors' rays where it is scattered once, and by all strategies wher
 more often.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 
 import drjit as dr
@@ -25,9 +25,11 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.estimator import image_light
 from spisim.transport.engine.gather import Gather
 from spisim.transport.engine.lights import Lamp, Sun
+from spisim.transport.engine.outputs import weighted
+from spisim.transport.engine.path_weights import PathWeight
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import ErrorMetric, TargetError, repeat
-from spisim.transport.engine.tally import Deposit, ImageTally, Sums, Tallies
+from spisim.transport.engine.tally import Deposit, ImageTally, MakeTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Sky, Walk
 from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
 from spisim.transport.lamps import lamps_of
@@ -57,6 +59,21 @@ class Received:
     power_w: Floats
     error_w: Floats
     dropped: int = 0  # contributions that were not finite numbers and are left out
+    #: The same two of weighted light, by the name of the weight.
+    weighted: Mapping[str, tuple[Floats, Floats]] = field(default_factory=dict)
+
+    @classmethod
+    def none(cls, detectors: int, path_weights: Sequence[PathWeight]) -> "Received":
+        """No light on so many detectors."""
+        dark = np.zeros(detectors)
+        return cls(dark, dark, weighted={each.name: (dark, dark) for each in path_weights})
+
+    def times(self, factor: float) -> "Received":
+        """So much more light."""
+        weighted = {
+            name: (factor * power, factor * error) for name, (power, error) in self.weighted.items()
+        }
+        return Received(factor * self.power_w, factor * self.error_w, self.dropped, weighted)
 
 
 def sun_of(scene: Scene, instrument: Instrument, world: World) -> Sun:
@@ -90,14 +107,16 @@ def daylight_power(
     floor_w: float = 0.0,
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
+    path_weights: Sequence[PathWeight] = (),
 ) -> Received:
     """Power of sun, sky and lamps on the detectors, or in the pixels of a receiver.
 
     Its standard error is at most `target` times the sum of it and `floor_w`, other steady light.
+    `path_weights` add weighted light.
     """
     lamps, outdoors = lamps_of(scene, instrument, world), has_daylight(scene)
     if not outdoors and lamps is None:
-        return Received(*np.zeros((2, _count(detectors))))
+        return Received.none(_count(detectors), path_weights)
     sun, sky = sun_of(scene, instrument, world), sky_of(scene, instrument)
 
     def trace(
@@ -120,7 +139,7 @@ def daylight_power(
         )
         walk.run(seeds[0])
 
-    return _received(trace, detectors, floor_w, target, seed)
+    return _received(trace, detectors, floor_w, target, seed, path_weights)
 
 
 @with_backend
@@ -134,11 +153,12 @@ def projector_power(
     target: float = STEADY_ERROR,
     seed: np.random.SeedSequence,
     max_vertices: int = MAX_VERTICES,
+    path_weights: Sequence[PathWeight] = (),
 ) -> Received:
     """Power of a projector that emits `power_w` (H, W); see `daylight_power`."""
     total_w = float(power_w.sum())
     if total_w == 0:
-        return Received(*np.zeros((2, _count(detectors))))
+        return Received.none(_count(detectors), path_weights)
 
     def trace(
         ends: Ends, samples: int, seeds: Sequence[int], replicas: int, deposit: Deposit
@@ -160,8 +180,7 @@ def projector_power(
         if max_vertices > 1 or world.geometry.see_through:
             walk(ends, lamp, False, second_on_or_behind_glass).run(seeds[1], max_vertices)
 
-    result = _received(trace, detectors, floor_w / total_w, target, seed)
-    return Received(total_w * result.power_w, total_w * result.error_w, result.dropped)
+    return _received(trace, detectors, floor_w / total_w, target, seed, path_weights).times(total_w)
 
 
 def _count(view: DetectorView | ProjectorView) -> int:
@@ -174,12 +193,14 @@ def _received(
     floor_w: float,
     target: float,
     seed: np.random.SeedSequence,
+    path_weights: Sequence[PathWeight],
 ) -> Received:
     """Power on each detector or in each pixel, from independent replicas."""
     detectors = _count(view)
+    kinds: list[MakeTally] = [ImageTally, *weighted([ImageTally], path_weights)]
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
-        tallies = Tallies(detectors, [ImageTally], replicas)
+        tallies = Tallies(detectors, kinds, replicas, weighted=bool(path_weights))
         whole = int(samples)
         ends: Ends
         if isinstance(view, ProjectorView):  # a pixel sees along the rays that it would emit
@@ -196,4 +217,8 @@ def _received(
     error_metric = ErrorMetric(lambda sums: sums["image"], size)
     budget = TargetError(target, error_metric, FIRST_PATHS, REPLICAS * MAX_PATHS, REPLICAS)
     result = repeat(launch, budget, detectors, seed, None, replicas=REPLICAS)
-    return Received(result.mean["image"], result.error["image"], result.dropped)
+    light = {
+        each.name: (result.mean[f"image_{each.name}"], result.error[f"image_{each.name}"])
+        for each in path_weights
+    }
+    return Received(result.mean["image"], result.error["image"], result.dropped, light)

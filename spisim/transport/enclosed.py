@@ -55,9 +55,16 @@ class Enclosed:
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         if self.grid is None:
-            _, inside_m = self.surface.sums(ray, far, active)
-            return dr.exp(-self.extinction_per_m * inside_m)
+            return dr.exp(-self.depth(ray, far, sampler, active))
         return self._tracked(ray, far, sampler, active)
+
+    def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
+        if self.grid is None:
+            _, inside_m = self.surface.sums(ray, far, active)
+            return self.extinction_per_m * inside_m
+        near, end = self.grid.box.interval(ray, far)
+        position = ray(dr.lerp(near, end, sampler.next_1d(active)))
+        return self.extinction_at(position) * dr.maximum(end - near, 0)
 
     def extinction_at(self, point: Point) -> Float:
         slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))

@@ -87,8 +87,11 @@ class Homogeneous:
         return self.extinction_per_m * length_m
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
+        return dr.exp(-self.depth(ray, far, sampler, active))
+
+    def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         near, far = self.bounds.interval(ray, far)
-        return dr.exp(-self.extinction_per_m * dr.maximum(far - near, 0))
+        return self.extinction_per_m * dr.maximum(far - near, 0)
 
     def extinction_at(self, point: Point) -> Float:
         upwards = mi.Ray3f(point, mi.Vector3f(0, 0, 1))
@@ -115,6 +118,11 @@ class Grid:
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         near, end = self.bounds.interval(ray, far)
         return self.tracked(ray, near, end, 1, sampler, active)
+
+    def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
+        near, end = self.bounds.interval(ray, far)
+        position = ray(dr.lerp(near, end, sampler.next_1d(active)))
+        return self.extinction_per_m * self.density_at(position) * dr.maximum(end - near, 0)
 
     @dr.syntax
     def collision(
@@ -179,6 +187,9 @@ class Medium(Protocol):
 
     def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         """Fraction of light that gets `far` without a collision, or an unbiased estimate of it."""
+
+    def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
+        """Optical depth up to `far`, or an unbiased estimate of it with its own random number."""
 
     def extinction_at(self, point: Point) -> Float:
         """Extinction, 1/m."""
@@ -288,14 +299,14 @@ class Media:
 
     def bending(
         self, point: Point, incoming: Vector, outgoing: Vector, active: Bool
-    ) -> tuple[Float, Float]:
-        """What all media scatter between two directions, 1/(m sr), and the density of `bend`."""
-        scattered, density = mi.Float(0), mi.Float(0)
+    ) -> tuple[list[Float], Float]:
+        """What each medium scatters between two directions, 1/(m sr), and the density of `bend`."""
+        scattered, density = [], mi.Float(0)
         context, interaction = mi.PhaseFunctionContext(), _interaction(point, incoming)
         outgoing = _within(incoming, outgoing)
         for part in self.parts:
             phase, _ = part.phase.eval_pdf(context, interaction, outgoing, active)
-            scattered += part.albedo * part.extinction_at(point) * phase.x
+            scattered.append(part.albedo * part.extinction_at(point) * phase.x)
             density += phase.x / len(self.parts)
         return scattered, density
 

@@ -19,9 +19,7 @@ from reconstruction.base.arrays import Floats
 from spisim.scene import SceneObject
 from spisim.scene.bsdf import Conductor, Dielectric, Mirror, Plastic, ThinPane, fresnel
 from spisim.scene.content import surface_content
-from spisim.transport.geometry import Geometry
 from spisim.transport.jit import Bool, Float, Hit, Object, Point, Point2, Ray, Sampler, UInt, Vector
-from spisim.transport.media import Media
 
 #: Maximum number of planes, by area x reflectance, through which vertices are joined to an end.
 MAX_PLANES = 64
@@ -172,33 +170,6 @@ class Mirrors:
             probability *= dr.select(going, chosen, 1)
             met += dr.select(going, 1, 0)
         return Fold(tuple(planes), met, probability)
-
-
-def reflected(
-    geometry: Geometry, media: Media, fold: Fold, ray: Ray, far: Float, sampler: Sampler, lit: Bool
-) -> Float:
-    """Fraction of light that a fold reflects along a ray to an end, `far` in unfolded length."""
-    left, rest_m = dr.select(lit, mi.Float(1), 0), mi.Float(far)
-    for number, plane in enumerate(fold.planes):
-        here = (left > 0) & (number < fold.met)
-        before, passed_m, through = ray, mi.Float(0), mi.Float(1)
-        if geometry.see_through:
-            before, passed_m, through = geometry.up_to(plane.holds, ray, here)
-        si = geometry.scene.ray_intersect(before, here)
-        gap_m = passed_m + si.t
-        met = here & si.is_valid() & (gap_m < rest_m) & plane.holds(si) & (through > 0)
-        # The first choice of every mirror, pane and coat is to reflect.
-        sample, weight = si.bsdf().sample(
-            mi.BSDFContext(mi.TransportMode.Importance), si, mi.Float(0), mi.Point2f(0.5), met
-        )
-        met &= mi.has_flag(sample.sampled_type, mi.BSDFFlags.DeltaReflection)
-        reflectance = weight.x * sample.pdf * through
-        reflectance *= media.transmittance(ray, gap_m, sampler, met)
-        left = dr.select(here, dr.select(met, left * reflectance, 0), left)
-        rest_m -= dr.select(met, gap_m, 0)
-        ray = dr.select(met, si.spawn_ray(si.to_world(sample.wo)), ray)
-    left *= geometry.along(ray, rest_m, left > 0)
-    return left * media.transmittance(ray, rest_m, sampler, left > 0)
 
 
 def mirrors_of(objects: Sequence[SceneObject]) -> tuple[Mirrors | None, Mirrors | None]:

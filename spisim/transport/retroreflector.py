@@ -51,6 +51,7 @@ def _register(variant: str) -> None:
             return drawn, self._weight(si, drawn.wo, active)
 
         def eval(self, context: Object, si: Hit, wo: Vector, active: Bool = True) -> Color:
+            active &= context.is_enabled(mi.BSDFFlags.GlossyReflection, 0)
             return self._weight(si, wo, active) * self._density(si.wi, wo)
 
         def pdf(self, context: Object, si: Hit, wo: Vector, active: Bool = True) -> Float:

@@ -1,6 +1,8 @@
 """A scene as Mitsuba holds it: meshes with their materials, mirrors, and media."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import drjit as dr
 import mitsuba as mi
@@ -16,7 +18,7 @@ from spisim.transport.bounds import Ball, Bounds, Box, Ellipsoid
 from spisim.transport.crossings import closed_mesh
 from spisim.transport.enclosed import Enclosed
 from spisim.transport.geometry import Geometry, rays_of, transform
-from spisim.transport.jit import Float, Hit, Object, Ray
+from spisim.transport.jit import Bool, Float, Hit, Object, Ray, Sampler, Vector
 from spisim.transport.media import (
     Bias,
     Grid,
@@ -28,6 +30,7 @@ from spisim.transport.media import (
 )
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
+from spisim.transport.scores import Parameter, Scored, Tracked
 from spisim.transport.views import BeamView
 
 #: Fog extends this far beyond the scene: light scattered further out does not come back.
@@ -48,6 +51,7 @@ class World:
     radius_m: float  # of a ball around everything
     diffuse: bool  # all surfaces are Lambertian
     retroreflects: bool  # some surface does
+    tracked: Tracked
 
     @property
     def plain(self) -> bool:
@@ -64,6 +68,17 @@ class World:
         si = self.geometry.scene.ray_intersect(ray)
         return si, dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.radius_m))
 
+    def transmittance(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Scored:
+        """Fraction of light that gets `far` without a collision."""
+        through = self.media.transmittance(ray, far, sampler, active)
+        return Scored(through, self.tracked.along(ray, far, sampler, active))
+
+    def reflected(self, context: Object, si: Hit, towards: Vector, active: Bool) -> Scored:
+        """BSDF x cosine towards a direction (unit vector)."""
+        local = si.to_local(towards)
+        value = si.bsdf().eval(context, si, local, active).x
+        return Scored(value, self.tracked.reflected(context, si, local, value, active))
+
     def axis_distance_m(self, beams: BeamView) -> Floats:
         """Distance along the axis of each beam to the first surface, (beams,); nan for none."""
         si = self.geometry.scene.ray_intersect(rays_of(beams.origins_m, beams.directions))
@@ -71,17 +86,19 @@ class World:
 
 
 @with_backend
-def build_world(scene: Scene) -> World:
-    """Convert a scene to Mitsuba."""
+def build_world(scene: Scene, tracked: Mapping[str, Parameter] = MappingProxyType({})) -> World:
+    """Convert a scene to Mitsuba; paths keep the scores of the parameters that are `tracked`."""
     meshes, (mirrors, smooth) = Meshes.of(scene.objects), mirrors_of(scene.objects)
+    media = _media(scene)
     return World(
         geometry=Geometry(meshes.scene, meshes.see_through),
-        media=_media(scene),
+        media=media,
         mirrors=mirrors,
         smooth=smooth,
         radius_m=_everything(scene)[1],
         diffuse=all(isinstance(thing.material.bsdf, Diffuse) for thing in scene.objects),
         retroreflects=any(isinstance(each.material.bsdf, Retroreflector) for each in scene.objects),
+        tracked=Tracked.of(tracked, media, meshes, scene.objects),
     )
 
 

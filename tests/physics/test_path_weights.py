@@ -12,23 +12,26 @@ import worlds
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.estimator import Strategy, spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.path_weights import ExtinctionRatio, Score
+from spisim.transport.engine.path_weights import ExtinctionRatio, Score, tracked_by
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
+from spisim.transport.scores import Albedo, Extinction
 from spisim.transport.world import build_world
 
 SIGMA, ALBEDO, G = 0.08, 0.9, 0.8
 VIEW = worlds.projector(shape=(8, 8))
 END = worlds.detector((0.1, 0, 0), half_angle_deg=12)
-BY_EXTINCTION = Score("by_extinction", 1.0, SIGMA)
-BY_ALBEDO = Score("by_albedo", 1.0, 0.0)
+BY_EXTINCTION = Score("by_extinction", Extinction(0))
+BY_ALBEDO = Score("by_albedo", Albedo(0))
+TRACKED = tracked_by([BY_EXTINCTION, BY_ALBEDO])
 FREQUENCY_HZ = 15e6
 SEEDS = range(8)
 BINS = PathLengthBins(40, 0.5)
 
 
 def room(sigma=SIGMA, albedo=ALBEDO):
-    return build_world(worlds.scene(*worlds.room(), extinction_per_m=sigma, albedo=albedo, g=G))
+    scene = worlds.scene(*worlds.room(), extinction_per_m=sigma, albedo=albedo, g=G)
+    return build_world(scene, TRACKED)
 
 
 def traced(world, seed, weights=(), **options):
@@ -62,7 +65,8 @@ def z_of(differences):
 
 def test_light_of_a_wall_alone_has_the_derivative_of_its_attenuation():
     distance_m = 5.0
-    world = build_world(worlds.scene(worlds.plane(distance_m), extinction_per_m=SIGMA, albedo=0.0))
+    scene = worlds.scene(worlds.plane(distance_m), extinction_per_m=SIGMA, albedo=0.0)
+    world = build_world(scene, TRACKED)
     estimate = spot_histogram(
         world,
         worlds.beams([0, 0, 1]),
@@ -111,7 +115,8 @@ def test_light_at_another_extinction_is_that_of_a_pass_through_it(ratio):
 
 @pytest.mark.parametrize("strategy", ["PROJECTOR", "DETECTOR"])
 def test_every_strategy_has_the_same_derivative(strategy):
-    world = build_world(worlds.scene(worlds.plane(4.0), extinction_per_m=SIGMA, albedo=ALBEDO, g=G))
+    scene = worlds.scene(worlds.plane(4.0), extinction_per_m=SIGMA, albedo=ALBEDO, g=G)
+    world = build_world(scene, TRACKED)
     scattered = (slice(None), slice(1, 4))
     both, one = (
         np.array(
@@ -137,4 +142,4 @@ def test_weighted_light_that_cannot_be_summed_is_refused():
     with pytest.raises(
         InputError, match=r"huge: \d+ paths have a weight of more than 4096; this is too far"
     ):
-        traced(room(), 1, [Score("huge", 1e20, 0.0)])
+        traced(room(), 1, [ExtinctionRatio("huge", 1e6, 0.0)])

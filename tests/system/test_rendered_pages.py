@@ -11,6 +11,7 @@ import pytest
 import spisim.dataset
 from browser import Browser, chromium
 from datasets import make_set
+from designs import finished
 from reconstruction import Capture, evaluate, reconstruct
 from spisim.dataset.records import Record
 from spisim.dataset.study.evaluation import Evaluation
@@ -22,11 +23,12 @@ from spisim_app.report.flight_page import write_flight
 from spisim_app.report.study import write_study
 from spisim_compare.comparing import compare
 from spisim_compare.page import write_comparison
+from spisim_inverse.design.page import write_design
 from studies import planned
 
 RENDERED = (Path(__file__).parents[1] / "rendered.js").read_text(encoding="utf-8")
 DESKTOP, PHONE = 1280, 390
-PAGES = ("report", "sheet", "study", "flight", "comparison")
+PAGES = ("report", "sheet", "study", "flight", "comparison", "design")
 METRICS = ["range_bias_m", "depth_mae_m", "depth_mae_m[nearest]"]
 
 pytestmark = pytest.mark.skipif(chromium() is None, reason="there is no Chromium")
@@ -52,6 +54,7 @@ def folder(capture: Capture, tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "study" / "report.html").rename(folder / "study.html")
     _flight(folder / "flight.html", capture)
     _comparison(folder / "comparison.html", capture)
+    write_design(folder / "design.html", finished(folder))
     return folder
 
 

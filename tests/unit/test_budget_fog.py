@@ -57,8 +57,13 @@ def test_at_the_longest_range_the_bound_is_the_limit() -> None:
     longest = fog_budget(preset, target(5.0, FOG), FOG, LIMIT_M).longest_m
     assert longest is not None
     assert longest > 7
-    sigma = fog_budget(preset, target(longest, FOG), FOG, LIMIT_M).sigma_m
-    assert sigma == pytest.approx(LIMIT_M, rel=0.01)
+    there, nearer = (
+        fog_budget(preset, target(distance_m, FOG), FOG, LIMIT_M) for distance_m in (longest, 3.0)
+    )
+    assert there.sigma_m == pytest.approx(LIMIT_M, rel=0.01)
+    assert nearer.sigma_m < there.sigma_m
+    assert nearer.reflectance_sigma < there.reflectance_sigma
+    assert 0 < nearer.extinction_sigma < 1
 
 
 @pytest.mark.slow

@@ -17,12 +17,14 @@ from reconstruction.capture.schema import between
 from spisim_app.cli import app
 from spisim_compare import command as compare_command
 from spisim_compare.arrays import compare_arrays, read_array
-from spisim_compare.causes import FACTOR, Cause
+from spisim_compare.causes import FACTOR, Cause, Causes
 from spisim_compare.comparing import compare
 from spisim_compare.comparison import in_words, named, parameters, probability
 from spisim_compare.gaussian import Covariance, least_squares
 from spisim_compare.histograms import MIN_COUNTS, HistogramModel, joined_bins
-from spisim_compare.judging import ALARM, Difference, judge
+from spisim_compare.judging import ALARM, PATTERNS, SPOTS, Difference, judge
+from spisim_compare.light_error import UNSTATED, UNSTATED_OF_SPOT, with_light_error
+from spisim_compare.midpoint import Midpoint
 from spisim_compare.noise import _total, noise_of
 from spisim_compare.patterns import Mean, common_noise, patterns_mean
 from spisim_compare.reading import compare_files
@@ -128,12 +130,75 @@ class TestJudging:
         assert verdict.alarm
         assert verdict.rest < 1e-3
 
+    def test_few_readings_of_spots_do_not_drown_in_those_of_patterns(self):
+        rng = np.random.default_rng(6)
+        n, patterns = 2000, 1990
+        values = rng.normal(size=n)
+        values[patterns:] = 2.5
+        noise = Covariance(np.ones(n), np.zeros((n, 0)))
+        verdict = judge(Difference(values, noise, patterns), causes_of(n))
+        assert verdict.probabilities["all readings"] > ALARM
+        assert verdict.probabilities[SPOTS] < 1e-3
+        assert verdict.probabilities[PATTERNS] > ALARM
+        assert verdict.alarm
+        assert SPOTS not in judge(Difference(values, noise, n), causes_of(n)).probabilities
+
+    @pytest.mark.parametrize("likelier", ["power", "offset"])
+    def test_of_equal_explanations_the_likelier_is_named(self, likelier):
+        n = 50
+        noise = Covariance(np.full(n, 1e-2), np.zeros((n, 0)))
+        both = causes_of(n)[1].directions
+        causes = [
+            Cause(name, name, ("electrons",), both, np.zeros((n, 0)), odds=1 + (name == likelier))
+            for name in ("power", "offset")
+        ]
+        verdict = judge(Difference(both[:, 0], noise, n), causes)
+        assert verdict.explained[0].cause.name == likelier
+
+    def test_a_change_known_badly_leaves_as_much_open(self):
+        """What a cause leaves open grows with the error of its size, too."""
+        rng = np.random.default_rng(7)
+        n, patterns = 60, 50
+        seen, elsewhere = np.zeros((2, n, 1))
+        seen[:patterns, 0] = 0.1 * rng.normal(size=patterns)
+        elsewhere[patterns:, 0] = 10 * rng.normal(size=n - patterns)
+        cause = Cause("pointing", "pointing", ("deg",), seen, elsewhere)
+        noise = Covariance(np.ones(n), np.zeros((n, 0)))
+        values = rng.normal(size=n) + elsewhere[:, 0]
+        verdict = judge(Difference(values, noise, patterns), [cause])
+        assert [each.cause.name for each in verdict.explained] == ["pointing"]
+
     def test_a_power_cannot_be_negative(self):
         n = 50
         noise = Covariance(np.full(n, 1e-2), np.zeros((n, 0)))
         causes = causes_of(n)[:1]
         verdict = judge(Difference(-3 * causes[0].directions[:, 0], noise, n), causes)
         assert not verdict.explained
+
+
+class TestErrorOfLight:
+    def test_no_simulation_is_trusted_to_the_last_digit(self):
+        """Without any stated error, powers are known no better than what rare paths add."""
+        exact = replace(
+            recorded(1), truth=None, provenance=replace(recorded(1).provenance, settings="")
+        )
+        midpoint = Midpoint.of(exact, exact)
+        n = midpoint.patterns.size
+        n += midpoint.spots.echo.size
+        nothing = Covariance(np.full(n, 1e-3), np.zeros((n, 0)))
+        noise = with_light_error(nothing, exact, midpoint)
+        causes = {each.name: each for each in Causes(midpoint)()}
+        for name, error in (("projector power", UNSTATED), ("laser power", UNSTATED_OF_SPOT / 2)):
+            fit = least_squares(np.zeros(n), causes[name].directions, noise)
+            assert np.sqrt(fit.covariance[0, 0]) == pytest.approx(error, rel=0.2)
+        measured = replace(exact, provenance=replace(exact.provenance, source="hardware"))
+        assert with_light_error(nothing, measured, midpoint) is nothing
+
+    @pytest.mark.parametrize("method", ["paper", "fog-spad"])
+    def test_echoes_of_spots_add_up(self, method):
+        spots = Midpoint.of(recorded(1, method), recorded(2, method)).spots
+        np.testing.assert_allclose(spots.echo_of_spots.sum(axis=1), spots.echo)
+        assert (np.count_nonzero(spots.echo_of_spots, axis=1) <= 1).all()
 
 
 class TestCaptures:

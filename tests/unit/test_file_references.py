@@ -17,9 +17,11 @@ from spisim.instrument import Instrument
 from spisim.instrument.sensors import SENSORS
 from spisim.instrument.tofs import TOFS
 from spisim.scene.description import DrawnDescription, SceneDescription
+from spisim_inverse.design.plan import DesignPlan
 
 EXAMPLES = yaml.safe_load(file_references.EXAMPLES.read_text(encoding="utf-8"))
-ROOTS = [SceneDescription, DrawnDescription, Instrument, StudyPlan, *KINDS.values(), Grid]
+ROOTS = [SceneDescription, DrawnDescription, Instrument, StudyPlan, DesignPlan]
+ROOTS += [*KINDS.values(), Grid]
 
 
 def below(section: type[BaseModel]) -> Iterator[type[BaseModel]]:

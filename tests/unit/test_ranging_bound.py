@@ -9,7 +9,7 @@ import pytest
 from instruments import changed
 from reconstruction.base.errors import InputError
 from reconstruction.capture.schema import between
-from reconstruction.ranging.bound import Targets, make_bound
+from reconstruction.ranging.bound import Targets, make_bound, make_bounds
 from reconstruction.ranging.fog.overlap import overlap
 from spisim.budget import Target, range_sigma_m, spot_link
 from spisim.instrument import SpotLight, load_instrument
@@ -130,8 +130,13 @@ def test_in_fog_it_is_the_inverse_of_numeric_information(name: str, changes: dic
     scale = np.sqrt(np.diagonal(information))
     inverse = np.linalg.inv(information / np.outer(scale, scale)) / np.outer(scale, scale)
     targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
-    result = make_bound(spots, 5.0, VAGUE)(targets, readings)
-    assert result == pytest.approx(np.sqrt(np.diagonal(inverse)[:4]), rel=0.02)
+    result, expected = (
+        make_bounds(spots, 5.0, VAGUE)(targets, readings),
+        np.sqrt(inverse.diagonal()),
+    )
+    assert result.range_m == pytest.approx(expected[:4], rel=0.02)
+    assert result.log_reflectance == pytest.approx(expected[4:8], rel=0.02)
+    assert result.log_extinction == pytest.approx(expected[12], rel=0.02)
 
 
 def test_what_is_known_beforehand_narrows_it() -> None:
@@ -174,3 +179,18 @@ def test_what_the_capture_has_to_tell() -> None:
     for unknown in ("electrons_per_joule", "laser_energies_j", "contrasts"):
         with pytest.raises(InputError, match="light in each reading is unknown"):
             make_bound(replace(spots, **{unknown: np.nan}), 5.0)
+
+
+def test_frames_together_know_the_extinction_better() -> None:
+    """Without a prior by the root of their number; with one at least as well as it."""
+    fog = changed("fog")
+    light = received(fog, "fog", RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER, np.full(4, 1e9))
+    readings, spots = recorded(fog, light)
+    targets = Targets(RANGE_M, REFLECTANCE, EXTINCTION, BACKSCATTER)
+
+    def sigma(prior: tuple[float, float], frames: int) -> float:
+        return make_bounds(spots, 5.0, prior, frames)(targets, readings).log_extinction
+
+    assert sigma(UNKNOWN, 1) == pytest.approx(3 * sigma(UNKNOWN, 9))
+    assert sigma((np.inf, 1e-6), 1) < sigma((np.inf, 0.1), 1) < sigma(UNKNOWN, 1)
+    assert sigma((0.05, np.inf), 1) < 0.05

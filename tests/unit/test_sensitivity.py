@@ -9,6 +9,9 @@ import pytest
 import spisim
 import worlds
 from reconstruction.base.errors import InputError
+from spisim.atmosphere import henyey_greenstein
+from spisim.scene import Material
+from spisim.scene.bsdf import Principled, ThinPane
 from spisim.simulation.light import solve
 from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
 from spisim.transport import Outputs
@@ -21,6 +24,12 @@ def foggy(**changes):
     scene = worlds.scene(worlds.plane(4.0), extinction_per_m=0.08, g=0.8)
     fog = replace(scene.atmosphere, visibility_m=VISIBILITY_M, **changes)
     return replace(scene, atmosphere=fog)
+
+
+def mixed():
+    """Mist and rain in one."""
+    parts = foggy(kind="mist").atmosphere, foggy(kind="rain").atmosphere
+    return foggy(parts=parts)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +91,9 @@ def test_fog_far_away_is_refused_in_the_pass():
         (foggy(albedo=0.0), "scene.fog.albedo", "needs light that fog scatters"),
         (worlds.scene(worlds.plane(4.0)), NAMES[0], "the air is clear"),
         (worlds.scene(extinction_per_m=0.1), NAMES[0], "the visibility of this fog is unknown"),
-        (replace(foggy(), volumes=worlds.bank(0.1)), NAMES[0], "remove other weather and volumes"),
+        (mixed(), NAMES[0], "the weather is a mixture of mist and rain; leave one alone"),
+        (foggy(phase=henyey_greenstein(0)), "scene.fog.g", "must be that of Henyey and Greenstein"),
+        (foggy(), "materials.plain", "did you mean 'materials.plane'"),
     ],
 )
 def test_what_paths_do_not_tell_is_refused(scene, name, message):
@@ -96,3 +107,18 @@ def test_a_ratio_that_is_none_is_refused(ratio):
         OtherFog.of(foggy(), ratio)
     with pytest.raises(InputError, match="that of the scene's fog is unknown"):
         OtherFog.of_visibility(worlds.scene(extinction_per_m=0.1), 20.0)
+
+
+@pytest.mark.parametrize(
+    ("material", "message"),
+    [
+        (Material("it", 0.0, "test"), r"materials.it: reflectance = 0, so that no path"),
+        (Material("it", 0.04, "test", ThinPane()), "materials.it: glass reflects by refraction"),
+        (Material("it", 0.5, "test", Principled(metallic=0.5)), "metallic = 0.5 mixes two"),
+    ],
+)
+def test_materials_without_a_derivative_are_refused(material, message):
+    scene = foggy()
+    thing = replace(scene.objects[0], material=material)
+    with pytest.raises(InputError, match=message):
+        sensitivities(replace(scene, objects=(thing,)), ["materials.it"])

@@ -1,5 +1,6 @@
 """`spisim transport`: the returning light, before any detector."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -51,7 +52,8 @@ def command(
         typer.Option(
             "--sensitivity",
             metavar="NAME",
-            help="Add the derivative by a parameter of the fog, such as scene.fog.visibility_m.",
+            help="Add derivatives by parameters, with commas between: scene.fog.visibility_m, "
+            "materials.concrete.",
         ),
     ] = None,
     also_visibility: Annotated[
@@ -71,13 +73,13 @@ def command(
     """Trace the light only: transport image and truth as channels of an OpenEXR file.
 
     The spots' light over path length goes into a NumPy file (.npz) beside it, as does the cube
-    (rows, columns, bins), whose last bin collects paths longer than 80 m. `units.*` in either file
-    are the units.
+    (rows, columns, bins), whose last bin collects paths longer than 80 m, and the derivatives of
+    the spots' and of steady light. `units.*` in either file are the units.
     """
     from reconstruction.base.files import require_outputs
     from spisim.simulation.light import NEAR_PATH_M, solve
     from spisim.simulation.light.files import (
-        fog_channels,
+        derived_channels,
         light_channels,
         write_histograms,
         write_truth,
@@ -90,7 +92,7 @@ def command(
     histograms = files[1].path
     carried = instrument_with(instrument, wavelength)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    derivatives = sensitivities(loaded, sensitivity or ())
+    derivatives = sensitivities(loaded, _names(sensitivity or ()))
     others = {each: OtherFog.of_visibility(loaded, each) for each in also_visibility or ()}
     outputs = Outputs(
         orders=orders,
@@ -103,10 +105,14 @@ def command(
             loaded, carried, **light.arguments, seed=seed, outputs=outputs, progress=advance
         )
     channels = light_channels(traced, frequency or ())
-    channels |= fog_channels(traced, derivatives, others)
-    units = {f"transport_per.{each.parameter}": each.unit for each in derivatives}
+    channels |= derived_channels(traced, derivatives, others)
+    units = {
+        f"transport_per.{each.parameter}{ending}": each.unit
+        for each in derivatives
+        for ending in ("", "_error")
+    }
     write_truth(output, ground_truth(loaded, carried), channels, units)
-    write_histograms(histograms, traced)
+    write_histograms(histograms, traced, derivatives)
     if json:
         print_json(
             {
@@ -126,3 +132,8 @@ def command(
         )
     else:
         say(f"Wrote {output} and {histograms}: {traced.paths:,} paths in {traced.seconds:.1f} s.")
+
+
+def _names(lists: Sequence[str]) -> list[str]:
+    """All names, in order and each once."""
+    return list(dict.fromkeys(name.strip() for names in lists for name in names.split(",")))

@@ -1,13 +1,15 @@
 """All recorded light besides image and histograms, with pixels as rows and columns."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from spisim.transport.daylight import Received
 from spisim.transport.engine.outputs import Outputs
+from spisim.transport.engine.path_weights import PathWeight
 from spisim.transport.engine.sampling import Estimate
 
 
@@ -53,6 +55,21 @@ def weighted_light(
                     extra[f"{name}_{weight.name}{ending}"] = (
                         values if form is None else values.reshape(form)
                     )
+    return extra
+
+
+def steady_weighted(
+    weights: Sequence[PathWeight], bucket: Received, spots: Received, crosstalk: Received
+) -> dict[str, NDArray[Any]]:
+    """Weighted steady light, by the names of its fields of `Transport`, and its standard errors."""
+    extra: dict[str, NDArray[Any]] = {}
+    for weight in weights:
+        for name, light in (("spot_daylight_w", spots), ("spot_crosstalk_w", crosstalk)):
+            power, error = light.weighted[weight.name]
+            extra |= {f"{name}_{weight.name}": power, f"{name}_{weight.name}_error": error}
+        power, error = bucket.weighted[weight.name]
+        extra[f"daylight_w_{weight.name}"] = power.sum()
+        extra[f"daylight_w_{weight.name}_error"] = np.linalg.norm(error)
     return extra
 
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
-from spisim.simulation.light.sensitivity import OtherFog, Sensitivity
+from spisim.simulation.light.parameters import Proportional, Sensitivity
+from spisim.simulation.light.sensitivity import OtherFog
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -67,8 +68,10 @@ def light_channels(
     return channels
 
 
-def fog_channels(
-    light: Transport, derivatives: Sequence[Sensitivity], others: Mapping[float, OtherFog]
+def derived_channels(
+    light: Transport,
+    derivatives: Sequence[Sensitivity | Proportional],
+    others: Mapping[float, OtherFog],
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
     channels: dict[str, NDArray[np.floating]] = {}
@@ -85,10 +88,29 @@ def _by_order(name: str, parts: NDArray[Any]) -> dict[str, NDArray[Any]]:
     return {f"{name}.{order}": part for order, part in zip(ORDERS, parts, strict=True)}
 
 
-def write_histograms(path: Path, light: Transport) -> None:
+#: Fields of `Transport` whose derivatives are written with the histograms, and their units.
+DERIVED = {
+    "spot_histogram": "1",
+    "daylight_w": "W",
+    "spot_daylight_w": "W",
+    "spot_crosstalk_w": "W",
+}
+
+
+def _times(unit: str, per: str) -> str:
+    """A unit times the unit of one over a parameter."""
+    if "1" in (unit, per):
+        return unit if per == "1" else per
+    return unit + per[1:] if per.startswith("1/") else f"{unit} {per}"
+
+
+def write_histograms(
+    path: Path, light: Transport, derivatives: Sequence[Sensitivity | Proportional] = ()
+) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.
 
-    `units.<name>` is the unit of each array.
+    With it go the derivatives of all light but the image's, as ``<field>_per.<parameter>``, and
+    their standard errors. `units.<name>` is the unit of each array.
     """
     arrays = {
         "spot_histogram": light.spot_histogram,
@@ -96,6 +118,12 @@ def write_histograms(path: Path, light: Transport) -> None:
         **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
     }
     units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
+    for each in derivatives:
+        for field, unit in DERIVED.items():
+            name = f"{field}_per.{each.parameter}"
+            arrays[name], arrays[f"{name}_error"] = each.of(light, field)
+            whole = np.array(_times(unit, each.unit))
+            units |= {f"units.{name}": whole, f"units.{name}_error": whole}
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **arrays, **units)
     with zipfile.ZipFile(buffer, "a") as archive:

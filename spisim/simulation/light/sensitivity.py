@@ -1,97 +1,52 @@
-"""How light changes with the fog, and light in fog of another extinction, from one pass.
+"""How light changes with materials and media, and light in fog of another extinction, in one pass.
 
-Fog that fills the whole scene gives each path a weight by what it met (see
-`spisim.transport.engine.path_weights`); sums of weighted light are recorded beside the light.
+Paths have weights by what they have met (see `spisim.transport.engine.path_weights`); sums of
+weighted light are recorded beside the light.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene import Scene
+from spisim.simulation.light.parameters import Proportional, Sensitivity, parameters_of
 from spisim.simulation.light.solve import Transport
-from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight, Score
+from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight
 
 #: Least fraction of the light's paths that may carry an estimate at another extinction.
 MIN_CARRIED = 0.3
 
 
-@dataclass(frozen=True)
-class Sensitivity:
-    """Derivative by a parameter: ``scale`` times the sums weighted by ``weight``.
-
-    The derivative of an array ``x`` of `Transport` is that of `by` of its name.
-    """
-
-    parameter: str
-    unit: str
-    weight: Score
-    scale: float
-
-    def of(self, light: Transport, name: str = "image") -> tuple[NDArray[np.float64], Floats]:
-        """Derivative and standard error of "image" (H, W) or "spot_histogram" (spots, bins)."""
-        weighted = light.extra[f"{name}_{self.weight.name}"]
-        error = light.extra[f"{name}_{self.weight.name}_error"]
-        return self.scale * weighted, abs(self.scale) * error
-
-
-def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity]:
-    """Derivatives of light by parameters of a scene's fog.
+def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity | Proportional]:
+    """Derivatives of light by parameters of a scene.
 
     Parameters
     ----------
     scene
-        With fog, alone and everywhere.
+        What the light is traced through.
     parameters
-        Names of `PARAMETERS`.
+        Names among those of `parameters_of` the scene.
 
     Returns
     -------
-    list of Sensitivity
+    list of Sensitivity or Proportional
         Their weights go into `Outputs.weights`.
 
     Raises
     ------
     InputError
-        For an unknown name, and if paths of the scene do not tell the derivative: clear air, other
-        media, or fog whose visibility is unknown.
+        For an unknown name, and where paths do not say the derivative: clear air, weather that is a
+        mixture, fog whose visibility is unknown or that does not scatter, a phase function other
+        than Henyey and Greenstein's, materials that reflect nothing or by refraction alone.
     """
+    known = parameters_of(scene)
     for name in parameters:
-        if name not in PARAMETERS:
-            raise InputError(f"sensitivity {name!r}: {nearest(name, PARAMETERS)}")
-    if parameters:
-        _require_fog_alone(scene)
-    return [PARAMETERS[name](scene) for name in parameters]
-
-
-def _by_extinction(scene: Scene) -> Sensitivity:
-    name, sigma = "scene.fog.extinction_per_m", scene.atmosphere.extinction_per_m
-    return Sensitivity(name, "m", Score("by_extinction", 1.0, sigma), 1 / sigma)
-
-
-def _by_albedo(scene: Scene) -> Sensitivity:
-    if not (albedo := scene.atmosphere.albedo) > 0:
-        raise InputError("scene.fog.albedo = 0: its derivative needs light that fog scatters")
-    return Sensitivity("scene.fog.albedo", "1", Score("by_albedo", 1.0, 0.0), 1 / albedo)
-
-
-def _by_visibility(scene: Scene) -> Sensitivity:
-    """The extinction of given droplets is inversely proportional to the visibility."""
-    if (visibility_m := scene.atmosphere.visibility_m) is None:
-        raise InputError("scene.fog.visibility_m: the visibility of this fog is unknown")
-    weight = Score("by_extinction", 1.0, scene.atmosphere.extinction_per_m)
-    return Sensitivity("scene.fog.visibility_m", "1/m", weight, -1 / visibility_m)
-
-
-PARAMETERS: dict[str, Callable[[Scene], Sensitivity]] = {
-    "scene.fog.visibility_m": _by_visibility,
-    "scene.fog.extinction_per_m": _by_extinction,
-    "scene.fog.albedo": _by_albedo,
-}
+        if name not in known:
+            raise InputError(f"sensitivity {name!r}: {nearest(name, known)}")
+    return [known[name]() for name in parameters]
 
 
 @dataclass(frozen=True)
@@ -145,12 +100,11 @@ class OtherFog:
         return light.extra[name], light.extra[f"{name}_error"]
 
 
-def weights_of(wanted: Sequence[Sensitivity | OtherFog]) -> tuple[PathWeight, ...]:
+def weights_of(wanted: Sequence[Sensitivity | Proportional | OtherFog]) -> tuple[PathWeight, ...]:
     """Weights to record, each once."""
     each: dict[str, PathWeight] = {}
     for one in wanted:
-        some = one.weights if isinstance(one, OtherFog) else (one.weight,)
-        each |= {weight.name: weight for weight in some}
+        each |= {weight.name: weight for weight in one.weights}
     return tuple(each.values())
 
 

@@ -13,7 +13,7 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
 from spisim.scene import Scene
-from spisim.simulation.light.extra import extra_light, weighted_light
+from spisim.simulation.light.extra import extra_light, steady_weighted, weighted_light
 from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
 from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.simulation.light.stated_error import image_error, spot_error
@@ -21,7 +21,7 @@ from spisim.transport.backend import with_backend
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.path_weights import PathWeight
+from spisim.transport.engine.path_weights import PathWeight, tracked_by
 from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
@@ -140,11 +140,13 @@ def solve(
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)
     streams = streams_of(seed)
-    world = build_world(scene)
+    world = build_world(scene, tracked_by(outputs.weights))
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
-    steady = steady_light(scene, instrument, world, placed, streams[2:])
-    dropped = steady.pop("dropped")
+    steady = steady_light(
+        scene, instrument, world, placed, streams[2:], path_weights=outputs.weights
+    )
+    dropped, steady_extra = steady.pop("dropped"), steady.pop("extra")
     image, (spots, lengths_m) = NO_IMAGE, (NO_SPOTS, np.zeros(0))
     if instrument.images:
         image = _image(
@@ -187,7 +189,8 @@ def solve(
         paths=image.paths + spots.paths,
         seconds=seconds,
         extra=extra_light(outputs, image.mean if instrument.images else None, spots.mean, shape)
-        | weighted_light(outputs, image if instrument.images else None, spots, shape),
+        | weighted_light(outputs, image if instrument.images else None, spots, shape)
+        | steady_extra,
     )
 
 
@@ -303,13 +306,15 @@ def steady_light(
     *,
     target: float = STEADY_ERROR,
     max_vertices: int = MAX_VERTICES,
+    path_weights: Sequence[PathWeight] = (),
 ) -> dict[str, Any]:
     """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
 
     `target` is their relative error; errors far below the dark current are tolerated, too. Light of
-    the pattern that is scattered more than `max_vertices` times is left out.
+    the pattern that is scattered more than `max_vertices` times is left out. `path_weights` add
+    weighted light to `extra`.
     """
-    none = Received(*np.zeros((2, 0)))
+    none = Received.none(0, path_weights)
     bucket, spots = (
         none
         if (detector := instrument.detectors.get(name)) is None
@@ -321,13 +326,14 @@ def steady_light(
             floor_w=dark_power(instrument, detector, "daylight"),
             target=target,
             seed=stream,
+            path_weights=path_weights,
         )
         for name, view, stream in (
             ("detector", placed.bucket, streams[0]),
             ("tof.detector", placed.zones or placed.tof, streams[1]),
         )
     )
-    crosstalk = Received(*np.zeros((2, len(placed.tof.positions_m))))
+    crosstalk = Received.none(len(placed.tof.positions_m), path_weights)
     if instrument.images and instrument.ranges:
         crosstalk = projector_power(
             world,
@@ -338,6 +344,7 @@ def steady_light(
             target=target,
             seed=streams[2],
             max_vertices=max_vertices,
+            path_weights=path_weights,
         )
     return {
         "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
@@ -347,6 +354,7 @@ def steady_light(
         "spot_daylight_error_w": spots.error_w,
         "spot_crosstalk_w": crosstalk.power_w,
         "spot_crosstalk_error_w": crosstalk.error_w,
+        "extra": steady_weighted(path_weights, bucket, spots, crosstalk),
     }
 
 

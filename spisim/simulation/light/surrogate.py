@@ -98,7 +98,7 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     image = _image(instrument, world, placed, extinction, streams[0])
     spots = _spots(instrument, world, placed, extinction, streams[1])
     dropped = image.pop("dropped") + spots.pop("dropped") + steady.pop("dropped")
-    extra = image.pop("extra") | spots.pop("extra")
+    extra = image.pop("extra") | spots.pop("extra") | steady.pop("extra")
     paths = image.pop("paths") + spots.pop("paths")
     return Transport(
         **image,

@@ -80,7 +80,7 @@ def bucket_light(
         _readings(instrument, between, first, *window)
         for window in zip(pictures, steadies, changes, strict=True)
     ]
-    fraction = _carried(instrument)
+    fraction = carried_fraction(instrument)
     last = [None] * len(settled) if before is None else before.light.tolist()
     buckets, *taps = (
         with_carry_over(each, fraction, each_last)
@@ -187,7 +187,7 @@ def _readings(
     return readings
 
 
-def _carried(instrument: Instrument) -> float:
+def carried_fraction(instrument: Instrument) -> float:
     """Fraction of a reading that belongs to the exposure before."""
     amplifier = instrument.imaging.detector.amplifier
     pole_s = 0.0 if amplifier is None else amplifier.time_constant_s

@@ -20,6 +20,7 @@ import numpy as np
 from spisim.transport.engine.ends import Connection, Launch
 from spisim.transport.geometry import EquiAngular
 from spisim.transport.jit import Bool, Float, Frame, Hit, Object, Point, Ray, Sampler, UInt
+from spisim.transport.scores import together
 from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
@@ -108,6 +109,12 @@ class Beams:
         specular = on_surface & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Delta)
         straight = on_surface & mi.has_flag(sample.sampled_type, mi.BSDFFlags.Null)
         density = dr.select(in_fog, phase_density, dr.select(specular, dr.inf, sample.pdf))
+        tracked = self.world.tracked
+        scores = together(
+            tracked.along(ray, distance, sampler, mi.Bool(True)),
+            tracked.scattered_by(collision.medium, ray.d, scattered, in_fog),
+            tracked.sampled(_context(), si, sample, on_surface),
+        )
         return Launch(
             origin=dr.select(in_fog, point, outgoing.o),
             direction=dr.select(in_fog, scattered, outgoing.d),
@@ -122,6 +129,7 @@ class Beams:
             ),
             cell=self.cell(lane),
             crossings=dr.select(straight, mi.UInt32(1), mi.UInt32(0)),
+            scores=scores,
         )
 
     def density(self, launch: Launch, first_vertex: Point) -> Float:
@@ -149,19 +157,25 @@ class Beams:
         medium = self.world.media.pick(point, sampler.next_1d())
         phase = self.world.media.phase(medium, point, ray.d, leaving, in_fog)
         on_surface = ~in_fog & si.is_valid()
-        reflected, density = si.bsdf().eval_pdf(_context(), si, si.to_local(leaving), on_surface)
+        local = si.to_local(leaving)
+        reflected, density = si.bsdf().eval_pdf(_context(), si, local, on_surface)
         lobe = dr.select(in_fog, self.world.media.albedo(medium) * phase, reflected.x)
         density = dr.select(in_fog, phase, density)
         seen = dr.rcp(squared * chosen)
-        through = self.world.media.transmittance(ray, distance, sampler, mi.Bool(True))
+        through = self.world.transmittance(ray, distance, sampler, mi.Bool(True))
         strength = dr.select(in_fog, self.world.media.extinction_at(point), 1)
         return Connection(
             point=point,
-            importance=seen * strength * through * lobe,
+            importance=seen * strength * through.value * lobe,
             density=self.samples_jit * seen * density * self._arrival(ray, point, distance, in_fog),
             length_m=distance,
             scatterings=dr.select(in_fog, mi.UInt32(1), mi.UInt32(0)),
             cell=self.cell(lane),
+            scores=together(
+                through.scores,
+                self.world.tracked.scattered_by(medium, ray.d, leaving, in_fog),
+                self.world.tracked.reflected(_context(), si, local, reflected.x, on_surface),
+            ),
         )
 
     def pencil(self, lane: UInt, sampler: Sampler) -> tuple[Ray, Float]:

@@ -14,12 +14,12 @@ from spisim.transport.engine.apertures import Detectors
 from spisim.transport.engine.beams import Beams
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.lights import Lamp
-from spisim.transport.engine.line_of_sight import Mirrored, Straight
+from spisim.transport.engine.line_of_sight import Mirrored, Straight, reflected
 from spisim.transport.engine.points import Points
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import EquiAngular, direction_to
 from spisim.transport.jit import Bool, Float, Hit, Object, Point, Ray, Sampler, UInt
-from spisim.transport.mirrors import reflected
+from spisim.transport.scores import Scored
 from spisim.transport.world import World
 
 #: Ends whose rays are followed, and ends that the rays are connected to.
@@ -31,8 +31,8 @@ Lanes = tuple[UInt, UInt, UInt, Points]
 
 #: How the ray's points see the other end.
 LineOfSight = Straight | Mirrored
-#: Deposits a value with its path length and number of scatterings, in some lanes.
-Add = Callable[[Float, Float, int, Bool], None]
+#: Deposits light with its path length and number of scatterings, in some lanes.
+Add = Callable[[Scored, Float, int, Bool], None]
 
 
 class Pencil(NamedTuple):
@@ -92,10 +92,10 @@ def mirrored_light(
     value = start.importance * response / source.paths
     lit = carries_light(value)
     ray = mi.Ray3f(start.point, towards)
-    value *= reflected(world.geometry, world.media, fold, ray, length_m, sampler, lit)
-    lit &= carries_light(value)
+    light = Scored(value) * reflected(world, fold, ray, length_m, sampler, lit)
+    lit &= carries_light(light.value)
     cell = cell if start.cell is None else start.cell
-    deposit(Contribution(value, cell, length_m, mi.UInt32(0), lit, replica))
+    deposit(Contribution(light.value, cell, length_m, mi.UInt32(0), lit, replica, light.scores))
 
 
 def _along_rays(
@@ -105,9 +105,9 @@ def _along_rays(
     ray, weight = this.pencil(lane, sampler)
     pencil = Pencil(ray, *world.first_surface(ray), view.end.choose(lane, sampler))
 
-    def add(value: Float, length_m: Float, scatterings: int, lit: Bool) -> None:
-        order = mi.UInt32(scatterings)
-        deposit(Contribution(value * weight, cell, length_m, order, lit, replica))
+    def add(light: Scored, length_m: Float, scatterings: int, lit: Bool) -> None:
+        value, order = light.value * weight, mi.UInt32(scatterings)
+        deposit(Contribution(value, cell, length_m, order, lit, replica, light.scores))
 
     far_point = _off_surface(world, pencil, view, sampler, add)
     if world.media.parts:
@@ -122,12 +122,11 @@ def _off_surface(
     end = view.connect_to(number, si.p, sampler)
     towards, gap = direction_to(si.p, end.point)
     context = surface_context(view.end)
-    scattered = si.bsdf().eval(context, si, si.to_local(towards), si.is_valid())
-    value = scattered.x * end.importance
-    lit = carries_light(value) & si.is_valid()
-    value *= world.media.transmittance(ray, far, sampler, lit)
-    value *= view.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
-    add(value, far + gap, 0, lit)
+    light = world.reflected(context, si, towards, si.is_valid()) * end.importance
+    lit = carries_light(light.value) & si.is_valid()
+    light *= world.transmittance(ray, far, sampler, lit)
+    light *= view.transmission(si, si.p, towards, gap, mi.Bool(False), sampler, lit)
+    add(light, far + gap, 0, lit)
     return end.point
 
 
@@ -151,9 +150,10 @@ def _off_fog(
     value = media.albedo(medium) * media.extinction_at(point) * end.importance / density
     lit = carries_light(value) & (far > near)
     value *= media.phase(medium, point, ray.d, towards, lit)
-    value *= media.transmittance(ray, distance, sampler, lit)
-    value *= view.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
-    add(value, distance + gap, 1, lit)
+    light = Scored(value, world.tracked.scattered_by(medium, ray.d, towards, lit))
+    light *= world.transmittance(ray, distance, sampler, lit)
+    light *= view.transmission(si, point, towards, gap, mi.Bool(True), sampler, lit)
+    add(light, distance + gap, 1, lit)
 
 
 def surface_context(other: Sink) -> Object:

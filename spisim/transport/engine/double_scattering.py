@@ -27,6 +27,7 @@ from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.tally import Contribution, Deposit, carries_light
 from spisim.transport.geometry import direction_to
 from spisim.transport.jit import Bool, Float, Hit, Point, Sampler
+from spisim.transport.scores import Scored
 from spisim.transport.world import World
 
 #: Below this extinction (1/m) the fog of a ray counts as uniform.
@@ -46,9 +47,10 @@ def double_scattering_light(
     lane, cell, replica, points = low_discrepancy(this, replicas, seed ^ 2)  # another stream
     ray, weight = this.pencil(lane, points)
     pencil = Pencil(ray, *world.first_surface(ray), other.choose(lane, points))
-    for light in (_behind_surface, _before_surface):
-        value, length_m, lit = light(world, pencil, other, points)
-        deposit(Contribution(value * weight, cell, length_m, mi.UInt32(1), lit, replica))
+    for strategy in (_behind_surface, _before_surface):
+        light, length_m, lit = strategy(world, pencil, other, points)
+        value, order = light.value * weight, mi.UInt32(1)
+        deposit(Contribution(value, cell, length_m, order, lit, replica, light.scores))
 
 
 def estimated_along_rays(first: Point, second: Point, end: Point, surface_first: Bool) -> Bool:
@@ -59,7 +61,7 @@ def estimated_along_rays(first: Point, second: Point, end: Point, surface_first:
 
 def _behind_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
-) -> tuple[Float, Float, Bool]:
+) -> tuple[Scored, Float, Bool]:
     """Value, path length and lanes of light that goes from the surface through the fog."""
     ray, si, far, number = pencil
     media = world.media
@@ -85,24 +87,28 @@ def _behind_surface(
     seen = other.connect_to(number, point, aperture)
     onward, second_m = direction_to(point, seen.point)
     lit = si.is_valid() & (first_m > 0) & (second_m > 0) & (seen.importance > 0)  # by rounding
-    scattered, density = media.bending(point, outgoing, onward, lit)
+    parts, density = media.bending(point, outgoing, onward, lit)
+    scattered: Float = sum(parts)
     density *= 0.5 / length_m + 0.5 / (dr.pi * root)
     density *= length_m / (first_m * second_m)
     density *= t / dr.square(first_m) + (length_m - t) / dr.square(second_m)
-    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(outgoing), lit)
-    value = reflected.x * scattered * seen.importance / (density * dr.square(first_m))
-    lit &= (density > 0) & carries_light(value)
-    value *= world.geometry.transmission(si, si.p, outgoing, first_m, mi.Bool(False), lit)
-    value *= world.geometry.between(point, onward, second_m, lit)
-    value *= media.transmittance(ray, far, points, lit)
-    value *= media.transmittance(mi.Ray3f(si.p, outgoing), first_m, points, lit)
-    value *= media.transmittance(mi.Ray3f(point, onward), second_m, points, lit)
-    return value, far + first_m + second_m, lit & carries_light(value)
+    light = world.reflected(surface_context(other), si, outgoing, lit)
+    light *= Scored(
+        scattered * seen.importance / (density * dr.square(first_m)),
+        world.tracked.scattered(lambda number: parts[number] / scattered, outgoing, onward),
+    )
+    lit &= (density > 0) & carries_light(light.value)
+    light *= world.geometry.transmission(si, si.p, outgoing, first_m, mi.Bool(False), lit)
+    light *= world.geometry.between(point, onward, second_m, lit)
+    light *= world.transmittance(ray, far, points, lit)
+    light *= world.transmittance(mi.Ray3f(si.p, outgoing), first_m, points, lit)
+    light *= world.transmittance(mi.Ray3f(point, onward), second_m, points, lit)
+    return light, far + first_m + second_m, lit & carries_light(light.value)
 
 
 def _before_surface(
     world: World, pencil: Pencil, other: Detectors | Lamp, points: Sampler
-) -> tuple[Float, Float, Bool]:
+) -> tuple[Scored, Float, Bool]:
     """Value, path length and lanes of light that goes from the fog to a surface."""
     ray, _, far, number = pencil
     media = world.media
@@ -116,14 +122,14 @@ def _before_surface(
     si: Hit = world.geometry.scene.ray_intersect(onward, carries_light(value))
     end = other.connect_to(number, si.p, points)
     towards, gap = direction_to(si.p, end.point)
-    reflected = si.bsdf().eval(surface_context(other), si, si.to_local(towards), si.is_valid())
-    value *= reflected.x * end.importance
-    lit = si.is_valid() & carries_light(value)
-    value *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
-    value *= media.transmittance(ray, distance, points, lit)
-    value *= media.transmittance(mi.Ray3f(point, bent), si.t, points, lit)
-    value *= media.transmittance(mi.Ray3f(si.p, towards), gap, points, lit)
-    return value, distance + si.t + gap, lit & carries_light(value)
+    light = Scored(value, world.tracked.scattered_by(medium, ray.d, bent, carries_light(value)))
+    light *= world.reflected(surface_context(other), si, towards, si.is_valid()) * end.importance
+    lit = si.is_valid() & carries_light(light.value)
+    light *= world.geometry.transmission(si, si.p, towards, gap, mi.Bool(False), lit)
+    light *= world.transmittance(ray, distance, points, lit)
+    light *= world.transmittance(mi.Ray3f(point, bent), si.t, points, lit)
+    light *= world.transmittance(mi.Ray3f(si.p, towards), gap, points, lit)
+    return light, distance + si.t + gap, lit & carries_light(light.value)
 
 
 def _anywhere(extinction_per_m: Float, far: Float, points: Sampler) -> tuple[Float, Float]:

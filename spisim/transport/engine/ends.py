@@ -21,6 +21,7 @@ import numpy as np
 
 from spisim.transport.geometry import transform
 from spisim.transport.jit import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
+from spisim.transport.scores import NO_SCORES, Scores
 from spisim.transport.views import ProjectorView
 
 
@@ -36,6 +37,7 @@ class Launch(NamedTuple):
     scatterings: UInt = 0  # in fog, before `origin`
     crossings: UInt = 0  # surfaces passed straight through before `origin`
     replica: UInt = 0  # index of the replica that the path belongs to
+    scores: Scores = NO_SCORES  # of the way to `origin` and its turn there
 
 
 class Connection(NamedTuple):
@@ -47,6 +49,7 @@ class Connection(NamedTuple):
     length_m: Float  # optical path from `point` on to the emitter
     scatterings: UInt  # in fog, from `point` on to the emitter
     cell: UInt  # accumulator cell, None where the other end determines it
+    scores: Scores = NO_SCORES  # of the turn at `point` and the way on to the emitter
 
 
 class RandomRay(NamedTuple):

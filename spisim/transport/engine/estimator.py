@@ -164,7 +164,7 @@ def spot_histogram(
     count = len(beams.origins_m)
     replicas = replicas_of(count)
     histograms: MakeTally = partial(OrderTally, make=partial(HistogramTally, bins=bins))
-    kinds = [histograms, *weighted([histograms], path_weights)]
+    kinds = [histograms, *weighted([partial(HistogramTally, bins=bins)], path_weights)]
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(count, kinds, replicas, weighted=bool(path_weights))

@@ -34,20 +34,20 @@ class Footprint:
             mi.Ray3f(launch.origin, launch.direction), active
         )
         towards, gap = direction_to(si.p, vertex)
-        local = si.to_local(towards)
         context = mi.BSDFContext(mi.TransportMode.Radiance)
-        met = active & si.is_valid()
-        reflected = si.bsdf().eval(context, si, local, met)
+        reflected = self.world.reflected(context, si, towards, active & si.is_valid())
         launched = self.end.density(launch, si.p) / self.end.paths
         end = Connection(
             point=si.p,
-            importance=launch.beta * self.end.paths * reflected.x / (gap * gap),
+            importance=launch.beta * self.end.paths * reflected.value / (gap * gap),
             density=mi.Float(0),
             length_m=si.t,
             scatterings=mi.UInt32(0),
             cell=launch.cell,
+            scores=reflected.scores,
         )
-        cosines = dr.abs(si.wi.z) / dr.maximum(dr.abs(local.z), 1e-7)
+        leaving = dr.abs(si.to_local(towards).z)
+        cosines = dr.abs(si.wi.z) / dr.maximum(leaving, 1e-7)
         return end, launched * cosines * dr.square(gap / si.t)
 
     def density(self, end: Connection) -> Float:

@@ -23,14 +23,15 @@ from spisim.transport.engine.walk import MAX_VERTICES, lanes_and_sampler
 from spisim.transport.engine.walk_state import PathState
 from spisim.transport.geometry import EquiAngular
 from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
+from spisim.transport.scores import Scored, Scores, together
 from spisim.transport.world import World
 
 #: Roulette keeps paths until they carry less than this fraction of their start.
 ENDING = 0.25
 
 
-#: Deposits a value in some lanes.
-Add = Callable[[Float, Bool], None]
+#: Deposits light in some lanes.
+Add = Callable[[Scored, Bool], None]
 
 
 @dataclass
@@ -39,6 +40,12 @@ class _State(PathState):
 
     before: Point  # last vertex, or the sensor
     density: Float  # of leaving it, 1/sr; infinite where no join finds what lies there
+    scores: Scores
+
+    @property
+    def light(self) -> Scored:
+        """What the path carries."""
+        return Scored(self.beta, self.scores)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +68,14 @@ class Gather:
         launch = self.sensor.launch(lane, sampler)
         template = Contribution(mi.Float(0), launch.cell, mi.Float(0), mi.UInt32(0), False, replica)
 
-        def add(value: Float, active: Bool) -> None:
-            lit = active & carries_light(value)
-            self.deposit(template._replace(value=value, active=lit))
+        def add(light: Scored, active: Bool) -> None:
+            lit = active & carries_light(light.value)
+            each = template._replace(value=light.value, active=lit, scores=light.scores)
+            self.deposit(each)
 
         if dr.hint(isinstance(self.sensor, Detectors), mode="scalar"):
             self._see(lane, add, sampler)
-        path, scale = _start(launch), dr.rcp(launch.beta)
+        path, scale = _start(launch, self.world.tracked.none), dr.rcp(launch.beta)
         while dr.hint(path.active, exclude=[self, add, scale, limit]):
             here, far = self._fly(path, add, limit, sampler)
             may_join = path.active & (path.vertex <= limit)
@@ -87,20 +95,21 @@ class Gather:
         collision = media.flight(ray, si.t, sampler, path.active)
         in_fog = path.active & (collision.distance < si.t)
         on_surface = path.active & ~in_fog & si.is_valid()
+        far = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
+        if self.lamps.points is not None and media.parts:
+            self._join_along(ray, far, path, add, sampler, path.active & (path.vertex <= limit))
+        distance = dr.select(in_fog, collision.distance, si.t)
+        passed = self.world.tracked.along(ray, distance, sampler, path.active)
+        path.scores = together(path.scores, passed)
         for around in self.lamps.around:
             self._meet(around.met(ray.d), path, add, path.active & ~in_fog & ~on_surface)
         if self.lamps.areas is not None:
             self._meet(self.lamps.areas.met(path.before, si, on_surface), path, add, on_surface)
-        far = dr.select(si.is_valid(), si.t, dr.opaque(mi.Float, 2 * self.world.radius_m))
-        if self.lamps.points is not None and media.parts:
-            self._join_along(ray, far, path, add, sampler, path.active & (path.vertex <= limit))
         path.active &= in_fog | on_surface
-        distance = dr.select(in_fog, collision.distance, si.t)
         distance = dr.select(path.active, distance, 0)
         path.beta *= dr.select(in_fog, media.albedo(collision.medium), 1)
         here = Vertex(
-            self.world.geometry,
-            media,
+            self.world,
             mi.BSDFContext(mi.TransportMode.Radiance),
             si,
             collision.medium,
@@ -115,8 +124,7 @@ class Gather:
         """Deposit light of a lamp that the path has hit."""
         alone = (path.density == dr.inf) | (met.density == 0)
         fraction = dr.select(alone, 1, path.density / (path.density + met.density))
-        value = path.beta * met.radiance * fraction
-        add(value, active)
+        add(path.light * met.radiance * fraction, active)
 
     def _join(
         self,
@@ -132,10 +140,9 @@ class Gather:
         lobe = here.lobe(lit.towards, active & (lit.irradiance > 0))
         balance = lit.density / (lit.density + lobe.forward)
         weight = dr.select(lit.density == dr.inf, fraction, balance)
-        value = path.beta * lobe.value * lit.irradiance * weight
-        lit_up = active & carries_light(value)
-        value *= here.transmission(lit.towards, lit.gap_m, sampler, lit_up)
-        add(value, lit_up)
+        light = path.light * Scored(lobe.value, lobe.scores) * lit.irradiance * weight
+        lit_up = active & carries_light(light.value)
+        add(light * here.transmission(lit.towards, lit.gap_m, sampler, lit_up), lit_up)
 
     def _join_points(
         self, here: Vertex, far: Float, path: _State, add: Add, sampler: Sampler, active: Bool
@@ -165,15 +172,16 @@ class Gather:
         point, density = mi.Point3f(ray(distance)), angular.density(distance)
         medium = media.pick(point, sampler.next_1d(active))
         lit = points.chosen_from(number, position, point)
-        value = path.beta * media.albedo(medium) * media.extinction_at(point) * lit.irradiance
-        value *= dr.rcp(density + self._flown(ray, distance, point))
-        active &= carries_light(value)
-        value *= media.phase(medium, point, ray.d, lit.towards, active)
-        value *= self.world.geometry.between(point, lit.towards, lit.gap_m, active)
-        active &= carries_light(value)
-        value *= media.transmittance(ray, distance, sampler, active)
-        value *= media.transmittance(mi.Ray3f(point, lit.towards), lit.gap_m, sampler, active)
-        add(value, active)
+        light = path.light * media.albedo(medium) * media.extinction_at(point) * lit.irradiance
+        light *= dr.rcp(density + self._flown(ray, distance, point))
+        active &= carries_light(light.value)
+        scores = self.world.tracked.scattered_by(medium, ray.d, lit.towards, active)
+        light *= Scored(media.phase(medium, point, ray.d, lit.towards, active), scores)
+        light *= self.world.geometry.between(point, lit.towards, lit.gap_m, active)
+        active &= carries_light(light.value)
+        light *= self.world.transmittance(ray, distance, sampler, active)
+        towards = mi.Ray3f(point, lit.towards)
+        add(light * self.world.transmittance(towards, lit.gap_m, sampler, active), active)
 
     def _flown(self, ray: Ray, distance: Float, point: Point) -> Float:
         """Closed-form factors of the density with which a flight ends there by a collision."""
@@ -194,21 +202,20 @@ class Gather:
             )
             active = carries_light(value)
             value *= self.world.geometry.between(middle, lit.towards, lit.gap_m, active)
-            value *= self.world.media.transmittance(
-                mi.Ray3f(middle, lit.towards), lit.gap_m, sampler, active
-            )
-            add(value, active)
+            ray = mi.Ray3f(middle, lit.towards)
+            add(self.world.transmittance(ray, lit.gap_m, sampler, active) * value, active)
 
     def _leave(self, here: Vertex, turn: Turn, path: _State) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
+        path.scores = together(path.scores, turn.scores)
         path.before = dr.select(turn.straight, path.before, here.point)
         density = dr.select(turn.specular, dr.inf, turn.forward)
         path.density = dr.select(turn.straight, path.density, density)
         path.follow(turn)
 
 
-def _start(launch: Launch) -> _State:
+def _start(launch: Launch, scores: Scores) -> _State:
     beta = mi.Float(launch.beta)
     return _State(
         ray=mi.Ray3f(launch.origin, launch.direction),
@@ -218,4 +225,5 @@ def _start(launch: Launch) -> _State:
         active=carries_light(beta),
         before=mi.Point3f(launch.origin),
         density=mi.Float(dr.inf),
+        scores=scores,
     )

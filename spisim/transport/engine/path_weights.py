@@ -1,17 +1,17 @@
-"""Weights of paths by what they met in homogeneous fog: derivatives, and other extinctions.
+"""Weights of paths by what they have met: derivatives, and fog of other extinctions.
 
-Fog of extinction σ and albedo ω gives a path of length L with n scatterings the factor
-(ω σ)ⁿ exp(−σ L), whatever strategy has built the path. So
+Contributions times a path's score (`spisim.transport.scores`), summed beside the light itself, are
+unbiased estimates of its derivative from the same paths: perturbation Monte Carlo (C. K. Hayakawa
+et al., Opt. Lett. 26, 1335 (2001)). Fog of extinction σ alone gives a path of length L with n
+scatterings the factor σⁿ exp(−σ L), whatever strategy has built the path, so that
 
-    ∂ log f / ∂ ln σ = n − σ L,    ∂ log f / ∂ ln ω = n,    f(r σ) / f(σ) = rⁿ exp(−(r − 1) σ L),
+    f(r σ) / f(σ) = rⁿ exp(−(r − 1) σ L)
 
-and contributions times one of these, summed beside the light itself, are unbiased estimates of its
-derivative, or of the light at another extinction, from the same paths: perturbation Monte Carlo
-(C. K. Hayakawa et al., Opt. Lett. 26, 1335 (2001)). Weights of an extinction far away vary so much
-between paths that few of them carry the estimate.
+makes it light at another extinction. Weights of an extinction far away vary so much between paths
+that few of them carry the estimate.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Protocol
@@ -24,10 +24,11 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import MAX_WEIGHT
 from spisim.transport.engine.tally import Contribution, MakeTally
-from spisim.transport.jit import Float, UInt
+from spisim.transport.jit import Float
+from spisim.transport.scores import Parameter
 
-#: Weight from the number of scatterings and the path length in metres.
-OfPath = Callable[[UInt, Float], Float]
+#: Weight of a path.
+OfPath = Callable[[Contribution], Float]
 
 
 class PathWeight(Protocol):
@@ -43,16 +44,14 @@ class PathWeight(Protocol):
 
 @dataclass(frozen=True)
 class Score:
-    """n ``per_scattering`` − L ``per_m``: the derivative of the logarithm of a path's light."""
+    """The score by a parameter, which the world keeps track of under the same name."""
 
     name: str
-    per_scattering: float
-    per_m: float
+    parameter: Parameter
 
     def compiled(self) -> OfPath:
         """See `PathWeight`."""
-        each, per_m = (dr.opaque(mi.Float, x) for x in (self.per_scattering, self.per_m))
-        return lambda scatterings, length_m: each * scatterings - per_m * length_m
+        return lambda light: light.scores.get(self.name, mi.Float(0))
 
 
 @dataclass(frozen=True)
@@ -68,7 +67,12 @@ class ExtinctionRatio:
         """See `PathWeight`."""
         each = dr.opaque(mi.Float, self.power * np.log(self.ratio))
         per_m = dr.opaque(mi.Float, self.power * (self.ratio - 1) * self.extinction_per_m)
-        return lambda scatterings, length_m: dr.exp(each * scatterings - per_m * length_m)
+        return lambda light: dr.exp(each * light.scatterings - per_m * light.length_m)
+
+
+def tracked_by(weights: Iterable[PathWeight]) -> dict[str, Parameter]:
+    """Parameters that a world must keep track of, by name."""
+    return {each.name: each.parameter for each in weights if isinstance(each, Score)}
 
 
 class WeightedTally:
@@ -79,11 +83,12 @@ class WeightedTally:
         self._beyond = dr.zeros(mi.UInt32, 1)
 
     def add(self, light: Contribution) -> None:
-        weight = self._of_path(light.scatterings, light.length_m)
+        weight = self._of_path(light)
         size: Float = dr.abs(weight)
         usable = size <= MAX_WEIGHT
         dr.scatter_reduce(dr.ReduceOp.Add, self._beyond, 1, 0, light.active & ~usable)
-        self._tally.add(light._replace(value=light.value * weight, active=light.active & usable))
+        counted = light.active & usable & (size > 0)
+        self._tally.add(light._replace(value=light.value * weight, active=counted))
 
     @cached_property
     def _paths_beyond(self) -> int:

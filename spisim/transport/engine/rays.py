@@ -14,6 +14,7 @@ from spisim.transport.engine.ends import Connection, Projector
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.geometry import EquiAngular, direction_to
 from spisim.transport.jit import Bool, Float, Point, Ray, Sampler
+from spisim.transport.scores import together
 from spisim.transport.world import World
 
 
@@ -38,12 +39,12 @@ class FogRays:
         inside = active & (extinction > 0)
         phase = media.phase(medium, point, ray.d, towards, inside)
         clear = self.world.geometry.between(point, -ray.d, distance, inside & (phase > 0))
-        through = media.transmittance(ray, distance, sampler, clear > 0)
+        through = self.world.transmittance(ray, distance, sampler, clear > 0)
         given = media.closed_form_transmittance(ray, distance)
         biased = media.flight_density(ray, distance, medium, inside, mi.Float(0))
         picked = angular.density(distance)
         strength = (
-            clear * through * media.albedo(medium) * extinction * phase / (picked * gap * gap)
+            clear * through.value * media.albedo(medium) * extinction * phase / (picked * gap * gap)
         )
         end = Connection(
             point=point,
@@ -52,6 +53,9 @@ class FogRays:
             length_m=distance,
             scatterings=mi.UInt32(1),
             cell=cell,
+            scores=together(
+                through.scores, self.world.tracked.scattered_by(medium, ray.d, towards, inside)
+            ),
         )
         return end, density * picked / (distance * distance * extinction)
 

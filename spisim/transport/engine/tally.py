@@ -13,6 +13,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.transport.engine.accumulator import Accumulator, Check
 from spisim.transport.jit import Bool, Float, UInt
+from spisim.transport.scores import NO_SCORES, Scores
 
 #: Parts that the light can be split into, by the number of scatterings in fog.
 ORDERS = ("unscattered", "single", "multiple")
@@ -27,6 +28,7 @@ class Contribution(NamedTuple):
     scatterings: UInt  # in fog, along the whole path
     active: Bool
     replica: UInt  # index of the replica that it belongs to
+    scores: Scores = NO_SCORES
 
 
 Deposit = Callable[[Contribution], None]

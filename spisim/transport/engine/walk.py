@@ -35,6 +35,7 @@ from spisim.transport.engine.weights import Weight
 from spisim.transport.geometry import direction_to
 from spisim.transport.jit import Bool, Float, Sampler, UInt, Vector
 from spisim.transport.mirrors import Mirrors
+from spisim.transport.scores import Scored, together
 from spisim.transport.world import World
 
 #: Longer paths carry nothing worth following; roulette ends almost all of them earlier.
@@ -51,7 +52,7 @@ class _Join(NamedTuple):
     """A vertex joined to a point."""
 
     end: Connection
-    value: Float  # light along this path, unweighted
+    light: Scored  # along this path, unweighted; with the scores from the vertex on to the point
     ratio: Ratio  # R
     lobe: Lobe
     gap_m: Float
@@ -90,7 +91,7 @@ class Walk:
         lane, replica = number // replicas, number % replicas
         launch = self.this.launch(lane, sampler)._replace(replica=replica)
         limit = dr.opaque(mi.UInt32, max_vertices) + launch.crossings
-        path, scale = WalkState.start(launch, limit), 1 / launch.beta
+        path, scale = WalkState.start(launch, limit, self.world.tracked.none), 1 / launch.beta
         while dr.hint(path.active, exclude=[self, launch, scale, limit]):
             here = self._fly(path, launch, sampler)
             self._join_other_end(here, path, launch, lane, sampler)
@@ -115,11 +116,14 @@ class Walk:
         distance = dr.select(in_fog, collision.distance, si.t)
         biased = media.flight_density(ray, distance, collision.medium, in_fog, left_m)
         path.beta *= dr.rcp(biased)
+        path.scores = together(
+            path.scores, self.world.tracked.along(ray, distance, sampler, path.active)
+        )
         if self.sky is not None:
             escaped = path.active & ~in_fog & ~on_surface
             light = path.beta * self.sky(ray.d)
             reached = (launch.cell, path.length_m, path.scatterings)
-            self.deposit(Contribution(light, *reached, escaped, launch.replica))
+            self.deposit(Contribution(light, *reached, escaped, launch.replica, path.scores))
         path.active &= in_fog | on_surface
         distance = dr.select(path.active, distance, 0)
         point = mi.Point3f(ray(distance))
@@ -131,8 +135,7 @@ class Walk:
         path.densities.arrive_first(path.vertex == 1, self.this.density(launch, point))
         mode = mi.TransportMode.Importance if self.outward else mi.TransportMode.Radiance
         return Vertex(
-            self.world.geometry,
-            media,
+            self.world,
             mi.BSDFContext(mode),
             si,
             collision.medium,
@@ -248,42 +251,45 @@ class Walk:
     ) -> None:
         towards, length_m = direction_to(here.point, end.point)
         lobe = here.lobe(towards, active & (end.importance > 0))
-        value = path.beta * end.importance * lobe.value
-        lit = active & carries_light(value)
-        value *= view.transmission(
+        light = Scored(path.beta * end.importance * lobe.value, lobe.scores)
+        lit = active & carries_light(light.value)
+        light *= view.transmission(
             here.si, here.point, towards, length_m, here.in_fog, sampler, lit
         )
-        self._deposit(value, end, length_m, lit & carries_light(value), launch, path)
+        self._deposit(light, end, length_m, lit & carries_light(light.value), launch, path)
 
     def _join(
         self, here: Vertex, end: Connection, path: WalkState, allowed: Bool, sampler: Sampler
     ) -> _Join:
         towards, gap = direction_to(here.point, end.point)
         lobe = here.lobe(towards, path.active & (end.importance > 0))
-        value = path.beta * end.importance * lobe.value
-        connected = allowed & carries_light(value)
-        value *= here.transmission(towards, gap, sampler, connected)
+        light = Scored(path.beta * end.importance * lobe.value, lobe.scores)
+        connected = allowed & carries_light(light.value)
+        light *= here.transmission(towards, gap, sampler, connected)
         given = self.world.media.closed_form_transmittance(mi.Ray3f(here.point, towards), gap)
         ratio = path.densities.other_end(lobe, end, given, path.vertex == 1)
-        return _Join(end, value, ratio, lobe, gap, given, connected & carries_light(value))
+        return _Join(end, light, ratio, lobe, gap, given, connected & carries_light(light.value))
 
     def _deposit_join(
         self, join: _Join, others: Float, vertex: UInt, launch: Launch, path: WalkState
     ) -> None:
-        value = join.value * self.weight.fraction(others, vertex)
-        self._deposit(value, join.end, join.gap_m, join.active, launch, path)
+        light = join.light * self.weight.fraction(others, vertex)
+        self._deposit(light, join.end, join.gap_m, join.active, launch, path)
 
     def _deposit(
-        self, value: Float, end: Connection, gap: Float, lit: Bool, launch: Launch, path: WalkState
+        self, light: Scored, end: Connection, gap: Float, lit: Bool, launch: Launch, path: WalkState
     ) -> None:
         cell = end.cell if launch.cell is None else launch.cell
         length_m = path.length_m + gap + end.length_m
         scatterings = path.scatterings + end.scatterings
-        self.deposit(Contribution(value, cell, length_m, scatterings, lit, launch.replica))
+        reached = (cell, length_m, scatterings, lit, launch.replica)
+        scores = together(path.scores, light.scores, end.scores)
+        self.deposit(Contribution(light.value, *reached, scores))
 
     def _leave(self, here: Vertex, turn: Turn, path: WalkState) -> None:
         """Take the next direction."""
         path.beta *= turn.weight
+        path.scores = together(path.scores, turn.scores)
         path.densities.leave(turn, here.in_fog, path.vertex == 1)
         if self.rays is not None:
             allowed = here.in_fog if self.outward else ~turn.specular

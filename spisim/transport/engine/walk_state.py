@@ -34,6 +34,7 @@ from spisim.transport.engine.tally import carries_light
 from spisim.transport.engine.vertex import Lobe, Turn
 from spisim.transport.geometry import direction_to
 from spisim.transport.jit import Bool, Float, Point, Ray, Sampler, UInt
+from spisim.transport.scores import Scores, together
 
 #: Russian roulette starts here; before, a path that carries little is still worth its cost.
 ROULETTE_VERTEX = 5
@@ -183,9 +184,10 @@ class WalkState(PathState):
     length_m: Float
     scatterings: UInt
     densities: Densities
+    scores: Scores
 
     @classmethod
-    def start(cls, launch: Launch, limit: UInt) -> Self:
+    def start(cls, launch: Launch, limit: UInt, scores: Scores) -> Self:
         """At an end, active if it may have at least one vertex."""
         beta = mi.Float(launch.beta)
         return cls(
@@ -197,6 +199,7 @@ class WalkState(PathState):
             crossings=mi.UInt32(launch.crossings),
             active=carries_light(beta) & (limit > 0),
             densities=Densities.start_at(launch.origin),
+            scores=together(scores, launch.scores),
         )
 
 

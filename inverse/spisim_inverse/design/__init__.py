@@ -1,0 +1,1 @@
+"""Instruments chosen by what they measure, over scenes, for a purpose: `spisim design`."""

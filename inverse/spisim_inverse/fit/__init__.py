@@ -1,0 +1,1 @@
+"""Fits of scene and instrument to a recording, by maximum likelihood."""

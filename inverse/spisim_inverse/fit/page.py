@@ -1,0 +1,57 @@
+"""The page of a fit."""
+
+from pathlib import Path
+
+import numpy as np
+
+from spisim_app.report.page import write_page
+from spisim_app.report.style import plot_in_page, plot_style
+from spisim_compare.comparison import probability
+from spisim_compare.page import z_figure
+from spisim_inverse.fit.result import Fitted, in_words
+
+MAX_CORRELATED = 12
+"""Maximum number of parameters whose correlations are printed."""
+
+
+@plot_style()
+def write_fit(path: Path, kind: str, title: str, fitted: Fitted) -> None:
+    """Write the page; raises OSError if the file cannot be written."""
+    readings = fitted.model.readings
+    group = readings.group[readings.usable]
+    write_page(
+        path,
+        kind,
+        "fit",
+        title=title,
+        lead=in_words(fitted)[-1 if fitted.fits else -2],
+        warnings=fitted.warnings,
+        cards=_cards(fitted),
+        estimates=fitted.estimates,
+        priors=fitted.priors,
+        names=[each.name for each in fitted.estimates],
+        correlation=fitted.correlation.tolist() if len(fitted.estimates) <= MAX_CORRELATED else [],
+        plot=plot_in_page(
+            "readings",
+            lambda width_in: z_figure({"fitted": fitted.z}, group, readings.groups[0], width_in),
+        ),
+        groups=fitted.groups,
+        worst=fitted.worst,
+        probability=probability,
+        facts={
+            "frames": str(int(np.max(readings.frames))),
+            "light paths per pixel": str(fitted.spp),
+            "condition number": f"{fitted.information.condition:.3g}",
+            "least determined": fitted.information.weakest,
+            **readings.capture.setup.facts,
+        },
+    )
+
+
+def _cards(fitted: Fitted) -> list[tuple[str, str, str]]:
+    per_reading = fitted.chi_squared / fitted.freedom
+    return [
+        (f"{per_reading:.2f}", "χ² per degree of freedom", f"{fitted.freedom} degrees"),
+        (probability(fitted.probability), "probability", "of so large a χ² if the model is right"),
+        (str(len(fitted.estimates)), "parameters", "fitted"),
+    ]

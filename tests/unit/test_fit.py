@@ -1,0 +1,407 @@
+"""Fits to recordings: expected readings and their Jacobian, information, estimates, bad input."""
+
+import json
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from typer.testing import CliRunner
+
+import spisim
+from reconstruction import Capture, InputError, write_capture
+from spisim.base.config import dump_yaml, parse_model
+from spisim.instrument import Instrument
+from spisim.scene import Scene
+from spisim.scene.load import make_scene
+from spisim_app.cli import app
+from spisim_inverse.fit import written
+from spisim_inverse.fit.fitting import fit
+from spisim_inverse.fit.information import Information
+from spisim_inverse.fit.model import Model
+from spisim_inverse.fit.parameters import Parameter, available, parameters
+from spisim_inverse.fit.priors import Prior, parsed_priors, parsed_starts, read_priors
+from spisim_inverse.fit.readings import Readings
+from spisim_inverse.fit.result import Fitted, in_words
+from spisim_inverse.fit.tracing import Tracer
+from spisim_inverse.fit.twin import Twin
+
+VISIBILITY, BOARD, HIDDEN = "scene.fog.visibility_m", "materials.board", "materials.hidden"
+GAIN, DARK = "buckets.electrons_per_count", "buckets.offset_counts"
+OFFSET, LASER, POWER = "spots.range_offset_m", "lasers.power_w", "projector.power_w"
+SPP, FRAMES = 16, 4
+PARTS = {"board": 4.0, "hidden": 60.0}
+"""Distances of two boards, of which the far one is hidden behind the near one."""
+
+
+def instrument_of(method: str = "paper", **parts: dict) -> Instrument:
+    """A preset with few pixels, and changed fields of its parts."""
+    fields = yaml.safe_load(spisim.load_instrument(method).text)
+    if "projector" in fields:
+        fields["projector"]["shape"] = [8, 8]
+        fields["plan"] = {"patterns": 15, "order": "sequency-2d", "polarity": "single-ended"}
+    for name, changes in parts.items():
+        fields[name] |= changes
+    fields.pop("eye_safety", None)
+    return parse_model(dump_yaml(fields), Instrument, "instrument")
+
+
+@cache
+def boards(visibility_m: float | None = 60.0, reflectance: float = 0.4) -> Scene:
+    boxes = [
+        {
+            "name": name,
+            "shape": "box",
+            "size_m": [6, 0.02, 6],
+            "translate_m": [0, distance_m, 0],
+            "material": name,
+        }
+        for name, distance_m in PARTS.items()
+    ]
+    materials = {name: {"reflectance": reflectance, "source": "test"} for name in PARTS}
+    fields = {
+        "name": "boards",
+        "drone": {"position_m": [0, 0, 0], "look_at_m": [0, 1, 0]},
+        "objects": boxes,
+        "materials": materials,
+    }
+    if visibility_m is not None:
+        fields["fog"] = {"visibility_m": visibility_m}
+    return make_scene(dump_yaml(fields), Path(), "boards")
+
+
+@cache
+def recorded(visibility_m: float | None = 60.0, method: str = "paper") -> Capture:
+    scene = boards(visibility_m)
+    made = spisim.simulate(scene, instrument_of(method), spp=256, seed=3, frames=FRAMES)
+    return made.capture
+
+
+def fitted(free: dict, capture: Capture | None = None, **options) -> Fitted:
+    capture = recorded() if capture is None else capture
+    options = {"spp": SPP, "seed": 5} | options
+    scene, instrument = options.pop("scene", boards()), options.pop("instrument", instrument_of())
+    return fit(capture, scene, instrument, free, **options)
+
+
+def model_of(names: list[str], capture: Capture, scene: Scene, instrument: Instrument) -> Model:
+    twin = Twin.of(scene, instrument, capture)
+    chosen = parameters(twin, dict.fromkeys(names))
+    return Model(Readings.of(capture), twin, chosen, Tracer(0), 0)
+
+
+def coordinates(model: Model) -> np.ndarray:
+    return np.array([each.coordinate(each.start) for each in model.parameters])
+
+
+def without_steady(model: Model, counts: np.ndarray) -> np.ndarray:
+    """Taps less the mean of each spot, which holds steady light: its derivative is left out."""
+    counts = counts.copy()
+    for spot in range(1, 1 + int(model.readings.group.max())):
+        own = model.readings.group == spot
+        counts[own] -= counts[own].mean()
+    return counts
+
+
+class TestModel:
+    def test_expects_what_a_simulation_without_noise_records(self):
+        scene, instrument = boards(), instrument_of()
+        model = model_of([LASER], recorded(), scene, instrument)
+        light = model.tracer(model.twin, [], SPP).light
+        expected = model.readings.expected(model.twin, light)
+        made = recorded()
+        error = np.sqrt(expected.variance / FRAMES)
+        z = (model.readings.mean - expected.counts) / np.hypot(error, 0.02 * expected.counts)
+        assert np.abs(z).max() < 4
+        assert model.readings.patterns == made.plan.exposures
+        assert len(model.readings.names) == model.readings.mean.size
+
+    @pytest.mark.parametrize(("name", "same"), [
+        (BOARD, 0.01), (GAIN, 1e-6), (DARK, 1e-6), (OFFSET, 1e-4), (LASER, 1e-6), (POWER, 1e-6),
+        ("projector.on_off_contrast", 1e-3), ("detector.sensor.dark_current_na", 1e-6),
+    ])  # fmt: skip
+    def test_jacobian_is_the_difference_of_expected_readings(self, name, same):
+        instrument = instrument_of(projector={"on_off_contrast": 50.0})
+        model = model_of([name], recorded(), boards(), instrument)
+        start, step = coordinates(model), 0.02
+        ends = [model.expected(start + sign * step, SPP).counts for sign in (1, -1)]
+        slope = without_steady(model, (ends[0] - ends[1]) / (2 * step))
+        column = without_steady(model, model.jacobian(start, SPP)[:, 0])
+        assert np.abs(column - slope).max() < (same + step**2) * np.abs(slope).max()
+
+    def test_visibility_and_extinction_change_the_readings_alike(self):
+        columns = []
+        for name in (VISIBILITY, "scene.fog.extinction_per_m"):
+            model = model_of([name], recorded(), boards(), instrument_of())
+            columns.append(model.jacobian(coordinates(model), SPP)[:, 0])
+        np.testing.assert_allclose(columns[0], -columns[1], rtol=1e-6, atol=1e-9)
+
+    def test_throughput_acts_on_the_exposures_of_its_pattern(self):
+        model = model_of(["throughput"], recorded(), boards(), instrument_of())
+        start = coordinates(model)
+        whole = model.jacobian(start, SPP)
+        moved = start.copy()
+        moved[3] += 0.02
+        change = (model.expected(moved, SPP).counts - model.expected(start, SPP).counts) / 0.02
+        mean = whole.sum(axis=1) / start.size
+        slope = whole[:, 3] - mean  # the instrument keeps the mean
+        assert np.abs(change - slope).max() < 0.02 * np.abs(slope).max()
+        off, gauge = model.gauge(start)
+        assert off == pytest.approx(0.0, abs=1e-6)
+        assert gauge.shape == (1, start.size)
+
+    def test_histograms_are_counted_in_groups(self):
+        capture = recorded(60.0, "spad")
+        model = model_of([LASER], capture, boards(), instrument_of("spad"))
+        light = model.tracer(model.twin, [], SPP).light
+        expected = model.readings.expected(model.twin, light)
+        total = capture.spots.counts.sum(axis=(1, 2)).mean()
+        spots = slice(model.readings.patterns, None)
+        assert model.readings.mean[spots].sum() == pytest.approx(total)
+        assert expected.counts[spots].sum() == pytest.approx(total, rel=0.1)
+
+
+class TestInformation:
+    def free(self, *names: str) -> list[Parameter]:
+        return [
+            Parameter(name, "1", 1.0, (0.1, 10.0), True, False, lambda twin, value: twin)
+            for name in names
+        ]
+
+    def test_covariance_is_its_inverse(self):
+        rng = np.random.default_rng(0)
+        slope = rng.normal(size=(20, 3)) * [1.0, 100.0, 1e-3]
+        information = Information.of(self.free("a", "b", "c"), slope)
+        np.testing.assert_allclose(information.covariance, np.linalg.inv(slope.T @ slope))
+        assert not information.indistinct
+        assert information.condition >= 1
+
+    def test_names_what_is_not_determined(self):
+        slope = np.random.default_rng(0).normal(size=(20, 3))
+        slope[:, 1] = 2 * slope[:, 0]
+        information = Information.of(self.free("a", "b", "c"), slope)
+        assert information.indistinct
+        assert information.weakest == "a · b^-0.5"
+
+    def test_parameters_without_information(self):
+        slope = np.random.default_rng(0).normal(size=(20, 2))
+        slope[:, 1] = 0
+        free = self.free("a", "b")
+        information = Information.of(free, slope)
+        assert information.uninformed == free[1:]
+        assert list(information.only(free[:1]).parameters) == free[:1]
+
+
+class TestEstimates:
+    def test_visibility_reflectance_and_gain_from_far_starts(self):
+        capture = recorded()
+        gain = capture.buckets.electrons_per_count
+        result = fitted({VISIBILITY: 180.0, BOARD: 0.15, GAIN: 3 * gain})
+        truth = np.log([60.0, 0.4, gain])
+        z = (result.coordinates - truth) / np.sqrt(np.diag(result.covariance))
+        assert np.abs(z).max() < 4
+        assert result.fits
+        assert (np.diag(result.bound) <= np.diag(result.covariance) * (1 + 1e-6)).all()
+        assert np.abs(np.diag(result.correlation) - 1).max() < 1e-9
+
+    def test_equal_seeds_give_equal_results(self):
+        one, other = (fitted({BOARD: 0.3}).coordinates for _ in range(2))
+        assert (one == other).all()
+
+    def test_a_rig_is_calibrated_by_a_flat_board(self):
+        own = instrument_of(lasers={"power_w": 6e-3})
+        factors = np.exp(0.1 * np.random.default_rng(1).standard_normal(15))
+        factors /= factors.mean()
+        fields = yaml.safe_load(own.text)
+        fields["plan"]["throughput"] = {"factors": factors.tolist()}
+        fields["detector"]["adc"]["offset_counts"] = 400
+        rig = parse_model(dump_yaml(fields), Instrument, "rig")
+        capture = spisim.simulate(boards(None), rig, spp=256, seed=8, frames=FRAMES).capture
+        stated = replace(capture.buckets, offset_counts=256.0)
+        free = dict.fromkeys([DARK, GAIN, LASER, OFFSET, "throughput"])
+        result = fitted(
+            free, replace(capture, buckets=stated), scene=boards(None), spp=256,
+        )  # fmt: skip
+        values = {each.name: each for each in result.estimates}
+        truth = {DARK: 400.0, LASER: 6e-3, OFFSET: 0.0, GAIN: capture.buckets.electrons_per_count}
+        for name, value in truth.items():
+            assert abs(values[name].value - value) < 4 * values[name].sigma
+        for row, factor in zip(rig.pattern_plan.distinct.tolist(), factors, strict=True):
+            each = values[f"throughput[{row}]"]
+            assert abs(each.value - factor) < 4.5 * each.sigma
+        assert "throughput of 15 patterns" in "\n".join(in_words(result))
+
+    def test_a_prior_holds_what_the_recording_does_not_determine(self):
+        free = {POWER: None, BOARD: None, GAIN: None, DARK: None}
+        clear = recorded(None)
+        with pytest.raises(
+            InputError, match=rf"does not determine .*{POWER} .*{GAIN}.*condition number"
+        ):
+            fitted(free, clear, scene=boards(None))
+        power = spisim.load_instrument("paper").imaging.projector.power_w
+        result = fitted(free, clear, scene=boards(None), priors={POWER: Prior(power, 0.05 * power)})
+        sigma = result.estimates[0].sigma / power
+        assert sigma == pytest.approx(0.05, rel=0.05)
+
+
+class TestBadInput:
+    def test_what_the_recording_does_not_depend_on_is_reported(self):
+        result = fitted({HIDDEN: None, BOARD: None})
+        assert result.uninformed == [HIDDEN]
+        assert [each.name for each in result.estimates] == [BOARD]
+        assert any(HIDDEN in line for line in result.warnings)
+        with pytest.raises(InputError, match="nothing can be fitted"):
+            fitted({HIDDEN: None})
+
+    def test_a_scene_that_cannot_fit(self):
+        far = replace(boards(), drone_pose=boards().drone_pose + 0.0)
+        far.drone_pose[1, 3] -= 1.0
+        result = fitted({BOARD: None}, scene=far)
+        assert not result.fits
+        assert "does not fit" in result.warnings[-1]
+        assert result.worst
+        assert "Largest differences" in in_words(result)[-1]
+
+    def test_an_estimate_at_its_bound(self):
+        capture = recorded()
+        bright = replace(
+            capture.buckets,
+            counts=capture.buckets.offset_counts
+            + 5 * (capture.buckets.counts - capture.buckets.offset_counts),
+        )
+        result = fitted({BOARD: None}, replace(capture, buckets=bright))
+        assert result.at_bounds == [BOARD]
+        assert any("at its bound" in line for line in result.warnings)
+
+    @pytest.mark.parametrize(("free", "message"), [
+        ({}, "nothing is free"),
+        ({"scene.fog.visibilty_m": None}, "did you mean 'scene.fog.visibility_m'"),
+        ({"materials.bord": None}, "did you mean 'materials.board'"),
+        ({VISIBILITY: None, "scene.fog.extinction_per_m": None}, "one parameter"),
+        ({BOARD: 1.5}, "must be from 0.002 to 0.999"),
+        ({BOARD: float("nan")}, "must be from"),
+        ({"projector.on_off_contrast": None}, "give a start"),
+        ({"throughput": 2.0}, "no single start"),
+    ])  # fmt: skip
+    def test_parameters(self, free, message):
+        twin = Twin.of(boards(), instrument_of(), recorded())
+        with pytest.raises(InputError, match=message):
+            parameters(twin, free)
+
+    def test_clear_air_has_no_fog_to_fit(self):
+        twin = Twin.of(boards(None), instrument_of(), recorded(None))
+        assert VISIBILITY not in available(twin)
+
+    @pytest.mark.parametrize(("prior", "message"), [
+        (Prior(float("nan"), 1.0), "must be finite"),
+        (Prior(1.0, float("nan")), "sigma is nan"),
+        (Prior(1.0, 0.0), "sigma is 0"),
+    ])  # fmt: skip
+    def test_priors_that_are_no_distribution(self, prior, message):
+        with pytest.raises(InputError, match=message):
+            fitted({BOARD: None}, priors={BOARD: prior})
+
+    def test_priors_of_what_is_not_free(self):
+        with pytest.raises(InputError, match="not free"):
+            fitted({BOARD: None}, priors={HIDDEN: Prior(1.0, 1.0)})
+
+    def test_a_capture_of_another_instrument(self):
+        with pytest.raises(InputError, match="another instrument: patterns: shape is"):
+            fitted({BOARD: None}, instrument=spisim.load_instrument("paper"))
+
+    def test_what_moves(self):
+        moving = replace(boards(), drone_velocity_m_s=(0.0, 1.0, 0.0))
+        with pytest.raises(InputError, match="moves"):
+            fitted({BOARD: None}, scene=moving)
+
+    def test_readings_of_unknown_scale(self):
+        capture = recorded()
+        unknown = replace(capture.buckets, electrons_per_count=np.nan)
+        with pytest.raises(InputError, match="electrons_per_count is unknown"):
+            fitted({BOARD: None}, replace(capture, buckets=unknown))
+
+
+class TestText:
+    def test_starts(self):
+        assert parsed_starts(["a=2", "b, c = 3"]) == {"a": 2.0, "b": None, "c": 3.0}
+        with pytest.raises(InputError, match="twice"):
+            parsed_starts(["a,a"])
+        with pytest.raises(InputError, match="'x' is not a number"):
+            parsed_starts(["a=x"])
+
+    def test_priors(self, tmp_path):
+        assert parsed_priors(["a=2±0.5", "b = 3 +- 1"]) == {"a": Prior(2, 0.5), "b": Prior(3, 1)}
+        with pytest.raises(InputError, match="must be NAME=MEAN±SIGMA"):
+            parsed_priors(["a=2"])
+        with pytest.raises(InputError, match="'x' is not a number"):
+            parsed_priors(["a=2±x"])
+        path = tmp_path / "priors.yaml"
+        path.write_text("a: 2±0.5\n")
+        assert read_priors(path) == {"a": Prior(2, 0.5)}
+        path.write_text("- a\n")
+        with pytest.raises(InputError, match=r"priors.yaml: must be a mapping"):
+            read_priors(path)
+
+
+class TestFiles:
+    def test_fitted_scene_and_instrument_load_again(self, tmp_path):
+        free = {VISIBILITY: None, BOARD: None, GAIN: None, LASER: None}
+        result = fitted(free)
+        scene, instrument = tmp_path / "scene.yaml", tmp_path / "instrument.yaml"
+        written.write_fitted(result, scene, instrument, tmp_path)
+        loaded = spisim.load_scene(scene)
+        values = {each.name: each.value for each in result.estimates}
+        assert loaded.atmosphere.visibility_m == pytest.approx(values[VISIBILITY])
+        board = next(each.material for each in loaded.objects if each.material.name == "board")
+        assert board.reflectance == pytest.approx(values[BOARD])
+        rig = spisim.load_instrument(instrument)
+        assert rig.lasers.power_w == pytest.approx(values[LASER])
+        assert rig.detector.adc.electrons_per_count == pytest.approx(values[GAIN])
+
+    def test_a_shipped_material_becomes_one_of_the_scene(self):
+        scene = spisim.load_scene("target-step-wedge")
+        capture = spisim.simulate(scene, instrument_of(), spp=8, frames=2).capture
+        result = fitted({"materials.cardboard": 0.3}, capture, scene=scene)
+        fields = yaml.safe_load(written.scene_text(result, spisim.scene.scenes_folder()))
+        again = make_scene(dump_yaml(fields), spisim.scene.scenes_folder(), "again")
+        value = result.estimates[0].value
+        own = next(each for each in again.objects if each.material.name == "cardboard")
+        assert own.material.reflectance == pytest.approx(value)
+
+    @pytest.fixture
+    def files(self, tmp_path):
+        write_capture(recorded(), tmp_path / "recorded.h5")
+        (tmp_path / "scene.yaml").write_text(boards().text)
+        return tmp_path
+
+    def run(self, folder: Path, *more: str):
+        given = ["recorded.h5", "--scene", "scene.yaml", "--spp", "32"]
+        given = [str(folder / each) if each.endswith((".h5", ".yaml")) else each for each in given]
+        return CliRunner().invoke(app, ["fit", *given, *more])
+
+    def test_command_writes_page_and_files(self, files):
+        page, scene = files / "fit.html", files / "fitted.yaml"
+        result = self.run(
+            files, "--free", f"{BOARD}=0.2", "--prior", f"{BOARD}=0.4±0.2", "--page", str(page),
+            "-o", str(scene), "--json",
+        )  # fmt: skip
+        assert result.exit_code == 0, result.output
+        report = json.loads(result.stdout)
+        assert report["estimates"][0]["value"] == pytest.approx(0.4, rel=0.05)
+        assert report["written"] == [str(scene), str(page)]
+        text = page.read_text()
+        assert "materials.board" in text
+        assert "0.4 ± 0.2" in text
+        assert spisim.load_scene(scene).name == "boards"
+
+    def test_command_refuses_to_overwrite_what_it_did_not_write(self, files):
+        result = self.run(files, "--free", BOARD, "-o", str(files / "scene.yaml"))
+        assert result.exit_code == 2
+
+    def test_command_names_the_capture_in_errors(self, files):
+        result = self.run(files, "--free", "materials.bord")
+        assert result.exit_code == 2
+        assert "recorded.h5" in result.output
+        assert "did you mean" in result.output
