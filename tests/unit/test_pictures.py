@@ -108,6 +108,14 @@ def test_every_shape_has_a_picture(shape, value):
         assert (middle == pictures.NO_DEPTH).all(axis=-1).any()
 
 
+@pytest.mark.parametrize("title", ["Depth", "A title that is much longer than its picture is wide"])
+def test_a_picture_has_a_white_margin_on_all_sides(title):
+    result, _ = opened(depth_picture(np.eye(8, dtype=np.float32), title, None, None))
+    half = pictures.MARGIN // 2
+    for edge in (result[:half], result[-half:], result[:, :half], result[:, -half:]):
+        assert (edge == 255).all()
+
+
 def test_a_label_is_beside_its_cross():
     picture = np.full((100, 100, 3), 90, np.uint8)
     pictures.draw_spot(picture, 50, 20, "5 m")
