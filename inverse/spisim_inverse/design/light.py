@@ -165,6 +165,7 @@ def _per_watt(light: Transport, instrument: Instrument) -> Transport:
 def _write(path: Path, light: Transport) -> None:
     extra = {f"{EXTRA}{name}": array for name, array in light.extra.items()}
     own = {each.name: getattr(light, each.name) for each in fields(light) if each.name != "extra"}
+    own = {name: value for name, value in own.items() if value is not None}  # by default none
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **own, **extra)
     write_atomically(path, buffer.getvalue())
