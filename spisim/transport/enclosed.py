@@ -64,7 +64,7 @@ class Enclosed:
             return self.extinction_per_m * inside_m
         near, end = self.grid.box.interval(ray, far)
         position = ray(dr.lerp(near, end, sampler.next_1d(active)))
-        return self.extinction_at(position) * dr.maximum(end - near, 0)
+        return dr.select(near < end, self.extinction_at(position) * (end - near), 0)
 
     def extinction_at(self, point: Point) -> Float:
         slanted = mi.Ray3f(mi.Point3f(point), mi.Vector3f(*SLANTED))

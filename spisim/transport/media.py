@@ -122,7 +122,8 @@ class Grid:
     def depth(self, ray: Ray, far: Float, sampler: Sampler, active: Bool) -> Float:
         near, end = self.bounds.interval(ray, far)
         position = ray(dr.lerp(near, end, sampler.next_1d(active)))
-        return self.extinction_per_m * self.density_at(position) * dr.maximum(end - near, 0)
+        depth = self.extinction_per_m * self.density_at(position) * (end - near)
+        return dr.select(near < end, depth, 0)
 
     @dr.syntax
     def collision(

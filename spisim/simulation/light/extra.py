@@ -1,6 +1,6 @@
 """All recorded light besides image and histograms, with pixels as rows and columns."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -42,19 +42,23 @@ def extra_light(
 def weighted_light(
     outputs: Outputs, image: Estimate | None, spots: Estimate, shape: tuple[int, int]
 ) -> dict[str, NDArray[Any]]:
-    """Sums of weighted light of pixels and spots, and their standard errors."""
+    """Sums of weighted light of pixels and spots, and their standard errors.
+
+    Those of phasors are complex, of the real and the imaginary part.
+    """
     extra: dict[str, NDArray[Any]] = {}
+    kinds: list[tuple[Estimate | None, str, str, Callable[[Floats], NDArray[Any]]]] = [
+        (image, "image", "image", lambda values: values.reshape(shape)),
+        (image, "phasors", "phasors", lambda values: _phasors(values, shape)),
+        (image, "histogram", "cube", lambda values: values.reshape(*shape, -1)),
+        (spots, "histogram", "spot_histogram", lambda values: values),
+    ]
     for weight in outputs.weights:
-        for estimate, sums, name, form in (
-            (image, "image", "image", shape),
-            (spots, "histogram", "spot_histogram", None),
-        ):
+        for estimate, sums, name, shaped in kinds:
             if estimate is not None and f"{sums}_{weight.name}" in estimate.mean:
-                for kind, ending in ((estimate.mean, ""), (estimate.error, "_error")):
-                    values = kind[f"{sums}_{weight.name}"]
-                    extra[f"{name}_{weight.name}{ending}"] = (
-                        values if form is None else values.reshape(form)
-                    )
+                for part, ending in ((estimate.mean, ""), (estimate.error, "_error")):
+                    values = part[f"{sums}_{weight.name}"]
+                    extra[f"{name}_{weight.name}{ending}"] = shaped(values)
     return extra
 
 
@@ -68,8 +72,8 @@ def steady_weighted(
             power, error = light.weighted[weight.name]
             extra |= {f"{name}_{weight.name}": power, f"{name}_{weight.name}_error": error}
         power, error = bucket.weighted[weight.name]
-        extra[f"daylight_w_{weight.name}"] = power.sum()
-        extra[f"daylight_w_{weight.name}_error"] = np.linalg.norm(error)
+        extra[f"daylight_w_{weight.name}"] = np.asarray(power.sum())
+        extra[f"daylight_w_{weight.name}_error"] = np.asarray(np.linalg.norm(error))
     return extra
 
 

@@ -39,8 +39,9 @@ class Sensitivity:
     def of(self, light: Transport, name: str = "image") -> tuple[NDArray[np.float64], Floats]:
         """Derivative and standard error of a field of `Transport`.
 
-        Of "image" (H, W), "spot_histogram" (spots, bins), "daylight_w", "spot_daylight_w" (spots,)
-        or "spot_crosstalk_w" (spots,).
+        Of "image" (H, W), "spot_histogram" (spots, bins), "daylight_w", "spot_daylight_w" (spots,),
+        "spot_crosstalk_w" (spots,), and, of what `Outputs` asked for, "phasors" (F, H, W), whose
+        errors are complex, too, and "cube" (H, W, bins).
         """
         weighted = light.extra[f"{name}_{self.weight.name}"]
         error = light.extra[f"{name}_{self.weight.name}_error"]

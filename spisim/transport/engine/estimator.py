@@ -22,7 +22,7 @@ from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.footprint import Footprint
 from spisim.transport.engine.lights import Lamp
 from spisim.transport.engine.outputs import Outputs, weighted
-from spisim.transport.engine.path_weights import PathWeight
+from spisim.transport.engine.path_weights import PathWeight, Score
 from spisim.transport.engine.rays import FogRays
 from spisim.transport.engine.sampling import Estimate, SamplingBudget, repeat, replicas_of
 from spisim.transport.engine.tally import (
@@ -159,12 +159,15 @@ def spot_histogram(
     """Fraction of each laser's power on its detector: `histogram` (beams, bins).
 
     `histogram_orders` (3, beams, bins) splits it by scattering; `path_weights` add both of weighted
-    light. `budget` counts paths per beam from each end.
+    light, scores the first alone. `budget` counts paths per beam from each end.
     """
     count = len(beams.origins_m)
     replicas = replicas_of(count)
-    histograms: MakeTally = partial(OrderTally, make=partial(HistogramTally, bins=bins))
-    kinds = [histograms, *weighted([partial(HistogramTally, bins=bins)], path_weights)]
+    histograms: MakeTally = partial(HistogramTally, bins=bins)
+    by_order: MakeTally = partial(OrderTally, make=histograms)
+    scores = [each for each in path_weights if isinstance(each, Score)]
+    others = [each for each in path_weights if not isinstance(each, Score)]
+    kinds = [by_order, *weighted([by_order], others), *weighted([histograms], scores)]
 
     def launch(samples: float, seeds: Sequence[int], replicas: int) -> Sums:
         tallies = Tallies(count, kinds, replicas, weighted=bool(path_weights))
