@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.sensitivity import Sensitivity, sensitivities, weights_of
+from spisim.simulation.light.parameters import Derivative
+from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 from spisim_inverse.fit.parameters import MATERIAL, Parameter
 from spisim_inverse.fit.twin import Twin
@@ -62,11 +63,11 @@ def _slope(parameter: Parameter, twin: Twin) -> float:
     return parameter.slope(twin.values[parameter.name])
 
 
-def _change(light: Transport, score: Sensitivity, slope: float) -> Transport:
+def _change(light: Transport, score: Derivative, slope: float) -> Transport:
     """Change of image and echoes; arrays without light stay."""
     arrays: dict[str, Any] = {}
     for name in ("image", "spot_histogram"):
-        known = f"{name}_{score.weight.name}" in light.extra
+        known = all(f"{name}_{each.name}" in light.extra for each in score.weights)
         change = score.of(light, name)[0] if known else np.zeros_like(getattr(light, name))
         arrays[name] = slope * change
     return replace(light, **arrays)

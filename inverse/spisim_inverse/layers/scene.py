@@ -10,7 +10,8 @@ from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.sensitivity import Sensitivity, sensitivities, weights_of
+from spisim.simulation.light.parameters import Derivative
+from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 
 Array = Any
@@ -61,10 +62,10 @@ class SceneImage:
         return cls.of(solve(scene, instrument, spp=spp, seed=seed, outputs=outputs), wanted, start)
 
     @classmethod
-    def of(cls, light: Transport, wanted: Sequence[Sensitivity], start: Sequence[float]) -> Self:
+    def of(cls, light: Transport, wanted: Sequence[Derivative], start: Sequence[float]) -> Self:
         """From light that was traced with the weights of `wanted`, at these values."""
         for each in wanted:
-            if f"image_{each.weight.name}" not in light.extra:
+            if any(f"image_{weight.name}" not in light.extra for weight in each.weights):
                 raise InputError(
                     f"{each.parameter}: the light was traced without its derivative; pass its "
                     "weight to Outputs"
@@ -90,7 +91,7 @@ def _rows(scene: SceneImage) -> Array:
     return scene.derivatives.reshape(len(scene.names), -1)
 
 
-def _value(scene: Scene, each: Sensitivity) -> float:
+def _value(scene: Scene, each: Derivative) -> float:
     """Of a parameter of the fog."""
     section, _, name = each.parameter.rpartition(".")
     if section != "scene.fog":

@@ -72,8 +72,8 @@ def steady_weighted(
             power, error = light.weighted[weight.name]
             extra |= {f"{name}_{weight.name}": power, f"{name}_{weight.name}_error": error}
         power, error = bucket.weighted[weight.name]
-        extra[f"daylight_w_{weight.name}"] = power.sum()
-        extra[f"daylight_w_{weight.name}_error"] = np.linalg.norm(error)
+        extra[f"daylight_w_{weight.name}"] = np.asarray(power.sum())
+        extra[f"daylight_w_{weight.name}_error"] = np.asarray(np.linalg.norm(error))
     return extra
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
-from spisim.simulation.light.parameters import Proportional, Sensitivity
+from spisim.simulation.light.parameters import Derivative
 from spisim.simulation.light.sensitivity import OtherFog
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
@@ -70,7 +70,7 @@ def light_channels(
 
 def derived_channels(
     light: Transport,
-    derivatives: Sequence[Sensitivity | Proportional],
+    derivatives: Sequence[Derivative],
     others: Mapping[float, OtherFog],
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
@@ -104,9 +104,7 @@ def _times(unit: str, per: str) -> str:
     return unit + per[1:] if per.startswith("1/") else f"{unit} {per}"
 
 
-def write_histograms(
-    path: Path, light: Transport, derivatives: Sequence[Sensitivity | Proportional] = ()
-) -> None:
+def write_histograms(path: Path, light: Transport, derivatives: Sequence[Derivative] = ()) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.
 
     With it go the derivatives of all light but the image's, as ``<field>_per.<parameter>``, and

@@ -12,7 +12,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene import Scene
-from spisim.simulation.light.parameters import Proportional, Sensitivity, parameters_of
+from spisim.simulation.light.parameters import Derivative, parameters_of
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight
 
@@ -20,7 +20,7 @@ from spisim.transport.engine.path_weights import ExtinctionRatio, PathWeight
 MIN_CARRIED = 0.3
 
 
-def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity | Proportional]:
+def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Derivative]:
     """Derivatives of light by parameters of a scene.
 
     Parameters
@@ -100,7 +100,7 @@ class OtherFog:
         return light.extra[name], light.extra[f"{name}_error"]
 
 
-def weights_of(wanted: Sequence[Sensitivity | Proportional | OtherFog]) -> tuple[PathWeight, ...]:
+def weights_of(wanted: Sequence[Derivative | OtherFog]) -> tuple[PathWeight, ...]:
     """Weights to record, each once."""
     each: dict[str, PathWeight] = {}
     for one in wanted:
