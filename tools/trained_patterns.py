@@ -1,64 +1,53 @@
 """Train black and white patterns for Gaussian images of several covariances, without samples.
 
     pip install 'spisim[torch]'
-    python tools/trained_patterns.py patterns.npy DRAWN.npz LEAVES.npz [--steps 150]
+    python tools/trained_patterns.py patterns.npy [--steps 120]
 
-of `tools/drawn_images.py` (families `FITTED` alone) and `tools/dead_leaves.py`. The loss of
-`examples/train_patterns.py` in closed form: the expected squared error of the least-squares
-estimate from noisy readings, of images whose cosines have the mean power of either file, that of
-`fitted-covariance`, and that of the model of the order `variance-ranked`, at several ratios of
+The loss of `examples/train_patterns.py` in closed form: the expected squared error of the
+least-squares estimate from noisy readings, of images with the covariance of `fitted-covariance`,
+which is fitted to drawn scenes and dead leaves, and flatter and steeper ones, at several ratios of
 signal to noise. The mean of its logarithms falls down its gradient, through a rounding to black and
 white. Nothing is learned of where things stand. `patterns.npy` are bits (patterns, pixels / 8).
 """
 
 import argparse
-import hashlib
 import json
 from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.ndimage import gaussian_filter
 from torch import Tensor
 
-from drawn_images import FITTED
-from fitted_covariance import mean_power
 from reconstruction.base.arrays import Floats
 from reconstruction.image.dictionaries.dct import DICTIONARY
-from reconstruction.image.methods.fitted_covariance import fitted_sigma
+from reconstruction.image.methods.fitted_covariance import FITTED, fitted_sigma
 from reconstruction.operators import make_plan
-from reconstruction.operators.orders.variance_ranked import ALONG, DOWN
 from spisim_inverse.layers.for_torch import black_and_white
 
 PATTERNS = 127
+SHAPE = (64, 64)
+POWERS = (1.0, 0.5, 1.5)
+"""Of the variance of cosines: images are flatter and steeper than their mean."""
 SNR = (0.35, 1.0, 3.0)
 """Signal over noise of a coefficient, if the images were white."""
 RATE, START, JITTER, SEED = 0.03, 0.1, 0.01, 1
 """Step of Adam; distance of the first patterns from grey, its scatter, and the seed of that."""
-SMOOTHED = ((8, 0.7), (20, 1.5))
-"""From which frequency, v + h, the power is smoothed, and how widely."""
 
 
 def main() -> None:
     """Train, and write patterns and manifest."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
     parser.add_argument("patterns_file", type=Path)
-    parser.add_argument("drawn", type=Path)
-    parser.add_argument("leaves", type=Path)
-    parser.add_argument("--steps", type=int, default=150)
+    parser.add_argument("--steps", type=int, default=120)
     asked = parser.parse_args()
-    drawn, leaves = np.load(asked.drawn), np.load(asked.leaves)["image"].astype(np.float64)
-    scenes = drawn["image"][np.isin(drawn["family"], FITTED)].astype(np.float64)
-    powers = variances(scenes, leaves)
-    patterns = trained(powers, asked.steps)
+    patterns = trained(variances(SHAPE), asked.steps)
     np.save(asked.patterns_file, np.packbits(patterns.reshape(len(patterns), -1), axis=1))
+    covariance = json.loads(FITTED.read_text())
     manifest = {
-        "instrument": "paper",
-        "families": list(FITTED),
-        "images": {
-            file.name: hashlib.sha256(file.read_bytes()).hexdigest()
-            for file in (asked.drawn, asked.leaves)
-        },
+        "families": covariance.pop("families"),
+        "covariance": covariance,
+        "powers": POWERS,
+        "snr": SNR,
         "patterns": PATTERNS,
         "steps": asked.steps,
     }
@@ -66,40 +55,10 @@ def main() -> None:
     asked.patterns_file.with_suffix(".json").write_text(text)
 
 
-def variances(scenes: Floats, leaves: Floats) -> Floats:
-    """Variances (4, H, W) of cosines, 0 for the constant, of mean 1."""
-    shape = scenes.shape[1:]
-    down, along = (
-        _of_lines(side, length * max(shape))
-        for side, length in zip(shape, (DOWN, ALONG), strict=True)
-    )
-    result = np.array(
-        [
-            _smooth(mean_power(scenes)),
-            _smooth(mean_power(leaves)),
-            np.outer(down, along),
-            fitted_sigma(shape) ** 2,
-        ]
-    )
-    result[:, 0, 0] = 0
-    return np.asarray(result / result.mean(axis=(1, 2), keepdims=True))
-
-
-def _of_lines(side: int, length: float) -> Floats:
-    """Variance of the cosines of a line whose pixels are correlated by exp(-|d| / length)."""
-    pixels, cosines = np.arange(side), DICTIONARY.atoms(side)
-    correlated = np.exp(-np.abs(np.subtract.outer(pixels, pixels)) / length)
-    return np.asarray(np.einsum("pk,pq,qk->k", cosines, correlated, cosines))
-
-
-def _smooth(power: Floats) -> Floats:
-    """Mean power (H, W), smoothed where few images have told much."""
-    power[0, 0] = power[0, 1] + power[1, 0]
-    logs = np.log(power)
-    frequency = np.add.outer(*map(np.arange, power.shape))
-    for first, width in SMOOTHED:
-        logs = np.where(frequency < first, logs, gaussian_filter(logs, width))
-    return np.asarray(np.exp(logs))
+def variances(shape: tuple[int, int]) -> Floats:
+    """Variances (P, H, W) of cosines, 0 for the constant, of mean 1."""
+    powers = np.array([fitted_sigma(shape) ** (2 * power) for power in POWERS])
+    return np.asarray(powers / powers.mean(axis=(1, 2), keepdims=True))
 
 
 def trained(powers: Floats, steps: int) -> Floats:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.parameters import Proportional, Sensitivity
+from spisim.simulation.light.parameters import Derivative
 from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 from spisim_inverse.fit.parameters import MATERIAL, Parameter
@@ -63,9 +63,7 @@ def _slope(parameter: Parameter, twin: Twin) -> float:
     return parameter.slope(twin.values[parameter.name])
 
 
-def _change(
-    twin: Twin, light: Transport, score: Sensitivity | Proportional, slope: float
-) -> Transport:
+def _change(twin: Twin, light: Transport, score: Derivative, slope: float) -> Transport:
     """Change of image and echoes; steady light, which counts as hardly known, is left out."""
     names = ["image"] if twin.instrument.images else []
     names += ["spot_histogram"] if twin.instrument.ranges else []

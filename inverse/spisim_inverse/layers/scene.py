@@ -10,13 +10,13 @@ from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.parameters import Proportional, Sensitivity
+from spisim.simulation.light.parameters import Derivative
 from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 
 Array = Any
 """An array of NumPy, PyTorch or JAX."""
-Derivative = Sensitivity | Proportional
+Derivative = Derivative
 
 
 @dataclass(frozen=True, eq=False)

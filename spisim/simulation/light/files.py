@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
-from spisim.simulation.light.parameters import Proportional, Sensitivity
+from spisim.simulation.light.parameters import Derivative
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -70,7 +70,7 @@ def light_channels(
 
 def derived_channels(
     light: Transport,
-    derivatives: Sequence[Sensitivity | Proportional],
+    derivatives: Sequence[Derivative],
     others: Mapping[float, Transport],
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
@@ -107,7 +107,7 @@ def _times(unit: str, per: str) -> str:
 def write_histograms(
     path: Path,
     light: Transport,
-    derivatives: Sequence[Sensitivity | Proportional] = (),
+    derivatives: Sequence[Derivative] = (),
     others: Mapping[float, Transport] = MappingProxyType({}),
 ) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.

@@ -76,8 +76,9 @@ PROPORTIONAL: Mapping[str, tuple[str, ...]] = {
     "gain": ("image", "spot_histogram", "daylight_w", "spot_daylight_w", "spot_crosstalk_w"),
 }
 
-#: Makes the sensitivity of a parameter, or raises InputError if paths do not say it.
-Make = Callable[[], Sensitivity | Proportional]
+Derivative = Sensitivity | Proportional
+#: Makes the derivative by a parameter, or raises InputError if paths do not say it.
+Make = Callable[[], Derivative]
 
 
 def parameters_of(scene: Scene) -> dict[str, Make]:

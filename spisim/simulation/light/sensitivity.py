@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 from reconstruction.base.errors import InputError, nearest
 from spisim.scene import Scene
-from spisim.simulation.light.parameters import Proportional, Sensitivity, parameters_of
+from spisim.simulation.light.parameters import Derivative, parameters_of
 from spisim.transport.engine.path_weights import PathWeight
 
 
-def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity | Proportional]:
+def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Derivative]:
     """Derivatives of light by parameters of a scene.
 
     Parameters
@@ -41,6 +41,6 @@ def sensitivities(scene: Scene, parameters: Sequence[str]) -> list[Sensitivity |
     return [known[name]() for name in parameters]
 
 
-def weights_of(wanted: Sequence[Sensitivity | Proportional]) -> tuple[PathWeight, ...]:
+def weights_of(wanted: Sequence[Derivative]) -> tuple[PathWeight, ...]:
     """Weights to record, each once."""
     return tuple({weight.name: weight for one in wanted for weight in one.weights}.values())
