@@ -19,11 +19,11 @@ import mitsuba as mi
 import numpy as np
 from mitsuba_reference import MAX_DEPTH, Renderer
 
+from spisim.instrument.views import BeamView, DetectorView, ProjectorView
 from spisim.scene import Scene
 from spisim.transport.engine.ends import Projector
 from spisim.transport.engine.tally import Contribution, ImageTally, PhasorTally
 from spisim.transport.engine.walk import lanes_and_sampler
-from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 #: Pixels across the table of the detector's angular response.
 RESPONSE_PIXELS = 256

@@ -12,12 +12,12 @@ import spisim
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, fog
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
 from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.sampling import MIN_LAUNCHES, ErrorMetric, PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table
 

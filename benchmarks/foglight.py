@@ -13,6 +13,7 @@ from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR, Atmosphere, GammaSizes, LogNormalSizes, Particles, fog
 from spisim.atmosphere.structure import Structure
 from spisim.instrument import Instrument, SpotLight
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.scene.model import Volume
 from spisim.simulation.light import NEAR_PATH_M
@@ -21,7 +22,6 @@ from spisim.transport.daylight import daylight_power, projector_power
 from spisim.transport.engine.estimator import spot_histogram
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
 CACHE = Path(__file__).parents[1] / "out" / "ranging"

@@ -23,6 +23,7 @@ from room import air, box_pose, room
 import spisim
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import CLEAR
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Volume
 from spisim.transport.backend import use_threads
 from spisim.transport.engine.estimator import spot_histogram
@@ -30,7 +31,6 @@ from spisim.transport.engine.path_weights import Score, tracked_by
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.scores import Extinction, Parameter, Reflectance
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table, surroundings
 

@@ -22,6 +22,7 @@ from options import benchmark_options, finish
 import spisim
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import Atmosphere, henyey_greenstein
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, Volume
 from spisim.scene.bsdf import Conductor, Mirror
 from spisim.simulation.light import Transport, solve
@@ -30,7 +31,6 @@ from spisim.simulation.light.solve import steady_light, streams_of
 from spisim.transport import Outputs
 from spisim.transport.backend import use_threads
 from spisim.transport.engine.path_weights import Score, tracked_by
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table, surroundings
 

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from spisim.instrument.views import DetectorView, ProjectorView
 from spisim.scene import Scene
 from spisim.scene.volumes import share_space
 from spisim.transport.backend import with_backend
 from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.engine.apertures import Detectors
 from spisim.transport.jit import Float, Point, Sampler, Vector
-from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import fog_ball
 
 #: What is cut off is below the noise; roulette ends paths long before.

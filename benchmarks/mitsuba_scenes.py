@@ -25,6 +25,7 @@ from scipy import stats
 
 from spisim.atmosphere import Atmosphere, HenyeyGreenstein, Isotropic, explicit
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume, look_at
 from spisim.scene.bsdf import (
     Bsdf,
@@ -48,7 +49,6 @@ from spisim.transport import camera_view
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
-from spisim.transport.views import InstrumentView
 from spisim_paper.checks import Check, Table, surroundings
 
 activate()

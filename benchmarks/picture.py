@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from options import benchmark_options, finish
 
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, load_scene
 from spisim.transport import camera_view
 from spisim.transport.backend import activate
 from spisim.transport.engine.ends import Projector
 from spisim.transport.picture import camera_at
-from spisim.transport.views import InstrumentView
 from spisim_paper.checks import Check, Table, surroundings
 
 activate()

@@ -10,9 +10,9 @@ from alternatives import DualVolpath
 from spisim.atmosphere import CLEAR
 from spisim.dataset.planned import load_plan
 from spisim.dataset.sample import load
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, Volume
 from spisim.simulation.light import solve
-from spisim.transport.views import InstrumentView
 from spisim_paper.checks import Check, Table
 
 #: Paths per pixel of `volpath`: its error is then about that of a sample.

@@ -15,6 +15,7 @@ from reconstruction.capture import Spots
 from reconstruction.ranging import measure_ranges
 from spisim.atmosphere import CLEAR
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.simulation.light import LightSequence, solve
 from spisim.simulation.light.path_bins import spot_bins
@@ -23,7 +24,6 @@ from spisim.simulation.light.surrogate import surrogate
 from spisim.simulation.measurement.spots import spot_light
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.sampling import PathBudget
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table
 

@@ -29,6 +29,7 @@ import spisim
 from reconstruction.base.arrays import Floats
 from reconstruction.operators import expose, illumination, make_plan
 from spisim.atmosphere import CLEAR
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, Volume
 from spisim.simulation.light import solve
 from spisim.transport.daylight import projector_power
@@ -36,7 +37,6 @@ from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table, surroundings
 

@@ -21,12 +21,12 @@ from options import benchmark_options, finish
 from scipy.constants import c
 
 from spisim.atmosphere import Atmosphere, Tabulated, fog
+from spisim.instrument.views import BeamView, DetectorView
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.transport.engine.estimator import spot_histogram
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
-from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import build_world
 from spisim_paper.checks import Check, Table, surroundings
 

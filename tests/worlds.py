@@ -5,11 +5,11 @@ import trimesh
 from mitsuba_reference import bucket_powers
 
 from spisim.atmosphere import Atmosphere, henyey_greenstein
+from spisim.instrument.views import BeamView, DetectorView, ProjectorView
 from spisim.scene import Ambient, Material, Scene, SceneObject, Volume
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import BeamView, DetectorView, ProjectorView
 
 ORIGIN = np.eye(4)  # optical frame = world: x right, y down, z forward
 

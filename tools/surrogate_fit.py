@@ -23,6 +23,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.atmosphere import fog
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, draw_scene
 from spisim.scene.families import FAMILIES
 from spisim.simulation.light import Transport, solve
@@ -35,7 +36,6 @@ from spisim.simulation.light.surrogate import (
     mean_path_m,
     surrogate,
 )
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
 VISIBILITIES_M = (30.0, 75.0, 150.0, 300.0, 600.0)

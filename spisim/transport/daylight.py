@@ -17,6 +17,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
+from spisim.instrument.views import DetectorView, ProjectorView
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.apertures import Detectors
@@ -33,7 +34,6 @@ from spisim.transport.engine.tally import Deposit, ImageTally, MakeTally, Sums, 
 from spisim.transport.engine.walk import MAX_VERTICES, Sky, Walk
 from spisim.transport.engine.weights import alone, second_on, second_on_or_behind_glass
 from spisim.transport.lamps import lamps_of
-from spisim.transport.views import DetectorView, ProjectorView
 from spisim.transport.world import World
 
 #: Target standard error of steady light, relative to it; half as much in the noise that it causes.

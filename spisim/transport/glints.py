@@ -7,10 +7,10 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
+from spisim.instrument.views import BeamView, DetectorView
 from spisim.transport.engine.sampling import TransportWarning
 from spisim.transport.geometry import rays_of
 from spisim.transport.jit import Hit
-from spisim.transport.views import BeamView, DetectorView
 from spisim.transport.world import World
 
 #: Maximum number of mirrors and panes along a beam.

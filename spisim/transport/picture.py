@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView, ProjectorView
 from spisim.scene import Scene
 from spisim.transport.backend import with_backend
 from spisim.transport.daylight import has_daylight, sky_of, sun_of
@@ -19,7 +20,6 @@ from spisim.transport.engine.tally import ImageTally, Sums, Tallies
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
 from spisim.transport.engine.weights import alone
 from spisim.transport.lamps import lamps_of
-from spisim.transport.views import InstrumentView, ProjectorView
 from spisim.transport.world import build_world
 
 #: Height of the camera above the pinhole: with light and camera in one point there is no shading.

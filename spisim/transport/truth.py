@@ -13,13 +13,13 @@ from numpy.typing import NDArray
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import CORRIDOR_M
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, SceneObject
 from spisim.transport.backend import with_backend
 from spisim.transport.geometry import rays_of
 from spisim.transport.jit import Float
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
-from spisim.transport.views import InstrumentView
 
 #: Fields that are nan without an image.
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")

@@ -10,6 +10,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere import Atmosphere
+from spisim.instrument.views import BeamView
 from spisim.scene import Scene, Volume
 from spisim.scene.bsdf import Diffuse, Retroreflector
 from spisim.scene.lamps import PointLamp
@@ -31,7 +32,6 @@ from spisim.transport.media import (
 from spisim.transport.meshes import Meshes
 from spisim.transport.mirrors import Mirrors, mirrors_of
 from spisim.transport.scores import Parameter, Scored, Tracked
-from spisim.transport.views import BeamView
 
 #: Fog extends this far beyond the scene: light scattered further out does not come back.
 FOG_MARGIN_M = 15.0

@@ -19,11 +19,11 @@ from rainfall import (
 )
 from reconstruction.operators import illumination
 from spisim.atmosphere.precipitation import rain
+from spisim.instrument.views import DetectorView
 from spisim.simulation.drops import on_buckets, on_spots
 from spisim.simulation.drops.discs import disc_points, on_the_way_out, passing
 from spisim.simulation.drops.echo import echo
 from spisim.simulation.light import LightSequence
-from spisim.transport.views import DetectorView
 
 SEEDS = 100
 

@@ -13,6 +13,7 @@ from reconstruction import reconstruct
 from reconstruction.ranging.fog.overlap import overlap
 from spisim.budget import Target, spot_link
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Ambient, Material
 from spisim.scene.bsdf import Mirror
 from spisim.simulation import simulate
@@ -22,7 +23,6 @@ from spisim.simulation.light.surrogate import BOUNCED, surrogate
 from spisim.transport.backend import activate
 from spisim.transport.engine.sampling import PathBudget
 from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import build_world
 
 NINE, MANY = load_instrument("tmf8820"), load_instrument("vl53l5cx")

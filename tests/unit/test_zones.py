@@ -12,10 +12,10 @@ from spisim.base.config import parse_model
 from spisim.budget import Target, range_sigma_m, spot_link
 from spisim.budget.eye_safety import class_1_power_w, laser_safety
 from spisim.instrument import Instrument, load_instrument
+from spisim.instrument.views import InstrumentView
 from spisim.simulation.light.sequence import LightSequence
 from spisim.simulation.light.solve import Transport
 from spisim.simulation.measurement.spots import spot_light
-from spisim.transport.views import InstrumentView
 
 PRESET = load_instrument("vl53l5cx")
 SENSORS = "tmf8820", "vl53l5cx", "vl53l8cx"

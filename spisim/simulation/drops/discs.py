@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.transport.views import DetectorView, ProjectorView
+from spisim.instrument.views import DetectorView, ProjectorView
 
 Ints = NDArray[np.intp]
 

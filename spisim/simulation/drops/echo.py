@@ -6,8 +6,8 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere.drop_optics import Scatterer
+from spisim.instrument.views import DetectorView
 from spisim.simulation.drops.discs import length
-from spisim.transport.views import DetectorView
 
 
 class Echo(NamedTuple):

@@ -8,10 +8,10 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.atmosphere.precipitation import Precipitation
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
 from spisim.simulation.drops.field import DropField, drop_field
 from spisim.transport.truth import GroundTruth
-from spisim.transport.views import InstrumentView
 
 #: Depth where there is no surface.
 FAR_AWAY_M = 1e6

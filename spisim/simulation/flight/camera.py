@@ -15,6 +15,7 @@ from reconstruction.reconstructor import Reconstructor
 from spisim.base.config import LightSource, dump_yaml
 from spisim.instrument import Instrument
 from spisim.instrument.steering import Pointing
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
 from spisim.simulation.doubt import map_doubt
 from spisim.simulation.flight.keys import Keys
@@ -26,7 +27,6 @@ from spisim.simulation.light.surrogate import surrogate_spots_of
 from spisim.simulation.measurement import Memory, record_frames, recorded_optics
 from spisim.transport import Outputs, ground_truth
 from spisim.transport.backend import activate
-from spisim.transport.views import InstrumentView
 from spisim.version import __version__
 
 #: Random stream of the frames of a seed; other streams trace the light.

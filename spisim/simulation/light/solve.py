@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
 from spisim.simulation.light.extra import extra_light, weighted_light
 from spisim.simulation.light.noise_metric import image_error_metric
@@ -31,7 +32,6 @@ from spisim.transport.engine.sampling import (
     TargetError,
 )
 from spisim.transport.glints import warn_of_glints
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
 logger = logging.getLogger(__name__)

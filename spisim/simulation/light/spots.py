@@ -8,6 +8,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView
 from spisim.simulation.light.noise_metric import spot_error_metric
 from spisim.simulation.light.path_bins import spot_bins
 from spisim.transport.engine.estimator import spot_histogram, transport_image
@@ -22,7 +23,6 @@ from spisim.transport.engine.sampling import (
 )
 from spisim.transport.engine.tally import PathLengthBins
 from spisim.transport.engine.walk import MAX_VERTICES
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import World
 
 #: Laser paths per `spp`: the few beams need far fewer paths than thousands of pixels.

@@ -7,12 +7,12 @@ import numpy as np
 
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.model import Source
+from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
 from spisim.simulation.light.extra import steady_weighted
 from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
 from spisim.transport.engine.path_weights import PathWeight
 from spisim.transport.engine.walk import MAX_VERTICES
-from spisim.transport.views import InstrumentView
 from spisim.transport.world import World
 
 

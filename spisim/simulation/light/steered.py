@@ -10,6 +10,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.instrument.steering import Doubt, Pointing
+from spisim.instrument.views import InstrumentView, together
 from spisim.scene import Scene
 from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.lattice import LatticeLight
@@ -19,7 +20,6 @@ from spisim.simulation.light.solve import Transport, spot_fields, streams_of
 from spisim.simulation.light.spots import trace_spots
 from spisim.transport.backend import with_backend
 from spisim.transport.glints import warn_of_glints
-from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import build_world
 
 #: Fields of `Transport` with a row per spot that the lasers' light decides.

@@ -28,6 +28,7 @@ from scipy.constants import c
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
+from spisim.instrument.views import InstrumentView, together
 from spisim.scene import Scene
 from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.simulation.light.sequence import LightSequence, at_key_times
@@ -43,7 +44,6 @@ from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.sampling import Estimate, PathBudget
-from spisim.transport.views import InstrumentView, together
 from spisim.transport.world import World, build_world
 
 #: Paths of each virtual pixel, and of each laser.

@@ -7,9 +7,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from spisim.instrument.views import DetectorView
 from spisim.transport.engine.ends import Connection, Launch, stratified
 from spisim.transport.jit import Float, Frame, Point, Point2, Ray, Sampler, UInt
-from spisim.transport.views import DetectorView
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,11 +17,11 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from spisim.instrument.views import BeamView
 from spisim.transport.engine.ends import Connection, Launch
 from spisim.transport.geometry import EquiAngular
 from spisim.transport.jit import Bool, Float, Frame, Hit, Object, Point, Ray, Sampler, UInt
 from spisim.transport.scores import together
-from spisim.transport.views import BeamView
 from spisim.transport.world import World
 
 

@@ -19,10 +19,10 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from spisim.instrument.views import ProjectorView
 from spisim.transport.geometry import transform
 from spisim.transport.jit import Float, Matrix, Point, Point2, Ray, Sampler, UInt, Vector
 from spisim.transport.scores import NO_SCORES, Scores
-from spisim.transport.views import ProjectorView
 
 
 class Launch(NamedTuple):

@@ -13,6 +13,7 @@ from functools import partial
 
 import numpy as np
 
+from spisim.instrument.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.engine import weights
 from spisim.transport.engine.apertures import Detectors, JointDetectors
 from spisim.transport.engine.beams import Beams
@@ -35,7 +36,6 @@ from spisim.transport.engine.tally import (
     Tallies,
 )
 from spisim.transport.engine.walk import MAX_VERTICES, Walk
-from spisim.transport.views import BeamView, DetectorView, ProjectorView
 from spisim.transport.world import World
 
 #: Rays per walk path along which singly scattered light is summed. A ray costs a tenth of a walk

@@ -8,9 +8,9 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
+from spisim.instrument.views import ProjectorView
 from spisim.transport.engine.ends import Connection, Launch, Projector, RandomRay
 from spisim.transport.jit import Float, Object, Point, Ray, Sampler, UInt, Vector
-from spisim.transport.views import ProjectorView
 
 
 @dataclass(frozen=True, eq=False)
