@@ -67,25 +67,25 @@ class TransientSpots:
     ) -> None:
         activate()
         import_module("mitransient")  # registers the integrator, for the variant that is active
-        self._integrator = mi.load_dict({"type": "transient_prbvolpath", "max_depth": MAX_DEPTH})
-        self._scenes = [
+        self.integrator = mi.load_dict({"type": "transient_prbvolpath", "max_depth": MAX_DEPTH})
+        self.scenes = [
             Renderer(scene, {"lamp": lamp(_only(detectors, i))}).scene
             for i in range(len(beams.origins_m))
         ]
-        self._rays = [
+        self.rays = [
             mi.Ray3f(
                 dr.opaque(mi.Point3f, origin.tolist()), dr.opaque(mi.Vector3f, heading.tolist())
             )
             for origin, heading in zip(beams.origins_m, beams.directions, strict=True)
         ]
-        self._area_m2, self._frequency_hz = detectors.area_m2, frequency_hz
+        self.area_m2, self._frequency_hz = detectors.area_m2, frequency_hz
 
     def readings(self, samples: int, seed: int) -> Floats:
         """Power and phasor at the frequency, (beams, 3): sum, real and imaginary part."""
-        return np.array([self._spot(i, samples, seed) for i in range(len(self._rays))])
+        return np.array([self._spot(i, samples, seed) for i in range(len(self.rays))])
 
     def _spot(self, number: int, samples: int, seed: int) -> Floats:
-        _, sampler = lanes_and_sampler(samples, len(self._rays) * seed + number)
+        _, sampler = lanes_and_sampler(samples, len(self.rays) * seed + number)
         power, phasor = ImageTally(1), PhasorTally(1, (self._frequency_hz,))
 
         def add(radiance: Any, length_m: Any, wavelengths: Any, active: Any) -> None:
@@ -94,11 +94,11 @@ class TransientSpots:
             power.add(light)
             phasor.add(light)
 
-        self._integrator.sample(
+        self.integrator.sample(
             mode=dr.ADMode.Primal,
-            scene=self._scenes[number],
+            scene=self.scenes[number],
             sampler=sampler,
-            ray=mi.Ray3f(self._rays[number]),
+            ray=mi.Ray3f(self.rays[number]),
             β=mi.Spectrum(1),
             δL=None,
             state_in=None,
@@ -106,7 +106,55 @@ class TransientSpots:
             add_transient=add,
         )
         sums = np.append(power.read(1)["image"], phasor.read(1)["phasors"])
-        return np.asarray(sums * self._area_m2)
+        return np.asarray(sums * self.area_m2)
+
+
+class TransientGradients:
+    """Derivatives of the power of each spot by mitransient's path replay; see `TransientSpots`.
+
+    `parameter` is that of Mitsuba's scene, a number.
+
+    Raises
+    ------
+    ImportError
+        Where mitransient is not installed.
+    """
+
+    def __init__(
+        self, scene: Scene, beams: BeamView, detectors: DetectorView, parameter: str
+    ) -> None:
+        self._spots = TransientSpots(scene, beams, detectors, 0.0)
+        self._parameters = [mi.traverse(each) for each in self._spots.scenes]
+        self._name = parameter
+        for each in self._parameters:
+            dr.enable_grad(each[parameter])
+
+    def readings(self, samples: int, seed: int) -> Floats:
+        """Derivatives (beams,)."""
+        return np.array([self._spot(i, samples, seed) for i in range(len(self._parameters))])
+
+    def _spot(self, number: int, samples: int, seed: int) -> float:
+        value = self._parameters[number][self._name]
+        dr.set_grad(value, 0)
+        scale = mi.Spectrum(self._spots.area_m2 / samples)
+        none = mi.Spectrum(0)
+        state = None
+        for mode in (dr.ADMode.Primal, dr.ADMode.Backward):
+            _, sampler = lanes_and_sampler(samples, len(self._parameters) * seed + number)
+            with dr.suspend_grad():
+                *_, state = self._spots.integrator.sample(
+                    mode=mode,
+                    scene=self._spots.scenes[number],
+                    sampler=sampler,
+                    ray=mi.Ray3f(self._spots.rays[number]),
+                    β=mi.Spectrum(1),
+                    δL=none,
+                    state_in=state,
+                    active=mi.Bool(True),
+                    add_transient=lambda *_: None,
+                    gather_derivatives_at_distance=lambda *_: scale,
+                )
+        return float(np.asarray(dr.grad(value).numpy()).sum())
 
 
 def lamp(detector: DetectorView) -> dict[str, Any]:

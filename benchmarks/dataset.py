@@ -53,7 +53,7 @@ STAGES: dict[str, tuple[str, str]] = {
     "media": ("spisim.simulation.light.solve", "build_world"),
     "steady light": ("spisim.simulation.light.solve", "steady_light"),
     "light of the image": ("spisim.simulation.light.solve", "transport_image"),
-    "light of the spots": ("spisim.simulation.light.solve", "spot_histogram"),
+    "light of the spots": ("spisim.simulation.light.spots", "spot_histogram"),
     "counts": ("spisim.simulation.chain", "record"),
     "capture file": ("spisim.dataset.sample", "write_capture"),
 }

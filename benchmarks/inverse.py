@@ -1,11 +1,10 @@
-"""Derivatives of light by the fog, and other fog from the same paths: right, and what they cost.
+"""Derivatives of light by the fog: right, and what they cost.
 
     python benchmarks/inverse.py [--quick] [--json] [--markdown]
 
 Shipped scenes in fog of 50 m. Derivatives by extinction and albedo are held against differences of
-passes with the same random numbers, reweighted light against passes through the other fog, by z
-over seeds: total light, its parts by scattering, the phasor, and the spots' light. Times are of
-passes with and without weights, in turns, on one thread.
+passes with the same random numbers, by z over seeds: total light, its quadrants, and the spots'
+light. Times are of passes with and without weights, in turns, on one thread.
 """
 
 import sys
@@ -21,14 +20,15 @@ import spisim
 from reconstruction.base.arrays import Floats
 from spisim.scene import Scene
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
+from spisim.simulation.light.other_fog import OtherFog
+from spisim.simulation.light.sensitivity import sensitivities, weights_of
 from spisim.transport import Outputs
 from spisim.transport.backend import use_threads
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "inverse.md"
 SCENES = ("target-plane", "warehouse", "reflective-shelf", "street-canyon")
-VISIBILITY_M, OTHERS_M = 50.0, (35.0, 80.0)
+VISIBILITY_M = 50.0
 STEPS = {"by_extinction": 0.02, "by_albedo": 0.005}
 """Of the logarithm."""
 SAME = 1e-4
@@ -43,7 +43,7 @@ COSTS = 5
 
 @dataclass(frozen=True)
 class Compared:
-    """Largest |z| of a figure in a scene, and the total's relative derivative or change."""
+    """Largest |z| of a figure in a scene, and the total's relative derivative."""
 
     scene: str
     figure: str
@@ -61,8 +61,8 @@ def main() -> int:
     tables = [
         Table(
             f"Largest |z| over {SEEDS} seeds, {SPP} paths a pixel and end: derivatives against "
-            "finite differences, other fog against passes through it; and the change of all light.",
-            ("scene", "figure", "largest z", "∂ ln f or ln f/f"),
+            "finite differences; and the derivative of all light.",
+            ("scene", "figure", "largest z", "∂ ln f"),
             [(c.scene, c.figure, f"{c.z:.2f}", f"{c.size:+.3f}") for c in compared],
         ),
         Table(
@@ -89,8 +89,7 @@ def compare(name: str) -> Iterator[Compared]:
     """All figures of a scene."""
     here = foggy(name)
     by_sigma, by_albedo = sensitivities(here, ["scene.fog.extinction_per_m", "scene.fog.albedo"])
-    others = [OtherFog.of_visibility(here, each) for each in OTHERS_M]
-    weights = weights_of([by_sigma, by_albedo, *others])
+    weights = weights_of([by_sigma, by_albedo])
     passes = [traced(here, seed, weights) for seed in range(SEEDS)]
     totals = np.array([figures(each) for each in passes])
     for label, ending, field, start in (
@@ -111,14 +110,6 @@ def compare(name: str) -> Iterator[Compared]:
             largest_z(off, SAME * np.abs(found.mean(axis=0))),
             found[:, 0].mean() / totals[:, 0].mean(),
         )
-    for visibility_m, other in zip(OTHERS_M, others, strict=True):
-        found = np.array([figures(each, f"_{other.weights[0].name}") for each in passes])
-        through = np.array(
-            [figures(traced(foggy(name, other.ratio), 100 + seed)) for seed in range(SEEDS)]
-        )
-        change = np.log(found[:, 0].mean() / totals[:, 0].mean())
-        label = f"{visibility_m:g} m, carried by {other.carried(passes[0]):.0%}"
-        yield Compared(name, label, largest_z(found - through), change)
 
 
 def traced(scene: Scene, seed: int, weights: Sequence[object] = ()) -> Transport:
@@ -152,8 +143,8 @@ def cost(name: str) -> float:
     """Median time of a pass with ten weights over that of one without."""
     scene = foggy(name)
     wanted = sensitivities(scene, ["scene.fog.extinction_per_m", "scene.fog.albedo"])
-    wanted += [OtherFog.of(scene, ratio) for ratio in (0.7, 0.85, 1.15, 1.3)]
-    weights = weights_of(wanted)
+    others = [OtherFog.of(scene, ratio) for ratio in (0.7, 0.85, 1.15, 1.3)]
+    weights = (*weights_of(wanted), *(weight for each in others for weight in each.weights))
     assert len(weights) == 10
     seconds: list[list[float]] = [[], []]
     for turn in range(COSTS + 1):

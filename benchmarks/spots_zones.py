@@ -18,7 +18,7 @@ from spisim.instrument import Instrument, load_instrument
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.simulation.light import LightSequence, solve
 from spisim.simulation.light.path_bins import spot_bins
-from spisim.simulation.light.solve import ranging_histogram
+from spisim.simulation.light.spots import ranging_histogram
 from spisim.simulation.light.surrogate import surrogate
 from spisim.simulation.measurement.spots import spot_light
 from spisim.transport.backend import with_backend

@@ -56,16 +56,19 @@ def main() -> None:
     parser.add_argument("--device", default="cuda" if torch.cuda.is_available() else "cpu")
     asked = parser.parse_args()
     torch.manual_seed(SEED)
-    files = [torch.tensor(np.load(file)["image"], dtype=torch.float32) for file in asked.images]
+    held = [np.load(file) for file in asked.images]
+    files = [torch.tensor(each["image"], dtype=torch.float32) for each in held]
     sets = [some[some.std(dim=(1, 2)) > 0].to(asked.device) for some in files]
     model = ReadingModel.of(load_instrument(asked.instrument))
     patterns = trained(model, sets, asked.patterns, asked.steps, asked.batch)
     np.save(asked.patterns_file, patterns)
     manifest = {
         "instrument": asked.instrument,
+        "families": sorted({str(name) for each in held for name in each.get("family", ())}),
         "images": {
             file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in asked.images
         },
+        "patterns": asked.patterns,
         "steps": asked.steps,
         "batch": asked.batch,
     }

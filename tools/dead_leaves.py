@@ -1,10 +1,17 @@
 """Dead leaves: images of things that hide each other, as many as one likes.
 
+    python tools/dead_leaves.py leaves.npz [--images 1500]
+
+writes transport images, as `tools/drawn_images.py` does, of as much light as scenes return.
+
 Discs, rectangles and polygons of random sizes, greys, slopes and textures fall on each other
 (A. B. Lee, D. Mumford, J. Huang, Int. J. Comput. Vision 41, 35 (2001)); sizes follow a power law,
 so that the images are the same at every scale, as natural ones nearly are. What is learned from
 them holds for photographs (R. Achddou, Y. Gousseau, S. Ladjal, SSVM 2021, LNCS 12679, 333).
 """
+
+import argparse
+from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +24,23 @@ RADIUS = (0.02, 0.6)
 """Of the longer side; exponents of the power law are drawn from `EXPONENT`."""
 EXPONENT = (1.2, 3.0)
 GAMMA = (0.5, 3.0)
+SHAPE = (64, 64)
+RETURNED = (2e-10, 3e-9)
+"""Mean transport of an image, between about the darkest and the brightest of drawn scenes."""
+SEED = 77
+
+
+def main() -> None:
+    """Draw what the command line asks for."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("file", type=Path)
+    parser.add_argument("--images", type=int, default=1500)
+    asked = parser.parse_args()
+    drawn = [dead_leaves(SHAPE, np.random.default_rng([SEED, n])) for n in range(asked.images)]
+    images = np.array([image for image in drawn if image.mean() > 0])
+    log_light = np.random.default_rng(SEED).uniform(*np.log(RETURNED), len(images))
+    scale = np.exp(log_light) / images.mean(axis=(1, 2))
+    np.savez_compressed(asked.file, image=(images * scale[:, None, None]).astype(np.float32))
 
 
 def dead_leaves(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
@@ -101,3 +125,7 @@ def lamp_light(shape: tuple[int, int], rng: np.random.Generator) -> Floats:
     row, column, width = rng.random(), rng.random(), rng.uniform(0.3, 1.0)
     down, along = ((np.arange(side) + 0.5) / side for side in shape)
     return np.exp(-np.add.outer((down - row) ** 2, (along - column) ** 2) / (2 * width**2))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,10 +1,10 @@
 """Error of a simulation's light, which its captures state: noise when they are compared."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import yaml
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
@@ -19,6 +19,8 @@ from .gaussian import Covariance
 from .midpoint import Midpoint
 from .patterns import constant, light_error
 
+FEW_PATHS = 2.0
+"""Factor on the error of steady light, which is stated from few paths."""
 UNSTATED = 0.004
 """Relative error of the image beyond those stated, common to its pixels: paths so rare and bright
 that few launches meet them, as of retro-reflectors and gloss."""
@@ -36,7 +38,7 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     """Noise of patterns and spots, with the error of a capture's light, if it is a simulation."""
     if capture.provenance.source != "simulation":
         return noise
-    stated = stated_accuracy(capture)
+    stated = StatedAccuracy(capture)
     patterns, spots = midpoint.patterns.size, midpoint.spots
     variance = noise.variance.copy()
     own, total = image_error_of(capture)
@@ -47,7 +49,7 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     on = constant(capture.setup.plans)
     dark, dark_of_spots = _dark(capture)
     daylight = max(abs(midpoint.background) - dark, 0.0)
-    steady = stated("daylight_relative_error") * daylight * on
+    steady = FEW_PATHS * stated("daylight_relative_error") * daylight * on
     image = [total, steady, UNSTATED * (midpoint.patterns - on * midpoint.background)]
     if midpoint.turned_per_deg is not None:
         image += [*(UNSTATED_TURN_DEG * midpoint.turned_per_deg).T]
@@ -56,8 +58,9 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
     added = [factors]
     if spots is not None:
         mean = spots.means[number]
-        share = stated("spot_noise_share")
-        variance[patterns:] += share**2 * mean.variance * mean.frames
+        of_frame = mean.variance * mean.frames
+        parts = _parts_of_spots(of_frame, spots.spot, stated.errors_of_spots)
+        variance[patterns:] += stated("spot_noise_share") ** 2 * parts * of_frame
         relative = np.hypot(
             stated("spot_daylight_relative_error"), stated("spot_crosstalk_relative_error")
         )
@@ -67,6 +70,17 @@ def with_light_error(noise: Covariance, capture: Capture, midpoint: Midpoint) ->
         shared = np.hstack([relative * of_spots, UNSTATED_OF_SPOT * spots.echo_of_spots])
         added.append(np.vstack([np.zeros((patterns, shared.shape[1])), shared]))
     return replace(noise, variance=variance).plus(added)
+
+
+def _parts_of_spots(noise: Floats, spot: NDArray[np.intp], errors: Floats) -> Floats:
+    """Square of each reading's noise share over the mean square (n,), 1 without errors of spots.
+
+    The noise share is a mean of all spots, of which one on gloss may make nearly all.
+    """
+    if errors.size != spot.max(initial=-1) + 1 or not errors.any():
+        return np.ones(noise.size)
+    own = errors**2 / (np.bincount(spot, noise) / np.bincount(spot))
+    return np.asarray(own / own.mean())[spot]
 
 
 def image_error_of(capture: Capture) -> tuple[Floats, Floats]:
@@ -111,15 +125,25 @@ def _dark(capture: Capture) -> tuple[float, Floats]:
     return of_patterns, dark.electrons(dark.taps)[0].sum(axis=1)
 
 
-def stated_accuracy(capture: Capture) -> Any:
+class StatedAccuracy:
     """Accuracy of a simulation's light by its name in the settings, 0 where it is not stated."""
-    try:
-        light = yaml.safe_load(capture.provenance.settings)["light"]
-    except (yaml.YAMLError, KeyError, TypeError):
-        light = {}
 
-    def value(name: str) -> float:
-        number = light.get(name) if isinstance(light, dict) else None
-        return float(number) if isinstance(number, int | float) and np.isfinite(number) else 0.0
+    def __init__(self, capture: Capture) -> None:
+        try:
+            light = yaml.safe_load(capture.provenance.settings)["light"]
+        except (yaml.YAMLError, KeyError, TypeError):
+            light = {}
+        self._light = light if isinstance(light, dict) else {}
 
-    return value
+    def __call__(self, name: str) -> float:
+        return _number(self._light.get(name))
+
+    @property
+    def errors_of_spots(self) -> Floats:
+        """Standard errors (spots,) of the light on each spot; empty if they are not stated."""
+        values = self._light.get("spot_errors")
+        return np.array([_number(each) for each in values] if isinstance(values, list) else [])
+
+
+def _number(value: object) -> float:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else 0.0

@@ -94,8 +94,7 @@ class Pilot:
         made: dict[Group, list[float]] = {}
         for record in records:
             if record.done and record.seconds is not None and record.index in self.indices:
-                seconds = record.seconds - record.compiling_s
-                made.setdefault(self.groups[record.index], []).append(seconds)
+                made.setdefault(self.groups[record.index], []).append(record.own_s)
         if not made:
             raise ValueError("no finished samples")
         drawn = list(self.groups.values())

@@ -3,16 +3,17 @@
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent import futures
 from contextlib import contextmanager
-from itertools import count, islice
+from itertools import count
 from typing import Any, Self
 from uuid import uuid4
+from zlib import crc32
 
 from reconstruction.base.errors import InputError
 from spisim.dataset.records import DIED, Outcome, failure
-from spisim.dataset.workers import Make
+from spisim.dataset.workers import LOOK_AHEAD, Make, WorldOf
 
 #: Time limit for a scheduler to answer.
 ANSWER_S = 8
@@ -29,6 +30,7 @@ class SchedulerGone(Exception):
 class DaskExecutor:
     """The workers of a cluster. Samples of a lost worker go to others.
 
+    Samples of one world go to the same worker, as long as no other is idle.
     If the scheduler is gone, the executor waits for it and submits unfinished samples again.
     Workers that are still making them write the same bytes.
 
@@ -36,8 +38,15 @@ class DaskExecutor:
     away for longer than PATIENCE_S.
     """
 
-    def __init__(self, make: Make, address: str, say: Callable[[str], None] = print) -> None:
+    def __init__(
+        self,
+        make: Make,
+        address: str,
+        say: Callable[[str], None] = print,
+        world_of: WorldOf = lambda index: index,
+    ) -> None:
         self._make = make
+        self._world_of = world_of
         self._address = address
         self._say = say
         self._run = uuid4().hex  # makes task keys unique among all clients
@@ -69,27 +78,57 @@ class DaskExecutor:
         """Yield outcomes as they arrive; submit only as many samples as workers can soon make."""
         from distributed import as_completed
 
-        waiting = iter(indices)
-        under_way = {self._submit(index): index for index in islice(waiting, self._room())}
-        finished = as_completed(list(under_way))
+        waiting = dict.fromkeys(indices)
+        under_way: dict[Any, tuple[int, str | None]] = {}
+        finished = as_completed([])
+
+        def submit() -> None:
+            for index, worker in self._following(list(waiting), list(under_way.values())):
+                del waiting[index]
+                future = self._submit(index, worker)
+                under_way[future] = index, worker
+                finished.add(future)
+
+        submit()
         for future in finished:
-            yield self._outcome(future, under_way.pop(future))
-            for following in islice(waiting, max(0, self._room() - len(under_way))):
-                another = self._submit(following)
-                under_way[another] = following
-                finished.add(another)
+            yield self._outcome(future, under_way.pop(future)[0])
+            submit()
 
-    def _submit(self, index: int) -> Any:
+    def _following(
+        self, waiting: Sequence[int], under_way: Sequence[tuple[int, str | None]]
+    ) -> Iterator[tuple[int, str | None]]:
+        """Samples for the workers that have room: of their worlds, or any for one that is idle."""
+        workers = self._workers()
+        if not workers:  # the next to come may take any
+            yield from ((index, None) for index in waiting[: not under_way])
+            return
+        room = dict.fromkeys(workers, SUBMITTED)
+        for _, worker in under_way:
+            if worker in room:
+                room[worker] -= 1
+        others = []
+        for index in waiting[:LOOK_AHEAD]:
+            own = workers[crc32(str(self._world_of(index)).encode()) % len(workers)]
+            if room[own] > 0:
+                room[own] -= 1
+                yield index, own
+            else:
+                others.append(index)
+        idle = [worker for worker in workers if room[worker] == SUBMITTED]
+        yield from zip(others, idle, strict=False)
+
+    def _submit(self, index: int, worker: str | None) -> Any:
         key = f"sample-{index}-{next(self._calls)}-{self._run}"
+        options: dict[str, Any] = {}
+        if worker is not None:
+            options = {"workers": [worker], "allow_other_workers": True}
         with self._detecting_loss():
-            return self._client.submit(self._make, index, key=key, pure=False)
+            return self._client.submit(self._make, index, key=key, pure=False, **options)
 
-    def _room(self) -> int:
-        return max(1, SUBMITTED * self._workers())
-
-    def _workers(self) -> int:
+    def _workers(self) -> list[str]:
+        """Addresses of the workers, in order."""
         with self._detecting_loss():
-            return len(self._client.scheduler_info(n_workers=-1)["workers"])
+            return sorted(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def _outcome(self, future: Any, index: int) -> Outcome:
         from distributed.scheduler import KilledWorker
@@ -133,7 +172,7 @@ class DaskExecutor:
         while True:
             try:
                 self._client = _connected(self._address)
-                workers = self._workers()
+                workers = len(self._workers())
             except (OSError, SchedulerGone):
                 if time.monotonic() > end:
                     raise InputError(

@@ -23,6 +23,8 @@ from spisim.dataset.records import Outcome
 if TYPE_CHECKING:
     from spisim.dataset.planned import Sample
 
+#: Parameter of samples in a series of fogs: visibility of the fog whose paths carry their light.
+TRACED_IN = "traced_visibility_m"
 #: Samples per subfolder.
 PER_FOLDER = 1000
 #: Suffixes of files beside a capture: the transport image, and the spots' histograms.
@@ -174,15 +176,20 @@ def has_its_content(path: Path, recorded: Mapping[str, Any]) -> bool:
 
 
 def done(
-    layout: Layout, sample: Sample, beside: Iterable[Path], warnings: Iterable[str]
+    layout: Layout,
+    sample: Sample,
+    beside: Iterable[Path],
+    warnings: Iterable[str],
+    traced_visibility_m: float | None = None,
 ) -> Outcome:
     """Return the outcome of a sample whose capture and sidecars (`beside`) are written."""
     path = layout.capture(sample.index)
+    light = {} if traced_visibility_m is None else {TRACED_IN: traced_visibility_m}
     return Outcome(
         sample.index,
         "done",
         scene=sample.scene_name,
-        parameters=sample.parameters,
+        parameters={**sample.parameters, **light},
         file=layout.relative(path),
         **fingerprint(path),
         sidecars={layout.relative(each): fingerprint(each) for each in beside},
@@ -198,11 +205,15 @@ class Origin:
     index: int
     sidecars: Mapping[str, str]  # SHA-256 of the files beside it, by their suffix
     warnings: tuple[str, ...] = ()  # of its simulation
+    #: Of the fog whose paths carry its light, in a series of fogs.
+    traced_visibility_m: float | None = None
 
     @property
     def settings(self) -> dict[str, Any]:
         """Its form in the settings of the capture."""
         fields = {"plan": self.plan, "index": self.index, "sidecars": dict(self.sidecars)}
+        if self.traced_visibility_m is not None:
+            fields[TRACED_IN] = self.traced_visibility_m
         return fields | ({"warnings": list(self.warnings)} if self.warnings else {})
 
 
@@ -212,5 +223,7 @@ def origin_of(capture: Capture) -> Origin | None:
         origin = load_yaml(capture.provenance.settings, "settings")["data_set"]
         sidecars = {str(k): str(v) for k, v in origin.get("sidecars", {}).items()}
         warnings = tuple(map(str, origin.get("warnings", ())))
-        return Origin(str(origin["plan"]), int(origin["index"]), sidecars, warnings)
+        light = origin.get(TRACED_IN)
+        traced_m = None if light is None else float(light)
+        return Origin(str(origin["plan"]), int(origin["index"]), sidecars, warnings, traced_m)
     return None

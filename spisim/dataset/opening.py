@@ -246,6 +246,7 @@ def _adopt(
                     planned.sample(index),
                     _sidecars(keep, layout.capture(index)),
                     warnings[index],
+                    origins[index].traced_visibility_m,
                 )
                 for index in complete
             )

@@ -155,8 +155,9 @@ class PlannedSet:
         return int(rng.choice(len(weights), p=weights / weights.sum()))
 
     def world_of(self, index: int) -> int:
-        """Return a number shared by samples whose surfaces are worth reusing."""
-        return index // (self.plan.combinations * self.plan.poses.count)
+        """Return the first of the samples whose surfaces are worth reusing."""
+        together = self.plan.combinations * self.plan.poses.count
+        return index // together * together
 
     def _combination(self, index: int) -> tuple[int, dict[str, Any]]:
         """Return the round of the grids, and the combination of their values within it."""

@@ -17,6 +17,8 @@ SCHEMA_VERSION = 1
 DIED = "worker "
 #: Stage of a sample in which it compiled kernels that were not yet cached on disk.
 COMPILING = "compile"
+#: Stage of a sample in which it traced light for others of its series.
+SHARED = "light of others"
 #: Status of a sample that waits for disk space. It is never recorded.
 NO_SPACE = "no space"
 #: Limit on the length of a value in the table `meta`.
@@ -79,6 +81,11 @@ class Outcome:
     def compiling_s(self) -> float:
         """Seconds spent compiling kernels, which later samples of this kind reuse."""
         return self.stage_seconds.get(COMPILING, 0.0)
+
+    @property
+    def own_s(self) -> float:
+        """Seconds for this sample, without compiling and the light of others."""
+        return (self.seconds or 0.0) - self.compiling_s - self.stage_seconds.get(SHARED, 0.0)
 
 
 @dataclass(frozen=True)

@@ -8,11 +8,11 @@ import traceback
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from threading import Lock
 from typing import Any
-from warnings import catch_warnings, simplefilter
+from warnings import catch_warnings, simplefilter, warn
 
 from threadpoolctl import threadpool_limits
 
@@ -22,14 +22,15 @@ from reconstruction.base.files import write_atomically
 from reconstruction.base.timing import timed
 from spisim.base.config import dump_yaml, load_yaml, parse_model
 from spisim.base.exr import write_exr
+from spisim.dataset.fogs import FogSeries, forget, light_of
 from spisim.dataset.folder import Layout, Origin, done, fingerprint
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, Sample
-from spisim.dataset.records import COMPILING, NO_SPACE, Outcome
+from spisim.dataset.records import COMPILING, NO_SPACE, SHARED, Outcome
 from spisim.instrument import Instrument
 from spisim.scene import Scene, make_scene
 from spisim.scene.load_context import SceneCache
-from spisim.simulation import Simulation, simulate
+from spisim.simulation import Simulation, simulate, simulate_from
 from spisim.simulation.light.files import write_histograms
 from spisim.transport.backend import compiling_timed, free_memory, use_threads
 
@@ -43,6 +44,11 @@ class Maker:
 
     planned: PlannedSet
     folder: Path
+
+    @cached_property
+    def series(self) -> FogSeries:
+        """Series of samples that share their light."""
+        return FogSeries(self.planned)
 
     def __call__(self, index: int) -> Outcome:
         """Make one sample on one thread.
@@ -76,19 +82,46 @@ class Maker:
             plan = self.planned.plan
             path, options = layout.capture(index), {"seed": sample.seed, **plan.sampling_budget}
             with timed(seconds, "simulate"), compiling_timed(seconds, COMPILING):
+                visibility_m = None
                 if plan.frames == "flight":
                     whole, beside = _flown(sample, scene, instrument, path, options), []
                 else:
-                    simulation = simulate(scene, instrument, frames=plan.frames, **options)
+                    options["frames"] = plan.frames
+                    simulation, visibility_m = self._simulated(
+                        sample, scene, instrument, options, seconds
+                    )
                     whole, beside = simulation.capture, _write_sidecars(path, simulation, plan.keep)
         with timed(seconds, "write"):
             sidecars = {each.suffix: fingerprint(each)["sha256"] for each in beside}
             messages = tuple(dict.fromkeys(str(warning.message) for warning in caught))
-            origin = Origin(self.planned.digest, index, sidecars, messages)
+            origin = Origin(self.planned.digest, index, sidecars, messages, visibility_m)
             capture = _with_origin(whole, origin, plan.keep)
             write_capture(capture, path)  # last, so that its presence marks a complete sample
-        outcome = done(layout, sample, beside, [*messages, *capture_warnings(capture)])
+        noted = [*messages, *capture_warnings(capture)]
+        outcome = done(layout, sample, beside, noted, visibility_m)
         return replace(outcome, stage_seconds=seconds)
+
+    def _simulated(
+        self,
+        sample: Sample,
+        scene: Scene,
+        instrument: Instrument,
+        options: dict[str, Any],
+        seconds: dict[str, float],
+    ) -> tuple[Simulation, float | None]:
+        """A simulation, and the visibility of the fog whose paths carry its light in a series."""
+        series = self.series.of(sample.index)
+        if len(series) > 1:
+            shared = light_of(self.planned, series, load)
+            if shared.is_new:
+                seconds[SHARED] = shared.seconds * (1 - 1 / len(series))
+            if sample.index in shared.light:
+                for each in shared.warnings:
+                    warn(each.message, each.category, stacklevel=1)
+                light = shared.light[sample.index]
+                simulation = simulate_from(scene, instrument, light, **options)
+                return simulation, shared.visibility_m[sample.index]
+        return simulate(scene, instrument, **options), None
 
     def _failed(self, index: int, error: Exception) -> Outcome:
         text = "".join(traceback.format_exception(error))
@@ -115,7 +148,9 @@ class WarmMaker(Maker):
         if _warm:
             return super().__call__(index)
         _warm.append(index)
-        first, outcome = super().__call__(index), super().__call__(index)
+        first = super().__call__(index)
+        forget()  # or the second would not trace its series
+        outcome = super().__call__(index)
         compiling_s = first.compiling_s + outcome.compiling_s
         return replace(
             outcome,

@@ -91,7 +91,7 @@ class LocalExecutor:
     @classmethod
     def of(cls, make: Maker, workers: int | None, timeout_s: float = TIMEOUT_S) -> Self:
         """Create the executor of a plan's samples; by default with `default_workers` processes."""
-        return cls(make, workers or default_workers(), timeout_s, make.planned.world_of)
+        return cls(make, workers or default_workers(), timeout_s, make.series.world_of)
 
     def __enter__(self) -> Self:
         return self

@@ -13,6 +13,7 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.simulation.doubt import MapDoubt
 from spisim.simulation.light import (
+    LightSequence,
     Steered,
     Transport,
     solve_spots,
@@ -21,6 +22,7 @@ from spisim.simulation.light import (
     surrogate_spots,
     trace,
 )
+from spisim.simulation.light.sequence import at_key_times
 from spisim.simulation.measurement import record
 from spisim.transport import GroundTruth, ground_truth
 from spisim.transport.backend import activate
@@ -122,13 +124,80 @@ def simulate(
             seed=seed,
             doubt=MapDoubt(scene, instrument, result, seed) if steering.follows else None,
         )
-    truths = _truths(scene, instrument, frames, steered)
-    keys = result.transports + (() if steered is None else steered.light.transports)
-    how = {**budget, "backend": activate(), "light": {"source": light, **_accuracy(keys)}}
-    capture = record(
+    simulation = _recorded(
         scene,
         instrument,
         result,
+        budget,
+        {"source": light},
+        seed=seed,
+        noise=noise,
+        frames=frames,
+        steered=steered,
+    )
+    if light == "surrogate":
+        capture = simulation.capture
+        provenance = capture.provenance
+        text = f"{provenance.software}, {SURROGATE}"
+        capture = replace(capture, provenance=replace(provenance, software=text))
+        simulation = replace(simulation, capture=capture)
+    return simulation
+
+
+def simulate_from(
+    scene: Scene,
+    instrument: Instrument,
+    light: Transport,
+    *,
+    transport_noise_share: float,
+    seed: int = 0,
+    noise: bool = True,
+    frames: int = 1,
+) -> Simulation:
+    """Simulate a recording of a scene where nothing moves, from its light.
+
+    Parameters
+    ----------
+    scene, instrument, seed, noise, frames
+        As of `simulate`; nothing of the instrument is steered.
+    light
+        As traced by `spisim.simulation.light.fogs.trace_fogs` for `transport_noise_share`.
+
+    Raises
+    ------
+    InputError
+        As `simulate`.
+    """
+    sequence = at_key_times(scene, instrument, lambda *_: light, frames=frames, progress=None)
+    source: dict[str, Any] = {"source": "traced"}
+    if (how := light.reweighted) is not None:
+        source["reweighted"] = {"ratio": how.ratio, "carried": float(f"{how.carried:.3g}")}
+    budget = {"transport_noise_share": transport_noise_share}
+    return _recorded(
+        scene, instrument, sequence, budget, source, seed=seed, noise=noise, frames=frames
+    )
+
+
+def _recorded(
+    scene: Scene,
+    instrument: Instrument,
+    light: LightSequence,
+    budget: dict[str, Any],
+    source: dict[str, Any],
+    *,
+    seed: int,
+    noise: bool,
+    frames: int,
+    steered: Steered | None = None,
+) -> Simulation:
+    """A recording of light from a `source`, as accurate as the `budget` says."""
+    truths = _truths(scene, instrument, frames, steered)
+    keys = light.transports + (() if steered is None else steered.light.transports)
+    how = {**budget, "backend": activate(), "light": {**source, **_accuracy(keys)}}
+    capture = record(
+        scene,
+        instrument,
+        light,
         truths,
         seed=seed,
         noise=noise,
@@ -136,11 +205,7 @@ def simulate(
         settings=how,
         steered=steered,
     )
-    if light == "surrogate":
-        provenance = capture.provenance
-        text = f"{provenance.software}, {SURROGATE}"
-        capture = replace(capture, provenance=replace(provenance, software=text))
-    return Simulation(capture, result.transports[0], truths)
+    return Simulation(capture, light.transports[0], truths)
 
 
 def _truths(
@@ -169,6 +234,8 @@ def _accuracy(keys: tuple[Transport, ...]) -> dict[str, Any]:
     }
     accuracy["noise_share"] = worst(key.noise_share for key in keys)
     accuracy["spot_noise_share"] = worst(key.spot_noise_share for key in keys)
+    of_spots = np.array([np.sqrt((key.spot_histogram_error**2).sum(axis=1)) for key in keys])
+    accuracy["spot_errors"] = [worst(of_spot) for of_spot in of_spots.T]
     for name in ("daylight", "spot_daylight", "spot_crosstalk"):
         powers = (
             (

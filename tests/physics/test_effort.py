@@ -10,13 +10,8 @@ import pytest
 import spisim
 import worlds
 from reconstruction.operators import decoder_for, expose
-from spisim.simulation.light.solve import (
-    FIRST_SPOT_PATHS,
-    MIN_IMAGES,
-    MIN_PATHS,
-    Transport,
-    solve,
-)
+from spisim.simulation.light.solve import MIN_IMAGES, MIN_PATHS, Transport, solve
+from spisim.simulation.light.spots import FIRST_SPOT_PATHS
 from spisim.simulation.measurement.diagnostics import truth_warnings
 
 PAPER = spisim.load_instrument("paper")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import worlds
-from reconstruction.base.errors import InputError
+from spisim.transport.engine.accumulator import MAX_WEIGHT
 from spisim.transport.engine.estimator import Strategy, spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.path_weights import ExtinctionRatio, Score, tracked_by
@@ -138,8 +138,16 @@ def test_the_light_itself_is_untouched_by_weights():
         np.testing.assert_array_equal(values, weighted[name])
 
 
-def test_weighted_light_that_cannot_be_summed_is_refused():
-    with pytest.raises(
-        InputError, match=r"huge: \d+ paths have a weight of more than 4096; this is too far"
-    ):
-        traced(room(), 1, [ExtinctionRatio("huge", 1e6, 0.0)])
+def test_weighted_light_that_cannot_be_summed_is_no_number():
+    mean = traced(room(), 1, [ExtinctionRatio("huge", 1e20, 0.0), BY_ALBEDO])
+    assert np.isnan(mean["image_huge"]).all()
+    assert np.isfinite(mean["image_by_albedo"]).all()
+
+
+def test_large_weights_of_little_light_are_summed():
+    thin = ExtinctionRatio("thin", 1e-3, SIGMA)
+    wall = build_world(worlds.scene(worlds.plane(60.0), extinction_per_m=SIGMA, albedo=0.0))
+    mean = traced(wall, 1, [thin])
+    light = mean["image_thin"].sum() / mean["image"].sum()
+    assert light == pytest.approx(np.exp(0.999 * SIGMA * 120), rel=0.1)
+    assert light > 10 * MAX_WEIGHT

@@ -67,6 +67,18 @@ def test_a_dark_pattern_shows_daylight_alone() -> None:
     assert (view < lit).all()
 
 
+def test_the_radiance_of_a_lit_wall_is_that_of_its_irradiance() -> None:
+    """L = ρ E / π with E = P / (4 d² tan² of the half angle), the same all over the wall."""
+    scene, instrument = worlds.scene(worlds.plane(5.0, 0.4)), load_instrument("paper")
+    projector = instrument.imaging.projector
+    lit_m2 = 4 * 5.0**2 * projector.tan_half_width * projector.tan_half_height
+    view = camera_view(
+        scene, instrument, width=4, height=4, position_m=(0, 0, 0), spp=64, max_vertices=1
+    )
+    irradiance = instrument.pixel_powers_w.sum() / lit_m2
+    np.testing.assert_allclose(view, 0.4 * irradiance / np.pi, rtol=0.02)
+
+
 def test_the_camera_sits_above_the_light() -> None:
     """Shadows lie below what casts them, as the drone's light has them."""
     level = replace(worlds.scene(), drone_pose=look_at((1, 2, 3), (5, 2, 3), (0, 0, 1)))

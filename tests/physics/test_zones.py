@@ -17,7 +17,7 @@ from spisim.scene import Ambient, Material
 from spisim.scene.bsdf import Mirror
 from spisim.simulation import simulate
 from spisim.simulation.light import solve
-from spisim.simulation.light.solve import ranging_histogram
+from spisim.simulation.light.spots import ranging_histogram
 from spisim.simulation.light.surrogate import BOUNCED, surrogate
 from spisim.transport.backend import activate
 from spisim.transport.engine.sampling import PathBudget

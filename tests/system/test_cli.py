@@ -232,6 +232,23 @@ def test_transport_writes_named_channels_with_units(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_transport_in_other_fogs(tmp_path: Path) -> None:
+    fog = ["transport", "target-plane", "--visibility", "50", *QUICK]
+    run = spisim(*fog, "-o", tmp_path / "w.exr", "--also-visibility", "40", "--json")
+    assert run.exit_code == 0, run.stderr
+    assert 0.9 < json.loads(run.stdout)["paths_that_carry"]["40 m"] <= 1
+    channels, _ = read_exr(tmp_path / "w.exr")
+    assert (channels["transport_at_40m"] != channels["transport"]).any()
+    assert (channels["transport_at_40m_error"] > 0).any()
+    with np.load(tmp_path / "w.npz") as light:
+        assert light["spot_histogram_at_40m"].shape == light["spot_histogram"].shape
+    run = spisim(*fog, "-o", tmp_path / "far.exr", "--also-visibility", "3")
+    assert run.exit_code == 2
+    assert "too far from what was traced" in run.stderr
+    assert not list(tmp_path.glob("far.*"))
+
+
+@pytest.mark.slow
 def test_transport_to_order_with_phasors_and_orders(tmp_path: Path) -> None:
     options = ["--transport-noise-share", "1", "--frequency", "15e6", "--orders", "--cube", "0.5"]
     run = spisim("transport", "warehouse", "-o", tmp_path / "w.exr", *options, "--json")

@@ -18,6 +18,7 @@ from hostile import survive
 from reconstruction import read_capture, read_result, write_capture
 from reconstruction.base.errors import InputError
 from reconstruction.base.files import is_marked
+from reconstruction.capture.hdf5.sizes import check_sizes
 from reconstruction.capture.importers import load_array
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.reconstructor import reconstruct
@@ -269,3 +270,10 @@ def test_a_pipe_is_no_capture(tmp_path):
     os.mkfifo(tmp_path / "pipe.h5")
     with pytest.raises(InputError, match="is not a regular file"):
         read_capture(tmp_path / "pipe.h5")
+
+
+def test_data_that_a_file_does_not_hold_are_stated_in_mebibytes(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        left_to_a_fill_value = file.create_dataset("counts", 2**28, "f8")
+        with pytest.raises(InputError, match="unpacks to 2048 MiB at counts; at most"):
+            check_sizes({"counts": left_to_a_fill_value}, 10_000)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from scipy.stats import chi2, kstest
 from typer.testing import CliRunner
 
@@ -193,6 +194,44 @@ class TestErrorOfLight:
             assert np.sqrt(fit.covariance[0, 0]) == pytest.approx(error, rel=0.2)
         measured = replace(exact, provenance=replace(exact.provenance, source="hardware"))
         assert with_light_error(nothing, measured, midpoint) is nothing
+
+    def test_a_spot_is_as_sure_as_its_own_light(self):
+        """Errors of spots divide the stated mean square among them."""
+        capture = recorded(1)
+        settings = yaml.safe_load(capture.provenance.settings)
+        errors = np.array(settings["light"]["spot_errors"])
+        assert errors.shape == (4,)
+        assert (errors > 0).all()
+        variances = [self.of_spots(capture, settings, each) for each in (errors, [0, 0, 0, 1e-9])]
+        share = settings["light"]["spot_noise_share"] ** 2
+        for variance in variances:
+            assert variance.mean() == pytest.approx(share, rel=0.05)
+        np.testing.assert_allclose(variances[1][:3], 0, atol=1e-9)
+        order = np.argsort(variances[0] * self.noise(capture))
+        np.testing.assert_array_equal(order, np.argsort(errors))
+        without = self.of_spots(capture, settings, None)
+        np.testing.assert_allclose(without, share)
+
+    @staticmethod
+    def noise(capture) -> np.ndarray:
+        mean = Midpoint.of(capture, capture).spots.means[0]
+        return (mean.variance * mean.frames).reshape(4, -1).mean(axis=1)
+
+    @staticmethod
+    def of_spots(capture, settings, errors) -> np.ndarray:
+        """Variance of the light of each spot (4,) over that of its noise."""
+        light = {
+            **settings["light"],
+            "spot_errors": errors if errors is None else [*map(float, errors)],
+        }
+        text = yaml.safe_dump({**settings, "light": light})
+        capture = replace(capture, provenance=replace(capture.provenance, settings=text))
+        midpoint = Midpoint.of(capture, capture)
+        n = midpoint.patterns.size + midpoint.spots.echo.size
+        noise = with_light_error(Covariance(np.zeros(n), np.zeros((n, 0))), capture, midpoint)
+        mean = midpoint.spots.means[0]
+        of_spots = noise.variance[midpoint.patterns.size :] / (mean.variance * mean.frames)
+        return of_spots.reshape(4, -1).mean(axis=1)
 
     @pytest.mark.parametrize("method", ["paper", "fog-spad"])
     def test_echoes_of_spots_add_up(self, method):

@@ -10,7 +10,7 @@ from reconstruction import Reconstructor
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics
 from reconstruction.depth import DISTANCES_M, MAX_RANGE_M, Corridor, nearest_obstacle_m, pixel_rays
-from reconstruction.depth.obstacle import NEAREST_M, CorridorPrior, corridor_prior
+from reconstruction.depth.obstacle import NEAREST_M, CorridorPrior, corridor_prior, free_of
 
 SHAPE = (32, 32)
 CORRIDOR = Corridor(pixel_rays(Optics(0.18, 0.18), SHAPE))
@@ -30,6 +30,14 @@ def test_a_wall_is_as_near_as_its_normal_error_of_ln_depth(sigma):
 def test_the_sigma_of_maps_without_any_is_that_of_the_prior():
     stated = CORRIDOR.free(WALL, PLAIN, np.full(SHAPE, PLAIN.map_sigma))
     np.testing.assert_array_equal(CORRIDOR.free(WALL, PLAIN), stated)
+
+
+def test_corridors_of_a_batch_are_free_as_each_is():
+    ensembles = np.random.default_rng(4).uniform(1.0, 8.0, (2, 3, 11))
+    batch = free_of(ensembles, PLAIN)
+    assert batch.shape == (2, 3, len(DISTANCES_M))
+    for index in np.ndindex(2, 3):
+        np.testing.assert_allclose(batch[index], free_of(ensembles[index], PLAIN))
 
 
 def test_a_bias_moves_obstacles():

@@ -9,7 +9,7 @@ import pytest
 from makers import Fake
 from reconstruction.base.errors import InputError
 from spisim.dataset import dask
-from spisim.dataset.dask import DaskExecutor
+from spisim.dataset.dask import SUBMITTED, DaskExecutor
 
 distributed = pytest.importorskip("distributed")
 
@@ -90,3 +90,20 @@ def test_samples_of_a_lost_worker_go_to_another(tmp_path: Path, port: int) -> No
         both.scale(1)
         made += outcomes
     assert sorted(outcome.index for outcome in made) == list(range(8))
+
+
+def test_samples_of_a_world_go_to_one_worker_and_idle_ones_take_others() -> None:
+    executor = object.__new__(DaskExecutor)
+    executor._world_of = lambda index: 0
+    workers = ["a", "b"]
+    executor._workers = lambda: workers  # type: ignore[method-assign]
+    (_, own), *rest = executor._following(range(8), [])
+    other = "ab".replace(own, "")
+    assert rest == [(1, own), (2, other)]
+    assert SUBMITTED == 2
+    assert list(executor._following([2, 3], [(0, own), (1, own)])) == [(2, other)]
+    assert list(executor._following([2, 3], [(0, own)])) == [(2, own), (3, other)]
+    assert list(executor._following([2, 3], [(0, own), (1, own), (4, other)])) == []
+    workers.clear()
+    assert list(executor._following([2, 3], [])) == [(2, None)]
+    assert list(executor._following([2, 3], [(0, "gone")])) == []

@@ -31,6 +31,7 @@ def bench() -> Bench:
         ({"choose": {"tof.times": {"values": [1, 2], "step": 1}}}, "step is only for low"),
         ({"objectives": ["range_eror_m"]}, "did you mean 'range_error_m'"),
         ({"objectives": ["range_error_m"] * 2}, "range_error_m is repeated"),
+        ({"at_most": {"range_rmse_m": 1}}, "range_rmse_m is not among the objectives"),
         ({"weathers": {"x": {"fogg": {}}}}, "did you mean 'fog'"),
         ({"judgement": [{"scene": "target-plane"}]}, "target-plane is also in search"),
         (

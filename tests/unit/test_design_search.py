@@ -53,6 +53,17 @@ def test_a_search_reaches_the_minimum_within_its_evaluations() -> None:
     assert lowest.values["x"] == pytest.approx([0.3, 1.4], abs=0.05)
 
 
+def test_a_search_stays_below_limits() -> None:
+    space = Space(CHOICES)
+    base = {"a": 2.0, "b": 1.1}
+    search = Search(space, ("a", "b"), base, bowl, 200, 1, {"b": 1.0})
+    made = search.run(Point((0.9, 0.1), (("kind", 0),)))
+    within = [each for each in made if each.figures["b"] <= 1.1]
+    assert best(within, "a").values["x"] == pytest.approx([0.8 - 0.1**0.5, 1.4], abs=0.07)
+    ranked = sorted(made, key=lambda each: search.score(each, np.array([0.9, 0.1])))
+    assert ranked[0].figures["b"] <= 1.1 * 1.01
+
+
 def test_a_search_is_deterministic() -> None:
     assert searched() == searched()
 

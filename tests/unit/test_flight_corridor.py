@@ -1,5 +1,7 @@
 """Corridors in any direction, and the ranges that remembered points predict."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,16 @@ def test_the_next_ranges_follow_from_points_and_the_sensors_own_error(offset_m):
         prediction.take(at, range_m, np.full(len(UNIT), 0.02))
         before = range_m
     assert np.nanmedian(errors) < 0.4 * np.median(last)
+
+
+@pytest.mark.parametrize(("sign", "fraction"), [(1, 1.0), (-1, 0.0)])
+def test_all_of_a_steady_error_returns_and_nothing_of_one_that_alternates(sign, fraction):
+    points = SimpleNamespace(along=lambda *_: np.full(len(UNIT), 4.0), add=lambda *_: None)
+    prediction, away = RangePrediction(points, UNIT), 0.03 * np.linspace(-1, 1, len(UNIT))
+    for frame in range(6):
+        range_m = 4.0 * np.exp(sign**frame * away)
+        prediction.take(pose(), range_m, np.full(len(UNIT), 0.02))
+    np.testing.assert_allclose(prediction.at(pose()), 4.0 * (range_m / 4.0) ** fraction)
 
 
 def test_a_zone_without_a_range_is_predicted_by_its_neighbours_points():

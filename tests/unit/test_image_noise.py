@@ -219,3 +219,11 @@ def test_more_readings_than_pixels_tell_the_noise():
     ]
     z = (np.mean(np.sqrt(result)) - 0.5) / (np.std(np.sqrt(result)) / np.sqrt(len(result)))
     assert abs(z) < 4
+
+
+def test_the_mean_of_an_image_is_measured_unless_its_reading_is_lost():
+    plan = make_plan((8, 8), 20, polarity="signed")
+    imaging, usable = Imaging(plan), np.ones(plan.exposures, dtype=bool)
+    assert imaging.of(usable).has_dc
+    usable[plan.index == plan.patterns.dc_row] = False
+    assert not imaging.of(usable).has_dc

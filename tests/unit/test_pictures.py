@@ -47,6 +47,11 @@ def test_numbers_beside_a_scale_are_round_and_at_their_places(low, high):
     assert read == pytest.approx(values, rel=1e-9, abs=1e-12 * (high - low))
 
 
+def test_a_scale_has_as_many_numbers_as_there_is_room_for():
+    assert Scale(0, 6, GREY).numbers(7)[1] == [f"{number}" for number in range(7)]
+    assert Scale(0, 6, GREY).numbers(6)[1] == ["0", "2", "4", "6"]
+
+
 def test_colours_go_from_end_to_end_and_no_further():
     grey = Scale(2.0, 4.0, GREY).paint(np.array([1.0, 2.0, 3.0, 4.0, 9.0]))
     assert grey[:, 0].tolist() == [0, 0, 128, 255, 255]
@@ -101,6 +106,14 @@ def test_every_shape_has_a_picture(shape, value):
     if np.isnan(value):
         middle = result[pictures.MARGIN + HEIGHT + pictures.GAP + pictures.MIN_SIDE // 2]
         assert (middle == pictures.NO_DEPTH).all(axis=-1).any()
+
+
+@pytest.mark.parametrize("title", ["Depth", "A title that is much longer than its picture is wide"])
+def test_a_picture_has_a_white_margin_on_all_sides(title):
+    result, _ = opened(depth_picture(np.eye(8, dtype=np.float32), title, None, None))
+    half = pictures.MARGIN // 2
+    for edge in (result[:half], result[-half:], result[:, :half], result[:, -half:]):
+        assert (edge == 255).all()
 
 
 def test_a_label_is_beside_its_cross():

@@ -261,3 +261,12 @@ def test_a_frame_of_64_by_64_from_128_patterns_takes_well_under_30_ms():
         solve(coefficients)
         seconds.append(thread_time() - started)
     assert min(seconds) < 0.03
+
+
+def test_noisy_rows_are_expected_to_have_as_much_less_energy_as_they_are_weighed():
+    operator = decoder_for(make_plan((16, 16), 60, polarity="signed")).operator
+    operator.usual_noise = np.linspace(1, 2, 60)
+    solver = image_method("pursuit").compile(operator)
+    weighed, plain = (np.linalg.norm(m, axis=1) for m in (solver._columns, solver.atoms.columns))
+    assert (weighed[-1] / plain[-1]) == pytest.approx(weighed[0] / plain[0] / 2, rel=0.02)
+    np.testing.assert_allclose(solver._expected, (weighed / plain) ** 2 * solver.atoms.expected)

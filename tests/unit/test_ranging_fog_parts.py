@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from reconstruction.ranging import Alternative
+from reconstruction.ranging.fog.answer import _status
 from reconstruction.ranging.fog.edges import disagreement, odd_spots
 from reconstruction.ranging.fog.fog_state import CHANGE, DRIFT, FogState
 from reconstruction.ranging.fog.modes import find_modes
@@ -106,3 +107,12 @@ def test_a_quarter_of_the_spots_may_be_on_edges(spots: int, few: int, many: int)
 
     assert chance(few) > 0.5
     assert chance(many) < 1e-3
+
+
+@pytest.mark.parametrize(("echoes", "status"), [(1, "ambiguous"), (2, "ok")])
+def test_a_likely_range_is_ambiguous_unless_the_other_is_an_echo_of_its_own(
+    echoes: int, status: str
+) -> None:
+    alternatives = (Alternative(5.0, 0.01, 0.6), Alternative(8.0, 0.01, 0.4))
+    spot = SpotPosterior(alternatives, target=1.0, strength=100.0, echoes=echoes)
+    assert _status(spot, guessed=False) == status

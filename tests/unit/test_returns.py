@@ -1,13 +1,15 @@
 """All pulses of a histogram: found, as sure as stated, with any response."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from reconstruction.base.errors import InputError
 from reconstruction.capture.importers import spots_from_histograms
 from reconstruction.ranging import measure_ranges
-from reconstruction.ranging.returns import find_returns
-from reconstruction.ranging.shape import gaussian_shape, sampled_shape
+from reconstruction.ranging.returns import _Fit, find_returns
+from reconstruction.ranging.shape import gaussian_shape, sampled_shape, shape_of
 
 BINS, CYCLES, TRIALS = 600, 10**6, 150
 GAUSSIAN = gaussian_shape(12.0)
@@ -53,6 +55,15 @@ def test_the_error_of_a_gaussian_pulse_reaches_its_bound():
         errors.append(returns[0].delay - 200.5)
     bound = 12.0 / np.sqrt(photons)
     assert np.std(errors) / bound == pytest.approx(1, abs=3.5 / np.sqrt(4 * TRIALS))
+
+
+def test_the_brightest_pulse_has_its_delay_and_rate_before_any_fit():
+    """Of expected counts, for light that is faint beside the background."""
+    steady, rate, delay = 1e-3, 1e-5, 200.0
+    fit = _Fit(np.zeros(BINS), np.full(BINS, float(CYCLES)), GAUSSIAN)
+    mean = np.array([steady, rate]) @ fit.parts(np.array([delay]))
+    expected = _Fit(-CYCLES * np.expm1(-mean), fit.watched, GAUSSIAN)
+    assert expected._brightest(np.full(BINS, steady)) == pytest.approx((delay, rate), rel=0.01)
 
 
 def test_noise_alone_is_no_pulse():
@@ -115,3 +126,19 @@ def test_light_after_the_last_bin_is_not_in_it():
     (inside,) = shape.in_bins(np.array([3.8]), np.arange(4.0))
     arrived = shape.arrived(np.arange(5) - 3.8)
     np.testing.assert_allclose(inside, np.diff(arrived))
+
+
+def test_a_stated_response_is_the_shape_and_without_it_a_width():
+    unknown = {
+        "bin_width_s": 1e-9,
+        "response": None,
+        "response_s": None,
+        "response_sigma_s": np.nan,
+    }
+    assert shape_of(SimpleNamespace(**unknown)) is None
+    gaussian = shape_of(SimpleNamespace(**unknown | {"response_sigma_s": 3e-9}))
+    assert gaussian.width == pytest.approx(3.0)
+    times, rates = np.array([0.0, 5.0, 10.0]), np.array([0.0, 1.0, 0.0])
+    measured = {"response": rates, "response_s": 1e-9 * times, "response_sigma_s": 3e-9}
+    shape = shape_of(SimpleNamespace(**unknown | measured))
+    np.testing.assert_allclose(shape.arrived(times), [0, 0.5, 1], atol=1e-3)

@@ -1,7 +1,6 @@
 """What light says of its own dependence on the fog, and what is refused."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,8 +11,9 @@ from reconstruction.base.errors import InputError
 from spisim.atmosphere import henyey_greenstein
 from spisim.scene import Material
 from spisim.scene.bsdf import Principled, ThinPane
-from spisim.simulation.light import solve
-from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
+from spisim.simulation.light.other_fog import OtherFog
+from spisim.simulation.light.sensitivity import sensitivities, weights_of
+from spisim.simulation.light.solve import solve_fogs
 from spisim.transport import Outputs
 
 VISIBILITY_M = 50.0
@@ -35,14 +35,15 @@ def mixed():
 @pytest.fixture(scope="module")
 def light():
     scene = foggy()
-    wanted = [*sensitivities(scene, NAMES), OtherFog.of_visibility(scene, 70.0)]
+    wanted = sensitivities(scene, NAMES)
     instrument = spisim.load_instrument("paper")
     outputs = Outputs(weights=weights_of(wanted))
-    return solve(scene, instrument, spp=16, outputs=outputs), wanted
+    others = [OtherFog.of_visibility(scene, 70.0), OtherFog.of(scene, 12.0)]
+    return solve_fogs(scene, instrument, others, spp=16, outputs=outputs), wanted
 
 
 def test_derivatives_by_visibility_and_extinction_say_the_same(light):
-    transport, (visibility, extinction, albedo, _) = light
+    (transport, *_), (visibility, extinction, albedo) = light
     for name in ("image", "spot_histogram"):
         by_visibility, error = visibility.of(transport, name)
         np.testing.assert_allclose(
@@ -54,34 +55,20 @@ def test_derivatives_by_visibility_and_extinction_say_the_same(light):
 
 
 def test_other_fog_is_carried_by_most_paths_and_goes_on_from_the_derivative(light):
-    transport, (visibility, *_, other) = light
-    assert 0.8 < other.carried(transport) <= 1
-    image, _ = other.image(transport)
+    (transport, other, _), (visibility, *_) = light
+    assert 0.8 < other.reweighted.carried <= 1
+    assert other.reweighted.require_carried() == other.reweighted.carried
     first_order = transport.image + 20 * visibility.of(transport)[0]
-    assert image.sum() == pytest.approx(first_order.sum(), rel=0.25)
+    assert other.image.sum() == pytest.approx(first_order.sum(), rel=0.25)
+    assert (other.image_error > 0).any()
+    assert (other.spot_histogram_error > 0).any()
+    assert not set(other.extra) - {"spot_orders"}
 
 
-def test_fog_that_few_paths_carry_is_refused():
-    light = SimpleNamespace(
-        image=np.ones(4),
-        extra={
-            "image_in_2_times_the_fog": np.ones(4),
-            "image_in_2_times_the_fog_squared": np.full(4, 5.0),
-        },
-    )
-    other = OtherFog.of(foggy(), 2.0)
-    assert other.carried(light) == pytest.approx(0.2)
-    with pytest.raises(InputError, match=r"2 times the extinction is too far .*: 20% of the paths"):
-        other.image(light)
-
-
-def test_fog_far_away_is_refused_in_the_pass():
-    other = OtherFog.of(foggy(), 8.0)
-    outputs = Outputs(weights=other.weights)
-    with pytest.raises(
-        InputError, match=r"in_8_times_the_fog.*too far from the fog that was traced"
-    ):
-        solve(foggy(), spisim.load_instrument("paper"), spp=4, outputs=outputs)
+def test_fog_far_away_is_refused_with_the_fraction_that_carries_it(light):
+    *_, far = light[0]
+    with pytest.raises(InputError, match=r"12 times the extinction is too far .*% of the paths"):
+        far.reweighted.require_carried()
 
 
 @pytest.mark.parametrize(
@@ -99,14 +86,6 @@ def test_fog_far_away_is_refused_in_the_pass():
 def test_what_paths_do_not_tell_is_refused(scene, name, message):
     with pytest.raises(InputError, match=message):
         sensitivities(scene, [name])
-
-
-@pytest.mark.parametrize("ratio", [0.0, -1.0, np.inf, np.nan])
-def test_a_ratio_that_is_none_is_refused(ratio):
-    with pytest.raises(InputError, match=r"ratio = .*must be positive and finite"):
-        OtherFog.of(foggy(), ratio)
-    with pytest.raises(InputError, match="that of the scene's fog is unknown"):
-        OtherFog.of_visibility(worlds.scene(extinction_per_m=0.1), 20.0)
 
 
 @pytest.mark.parametrize(

@@ -276,6 +276,13 @@ def test_a_combination_of_which_nothing_is_left_is_shown_without_marks(tmp_path:
     assert "<span>–</span>" in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.parametrize(("lost", "marks"), [((), 2), (tuple(range(1, 20, 2)), 1)])
+def test_notebooks_mark_the_combinations_that_have_a_mean(
+    tmp_path: Path, lost: tuple[int, ...], marks: int
+) -> None:
+    assert made(tmp_path, lost=lost)._means("depth_mae_m").count("<circle") == marks
+
+
 def test_the_interval_of_the_only_mean_is_within_the_axis(tmp_path: Path) -> None:
     results = made(tmp_path, lost=tuple(range(1, 20, 2)))
     left = results.summaries[(20,), "depth_mae_m"].estimate

@@ -59,7 +59,7 @@ def command(
     also_visibility: Annotated[
         list[float] | None,
         opt.real_option(
-            "Add the image in the same fog of another visibility, from the same paths.",
+            "Add the light in the same fog of another visibility, from the same paths.",
             "--also-visibility",
             minimum=0.1,
             maximum=1e6,
@@ -77,14 +77,16 @@ def command(
     the spots' and of steady light. `units.*` in either file are the units.
     """
     from reconstruction.base.files import require_outputs
-    from spisim.simulation.light import NEAR_PATH_M, solve
+    from spisim.simulation.light import NEAR_PATH_M
     from spisim.simulation.light.files import (
         derived_channels,
         light_channels,
         write_histograms,
         write_truth,
     )
-    from spisim.simulation.light.sensitivity import OtherFog, sensitivities, weights_of
+    from spisim.simulation.light.other_fog import OtherFog
+    from spisim.simulation.light.sensitivity import sensitivities, weights_of
+    from spisim.simulation.light.solve import solve_fogs
     from spisim.transport import Outputs, PathLengthBins, ground_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
@@ -93,17 +95,19 @@ def command(
     carried = instrument_with(instrument, wavelength)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     derivatives = sensitivities(loaded, _names(sensitivity or ()))
-    others = {each: OtherFog.of_visibility(loaded, each) for each in also_visibility or ()}
+    fogs = [OtherFog.of_visibility(loaded, each) for each in also_visibility or ()]
     outputs = Outputs(
         orders=orders,
         frequencies_hz=tuple(frequency or ()),
         bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
-        weights=weights_of([*derivatives, *others.values()]),
+        weights=weights_of(derivatives),
     )
     with progress_bar("Tracing light", progress) as advance:
-        traced = solve(
-            loaded, carried, **light.arguments, seed=seed, outputs=outputs, progress=advance
+        traced, *rest = solve_fogs(
+            loaded, carried, fogs, **light.arguments, seed=seed, outputs=outputs, progress=advance
         )
+    others = dict(zip(also_visibility or (), rest, strict=True))
+    fractions = {each: other.reweighted.require_carried() for each, other in others.items()}
     channels = light_channels(traced, frequency or ())
     channels |= derived_channels(traced, derivatives, others)
     units = {
@@ -112,7 +116,7 @@ def command(
         for ending in ("", "_error")
     }
     write_truth(output, ground_truth(loaded, carried), channels, units)
-    write_histograms(histograms, traced, derivatives)
+    write_histograms(histograms, traced, derivatives, others)
     if json:
         print_json(
             {
@@ -124,10 +128,7 @@ def command(
                 "sensitivities": {
                     each.parameter: float(each.of(traced)[0].mean()) for each in derivatives
                 },
-                "paths_that_carry": {
-                    f"{visibility_m:g} m": other.carried(traced)
-                    for visibility_m, other in others.items()
-                },
+                "paths_that_carry": {f"{each:g} m": own for each, own in fractions.items()},
             }
         )
     else:

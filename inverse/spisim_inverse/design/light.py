@@ -28,6 +28,8 @@ SPOT_FACTOR = 16
 """Factor of the paths of spots: they are few, and decide about ranges."""
 EXTRA = "extra."
 """Prefix of arrays of `Transport.extra` in files."""
+BESIDE = "extra", "reweighted"
+"""Fields of `Transport` that are no arrays; light of designs is traced in its own fog."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,7 +166,9 @@ def _per_watt(light: Transport, instrument: Instrument) -> Transport:
 
 def _write(path: Path, light: Transport) -> None:
     extra = {f"{EXTRA}{name}": array for name, array in light.extra.items()}
-    own = {each.name: getattr(light, each.name) for each in fields(light) if each.name != "extra"}
+    names = (each.name for each in fields(light) if each.name not in BESIDE)
+    own = {name: getattr(light, name) for name in names}
+    own = {name: value for name, value in own.items() if value is not None}  # by default none
     buffer = io.BytesIO()
     np.savez_compressed(buffer, allow_pickle=False, **own, **extra)
     write_atomically(path, buffer.getvalue())

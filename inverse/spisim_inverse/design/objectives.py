@@ -51,6 +51,13 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2))) if values.size else np.nan
 
 
+def _missing(errors_m: Floats) -> float:
+    """Fraction at the limit, with half a spot more, as none of few is not none of all."""
+    if not errors_m.size:
+        return np.nan
+    return (np.count_nonzero(errors_m >= LIMIT_M) + 0.5) / (errors_m.size + 1)
+
+
 OBJECTIVES = {
     "range_error_m": Objective(
         "typical error of ranges, geometric mean",
@@ -63,6 +70,12 @@ OBJECTIVES = {
         "m",
         RANGES,
         lambda samples: _rms(range_errors_m(samples)),
+    ),
+    "range_missing": Objective(
+        "fraction of spots without a right range",
+        "",
+        RANGES,
+        lambda samples: _missing(range_errors_m(samples)),
     ),
     "range_bound_m": Objective(
         "Cramér–Rao bound of ranges, geometric mean",

@@ -33,7 +33,7 @@ from spisim.scene import scenes_folder
 from spisim.scene.families import FAMILIES
 from spisim_inverse.design.objectives import OBJECTIVES
 
-LATER = ("description", "evaluations", "judgement")
+LATER = ("description", "at_most", "evaluations", "judgement")
 """Fields of a plan that change no figure of its search."""
 MAX_COMPONENTS = 64
 """Maximum numbers that a search changes together."""
@@ -169,6 +169,10 @@ class DesignPlan(Section):
         tuple[Annotated[Name, BeforeValidator(_objective)], ...], Field(min_length=1)
     ]
     """What is to be small, over all weathers equally."""
+    at_most: dict[Annotated[Name, BeforeValidator(_objective)], Positive] = Field(
+        default_factory=dict
+    )
+    """Limits of objectives, over those of the base: 1 for those that nothing may be lost in."""
     evaluations: Annotated[Count, Field(le=10**6)] = 200
     """Instruments that the search simulates."""
     draws: Annotated[Count, Field(le=1000)] = 2
@@ -189,6 +193,9 @@ class DesignPlan(Section):
         ):
             if twice := [name for name in names if list(names).count(name) > 1]:
                 raise InputError(f"{what}: {twice[0]} is repeated")
+        for name in self.at_most:
+            if name not in self.objectives:
+                raise InputError(f"at_most: {name} is not among the objectives")
         seen = {source.world for source in self.search}
         if both := [source.world for source in self.judgement if source.world in seen]:
             raise InputError(

@@ -17,16 +17,16 @@ from spisim_inverse.design.bench import Bench
 from spisim_inverse.design.judgement import Compared, judge
 from spisim_inverse.design.measuring import Measuring
 from spisim_inverse.design.plan import PlannedDesign
-from spisim_inverse.design.search import Search, front, relative_logs
+from spisim_inverse.design.search import Search, front, score
 from spisim_inverse.design.space import Space
 
 KIND = "design"
-FINALISTS = 6
+FINALISTS = 4
 """Best instruments that are measured once more, with other noise, before one is chosen, and most
 of the front that are judged.
 """
-CONFIRMING_DRAWS = JUDGED_DRAWS = 2
-"""Frames of a scene in confirmation and judgement, for each of the search."""
+JUDGED_DRAWS = 3
+"""Frames of a scene for base and chosen instrument in the judgement, for each of the search."""
 PLAN, INSTRUMENT, PAGE = "plan.yaml", "instrument.yaml", "design.html"
 Progress = Callable[[str, float], None]
 
@@ -136,6 +136,7 @@ def _searched(
         evaluate,
         plan.evaluations,
         plan.seed,
+        plan.at_most,
         partial(progress, "searching"),
     )
     return [base, *search.run(space.of_base(bench))]
@@ -158,17 +159,20 @@ def _confirmed(
     planned: PlannedDesign, bench: Bench, seen: Measuring, evaluations: Sequence[Evaluation]
 ) -> tuple[Evaluation, Evaluation]:
     """The base and the best instrument, measured with other noise than that of the search."""
-    objectives, draws = planned.plan.objectives, CONFIRMING_DRAWS * planned.plan.draws
+    plan = planned.plan
+    weights = np.ones(len(plan.objectives))
 
     def ranked(some: Sequence[Evaluation], base: Evaluation) -> list[Evaluation]:
         figures = base.figures
         assert figures is not None
-        return sorted(some, key=lambda each: relative_logs(each, figures, objectives).sum())
+        return sorted(
+            some, key=lambda each: score(each, figures, weights, plan.objectives, plan.at_most)
+        )
 
     first, *others = evaluations
     again = [
         seen.evaluation(
-            each.values, seen.samples(bench.make(each.values), "confirmation", draws, _quiet)
+            each.values, seen.samples(bench.make(each.values), "confirmation", plan.draws, _quiet)
         )
         for each in [first, *ranked(others, first)[:FINALISTS]]
     ]
@@ -184,19 +188,20 @@ def _judged(
     progress: Progress,
 ) -> Design:
     """The design with its figures on unseen scenes."""
-    objectives, draws = planned.plan.objectives, JUDGED_DRAWS * planned.plan.draws
+    objectives, draws = planned.plan.objectives, planned.plan.draws
     base, chosen = confirmed
     unseen = Measuring(planned, folder, "judgement")
     whole = front(evaluations, objectives)
     best = [whole[n] for n in np.unique(np.linspace(0, len(whole) - 1, FINALISTS).astype(int))]
     wanted = [base, chosen, *best]
+    times = [JUDGED_DRAWS, JUDGED_DRAWS, *(1 for _ in best)]
     samples = []
-    for number, each in enumerate(wanted):
+    for number, (each, more) in enumerate(zip(wanted, times, strict=True)):
 
         def part(fraction: float, number: int = number) -> None:
             progress("judging", (number + fraction) / len(wanted))
 
-        samples.append(unseen.samples(bench.make(each.values), "judgement", draws, part))
+        samples.append(unseen.samples(bench.make(each.values), "judgement", more * draws, part))
     figures = [
         unseen.evaluation(each.values, one).figures or {}
         for each, one in zip(wanted, samples, strict=True)

@@ -21,6 +21,8 @@ from spisim_inverse.design.space import Point, Space
 
 IMPOSSIBLE = 1e3
 """Score of values that no instrument can have: above every logarithm of figures."""
+EXCESS = 30.0
+"""Weight of the logarithm of a figure over its limit."""
 TRIES = 256
 """Points of the space tried for one possible instrument."""
 EVOLVING = 0.6
@@ -48,6 +50,7 @@ class Search:
     evaluate: Evaluate
     evaluations: int
     seed: int
+    at_most: Mapping[str, float] = field(default_factory=dict)
     progress: Callable[[float], None] = lambda fraction: None
     made: dict[str, tuple[Point, Evaluation]] = field(default_factory=dict)
     _budget: int = 0
@@ -77,9 +80,7 @@ class Search:
 
     def score(self, evaluation: Evaluation, weights: Floats) -> float:
         """Weighed logarithm of the figures over those of the base."""
-        if evaluation.figures is None:
-            return IMPOSSIBLE
-        return float(weights @ relative_logs(evaluation, self.base, self.objectives))
+        return score(evaluation, self.base, weights, self.objectives, self.at_most)
 
     def _possible(self, start: Point) -> Point:
         """The start, or the first possible instrument of a space-filling sequence."""
@@ -209,12 +210,20 @@ def weights_of(objectives: int) -> list[Floats]:
     return [equal, *corners, *((corner + equal) / 2 for corner in corners)]
 
 
-def relative_logs(
-    evaluation: Evaluation, base: Mapping[str, float], objectives: Sequence[str]
-) -> Floats:
-    """Logarithms (objectives,) of figures over those of the base."""
-    assert evaluation.figures is not None
-    return np.log([evaluation.figures[name] / base[name] for name in objectives])
+def score(
+    evaluation: Evaluation,
+    base: Mapping[str, float],
+    weights: Floats,
+    objectives: Sequence[str],
+    at_most: Mapping[str, float],
+) -> float:
+    """Weighed logarithm of figures over those of the base, and what exceeds a limit many times."""
+    figures = evaluation.figures
+    if figures is None:
+        return IMPOSSIBLE
+    logs = {name: np.log(figures[name] / base[name]) for name in objectives}
+    excess = sum(max(logs[name] - np.log(limit), 0.0) for name, limit in at_most.items())
+    return float(weights @ list(logs.values()) + EXCESS * excess)
 
 
 def front(evaluations: Sequence[Evaluation], objectives: Sequence[str]) -> list[Evaluation]:

@@ -11,7 +11,7 @@ from reconstruction.capture.readings.dtof import HistogramSpots
 from spisim.simulation.light import Transport
 from spisim.simulation.measurement.light import pixel_electrons
 from spisim_compare.gaussian import Covariance
-from spisim_compare.light_error import image_error_of, stated_accuracy
+from spisim_compare.light_error import StatedAccuracy, image_error_of
 from spisim_compare.patterns import light_error
 from spisim_inverse.fit.readings import Expected, Readings
 from spisim_inverse.fit.twin import Twin
@@ -104,7 +104,7 @@ def _of_spots(
     rng = np.random.default_rng(seed)
     some = slice(readings.patterns, None)
     shape = light.spot_histogram.shape
-    recorded = stated_accuracy(readings.capture)("spot_noise_share")
+    recorded = StatedAccuracy(readings.capture)("spot_noise_share")
     of_both = np.hypot(1.0, recorded / light.spot_noise_share)
     draws = np.empty((DRAWS, expected.counts[some].size))
     for draw in draws:

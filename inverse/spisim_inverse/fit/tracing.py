@@ -50,7 +50,7 @@ class Tracer:
         )
         light = solve(twin.scene, twin.instrument, spp=spp, seed=self._seed, outputs=outputs)
         changes = {
-            each.name: _change(light, score, _slope(each, twin))
+            each.name: _change(twin, light, score, _slope(each, twin))
             for each, score in zip(free, scores, strict=True)
         }
         return Traced(light, changes)
@@ -63,13 +63,11 @@ def _slope(parameter: Parameter, twin: Twin) -> float:
     return parameter.slope(twin.values[parameter.name])
 
 
-def _change(light: Transport, score: Derivative, slope: float) -> Transport:
-    """Change of image and echoes; arrays without light stay."""
-    arrays: dict[str, Any] = {}
-    for name in ("image", "spot_histogram"):
-        known = all(f"{name}_{each.name}" in light.extra for each in score.weights)
-        change = score.of(light, name)[0] if known else np.zeros_like(getattr(light, name))
-        arrays[name] = slope * change
+def _change(twin: Twin, light: Transport, score: Derivative, slope: float) -> Transport:
+    """Change of image and echoes; steady light, which counts as hardly known, is left out."""
+    names = ["image"] if twin.instrument.images else []
+    names += ["spot_histogram"] if twin.instrument.ranges else []
+    arrays: dict[str, Any] = {name: slope * score.of(light, name)[0] for name in names}
     return replace(light, **arrays)
 
 

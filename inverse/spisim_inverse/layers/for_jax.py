@@ -36,9 +36,9 @@ def noisy_readings(model: readings.ReadingModel, mean: Array, normal: Array) -> 
     return _noisy(model)(mean, normal)
 
 
-def scene_image(part: scene.SceneImage, values: Array) -> Array:
-    """Transport image (..., H, W) at values (..., P) of the parameters of its scene."""
-    return _image(part)(values)
+def scene_image(part: scene.SceneImage, changes: Array) -> Array:
+    """Transport image (..., H, W) for changes (..., P) of the parameters of its scene."""
+    return _image(part)(changes)
 
 
 def black_and_white(patterns: Array) -> Array:

@@ -17,6 +17,7 @@ from spisim_inverse.layers import display, readings, scene
 torch = import_optional("torch", "torch")
 
 Tensor = Any
+FUNCTION: Any = torch.autograd.Function
 
 
 def expected_readings(model: readings.ReadingModel, patterns: Tensor, image: Tensor) -> Tensor:
@@ -37,9 +38,9 @@ def noisy_readings(model: readings.ReadingModel, mean: Tensor, normal: Tensor) -
     return _noisy(model, mean, normal)
 
 
-def scene_image(part: scene.SceneImage, values: Tensor) -> Tensor:
-    """Transport image (..., H, W) at values (..., P) of the parameters of its scene."""
-    return _image(part, values)
+def scene_image(part: scene.SceneImage, changes: Tensor) -> Tensor:
+    """Transport image (..., H, W) for changes (..., P) of the parameters of its scene."""
+    return _image(part, changes)
 
 
 def black_and_white(patterns: Tensor) -> Tensor:
@@ -50,7 +51,7 @@ def black_and_white(patterns: Tensor) -> Tensor:
 def _differentiable(forward: Callable[..., Any], backward: Callable[..., Any]) -> Any:
     """`forward(part, *tensors)`, with the products `backward(part, *tensors, gradient)`."""
 
-    class Wrapped(torch.autograd.Function):  # type: ignore[misc]
+    class Wrapped(FUNCTION):
         @staticmethod
         def forward(context: Any, part: Any, *tensors: Any) -> Any:
             context.part = part

@@ -16,26 +16,24 @@ from spisim.transport import Outputs
 
 Array = Any
 """An array of NumPy, PyTorch or JAX."""
+Derivative = Derivative
 
 
 @dataclass(frozen=True, eq=False)
 class SceneImage:
-    """x(v) = x + sum_j (v_j - v0_j) dx/dv_j.
+    """Transport image x + sum_j c_j dx/dv_j where parameters v of the scene change by c.
 
     Parameters
     ----------
     names
         Parameters (P,) of the scene.
-    start
-        Values (P,) that the light was traced at.
     image
-        Transport image (H, W) there.
+        Transport image (H, W) as it was traced.
     derivatives
         Of the image by the parameters, (P, H, W).
     """
 
     names: tuple[str, ...]
-    start: Array
     image: Array
     derivatives: Array
 
@@ -55,45 +53,40 @@ class SceneImage:
         not have.
         """
         wanted = sensitivities(scene, parameters)
-        if not wanted:
-            raise InputError("parameters: no name; at least one is needed")
-        start = [_value(scene, each) for each in wanted]
+        _require_some(wanted)
         outputs = Outputs(weights=weights_of(wanted))
-        return cls.of(solve(scene, instrument, spp=spp, seed=seed, outputs=outputs), wanted, start)
+        return cls.of(solve(scene, instrument, spp=spp, seed=seed, outputs=outputs), wanted)
 
     @classmethod
-    def of(cls, light: Transport, wanted: Sequence[Derivative], start: Sequence[float]) -> Self:
-        """From light that was traced with the weights of `wanted`, at these values."""
+    def of(cls, light: Transport, wanted: Sequence[Derivative]) -> Self:
+        """From light that was traced with the weights of `wanted`; InputError if it was not."""
+        _require_some(wanted)
         for each in wanted:
             if any(f"image_{weight.name}" not in light.extra for weight in each.weights):
                 raise InputError(
                     f"{each.parameter}: the light was traced without its derivative; pass its "
-                    "weight to Outputs"
+                    "weights to Outputs"
                 )
         derivatives = np.array([each.of(light)[0] for each in wanted])
-        names = tuple(each.parameter for each in wanted)
-        return cls(names, np.asarray(start, np.float64), light.image, derivatives)
+        return cls(tuple(each.parameter for each in wanted), light.image, derivatives)
 
 
-def image_of(scene: SceneImage, values: Array) -> Array:
-    """Transport image (..., H, W) at values (..., P) of the parameters."""
-    change = (values - scene.start) @ _rows(scene)
-    return scene.image + change.reshape(*values.shape[:-1], *scene.image.shape)
+def _require_some(wanted: Sequence[Derivative]) -> None:
+    if not wanted:
+        raise InputError("no parameter of the scene is named; at least one is needed")
 
 
-def image_vjp(scene: SceneImage, values: Array, gradient: Array) -> tuple[Array]:
-    """Gradient by the values (..., P), given that by the image (..., H, W)."""
-    flat = gradient.reshape(*values.shape[:-1], scene.image.shape[0] * scene.image.shape[1])
+def image_of(scene: SceneImage, changes: Array) -> Array:
+    """Transport image (..., H, W) for changes (..., P) of the parameters, in their units."""
+    change = changes @ _rows(scene)
+    return scene.image + change.reshape(*changes.shape[:-1], *scene.image.shape)
+
+
+def image_vjp(scene: SceneImage, changes: Array, gradient: Array) -> tuple[Array]:
+    """Gradient by the changes (..., P), given that by the image (..., H, W)."""
+    flat = gradient.reshape(*changes.shape[:-1], scene.image.shape[0] * scene.image.shape[1])
     return (flat @ _rows(scene).T,)
 
 
 def _rows(scene: SceneImage) -> Array:
     return scene.derivatives.reshape(len(scene.names), -1)
-
-
-def _value(scene: Scene, each: Derivative) -> float:
-    """Of a parameter of the fog."""
-    section, _, name = each.parameter.rpartition(".")
-    if section != "scene.fog":
-        raise InputError(f"{each.parameter}: state the value it was traced at, with SceneImage.of")
-    return float(getattr(scene.atmosphere, name))

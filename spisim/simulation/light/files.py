@@ -4,6 +4,7 @@ import io
 import zipfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,6 @@ from numpy.typing import NDArray
 from reconstruction.base.files import mark, write_atomically
 from spisim.base.exr import write_exr
 from spisim.simulation.light.parameters import Derivative
-from spisim.simulation.light.sensitivity import OtherFog
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.tally import ORDERS
 from spisim.transport.truth import GroundTruth
@@ -71,7 +71,7 @@ def light_channels(
 def derived_channels(
     light: Transport,
     derivatives: Sequence[Derivative],
-    others: Mapping[float, OtherFog],
+    others: Mapping[float, Transport],
 ) -> dict[str, NDArray[np.floating]]:
     """Derivatives of the image, and the image at other visibilities, as (H, W) channels."""
     channels: dict[str, NDArray[np.floating]] = {}
@@ -80,7 +80,7 @@ def derived_channels(
         channels[name], channels[f"{name}_error"] = each.of(light)
     for visibility_m, other in others.items():
         name = f"transport_at_{visibility_m:g}m"
-        channels[name], channels[f"{name}_error"] = other.image(light)
+        channels[name], channels[f"{name}_error"] = other.image, other.image_error
     return channels
 
 
@@ -104,16 +104,26 @@ def _times(unit: str, per: str) -> str:
     return unit + per[1:] if per.startswith("1/") else f"{unit} {per}"
 
 
-def write_histograms(path: Path, light: Transport, derivatives: Sequence[Derivative] = ()) -> None:
+def write_histograms(
+    path: Path,
+    light: Transport,
+    derivatives: Sequence[Derivative] = (),
+    others: Mapping[float, Transport] = MappingProxyType({}),
+) -> None:
     """Write light over path length, of the spots and the cube, as a NumPy file.
 
-    With it go the derivatives of all light but the image's, as ``<field>_per.<parameter>``, and
-    their standard errors. `units.<name>` is the unit of each array.
+    With it go the derivatives of all light but the image's, as ``<field>_per.<parameter>``, their
+    standard errors, and the spots' light in fog of other visibilities. `units.<name>` is the unit
+    of each array.
     """
     arrays = {
         "spot_histogram": light.spot_histogram,
         "path_length_m": light.path_length_m,
         **{name: light.extra[name] for name in OVER_PATH_LENGTH if name in light.extra},
+        **{
+            f"spot_histogram_at_{visibility_m:g}m": other.spot_histogram
+            for visibility_m, other in others.items()
+        },
     }
     units = {f"units.{name}": np.array(UNITS.get(name, "1")) for name in arrays}
     for each in derivatives:

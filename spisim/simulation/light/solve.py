@@ -10,37 +10,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
-from spisim.instrument import Detector, Instrument
-from spisim.instrument.model import Source
+from spisim.instrument import Instrument
 from spisim.scene import Scene
-from spisim.simulation.light.extra import extra_light, steady_weighted, weighted_light
-from spisim.simulation.light.noise_metric import image_error_metric, spot_error_metric
-from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.simulation.light.extra import extra_light, weighted_light
+from spisim.simulation.light.noise_metric import image_error_metric
+from spisim.simulation.light.other_fog import OtherFog, Reweighted, in_each, over_fogs
+from spisim.simulation.light.path_bins import BIN_WIDTH_M
+from spisim.simulation.light.spots import GROWTH, SampleBudget, bins_of, spot_metric, spots_of
 from spisim.simulation.light.stated_error import image_error, spot_error
+from spisim.simulation.light.steady import steady_light
 from spisim.transport.backend import with_backend
-from spisim.transport.daylight import STEADY_ERROR, Received, daylight_power, projector_power
-from spisim.transport.engine.estimator import spot_histogram, transport_image
+from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.outputs import Outputs
-from spisim.transport.engine.path_weights import PathWeight, tracked_by
-from spisim.transport.engine.sampling import Estimate, PathBudget, SamplingBudget, TargetError
-from spisim.transport.engine.tally import PathLengthBins
-from spisim.transport.engine.walk import MAX_VERTICES
+from spisim.transport.engine.path_weights import tracked_by
+from spisim.transport.engine.sampling import (
+    ErrorMetric,
+    Estimate,
+    PathBudget,
+    SamplingBudget,
+    TargetError,
+)
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.views import InstrumentView
 from spisim.transport.world import World, build_world
 
 logger = logging.getLogger(__name__)
 
-#: Laser paths per `spp`: the few beams need far fewer paths than thousands of pixels.
-SPOT_PATHS_PER_SPP = 64
-#: Laser paths of the first launch towards a target error: fewer would take as long.
-FIRST_SPOT_PATHS = 64
 #: Minimum launches of the image towards a target error: enough, as many coefficients average it.
 MIN_IMAGES = 5
 #: Minimum paths per pixel and launch: each path has several rays, which gather most of the light.
 MIN_PATHS = 0.5
-#: Maximum growth of the number of paths from launch to launch: early error estimates are good.
-GROWTH = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,10 +75,7 @@ class Transport:
     paths: int
     seconds: float
     extra: Mapping[str, NDArray[Any]]  # as above
-
-
-#: `spp`, and the target noise share that replaces it.
-SampleBudget = tuple[int, float | None]
+    reweighted: Reweighted | None = None  # None for light of a pass through its own fog
 
 
 def _none(**sums: Floats) -> Estimate:
@@ -133,6 +129,58 @@ def solve(
         If some light was not a finite number and is left out, or a mirror throws a laser straight
         into its detector.
     """
+    budget = (spp, transport_noise_share)
+    return _solved(scene, instrument, (), budget, seed, outputs, progress)[0]
+
+
+@with_backend
+def solve_fogs(
+    scene: Scene,
+    instrument: Instrument,
+    others: Sequence[OtherFog],
+    *,
+    spp: int = 256,
+    transport_noise_share: float | None = None,
+    seed: int = 0,
+    outputs: Outputs = Outputs(),  # noqa: B008
+    progress: Callable[[float], None] | None = None,
+) -> tuple[Transport, ...]:
+    """Light of a scene in its own fog, as `solve` traces it, and in others from the same paths.
+
+    Steady light is traced in each fog. With `transport_noise_share`, paths are traced until the
+    light in every fog is as good, except where a pass through that fog would cost less.
+
+    Parameters
+    ----------
+    others
+        Other fogs of the scene. `Transport.reweighted` of the light in one says how many paths
+        carry it; `Reweighted.require_carried` refuses too few.
+    scene, instrument, spp, transport_noise_share, seed, outputs, progress
+        As of `solve`.
+
+    Returns
+    -------
+    tuple of Transport
+        In the scene's own fog, then in the others.
+
+    Raises
+    ------
+    InputError
+        As `solve`, where light up to 2048 times weaker is too much to be summed.
+    """
+    budget = (spp, transport_noise_share)
+    return _solved(scene, instrument, others, budget, seed, outputs, progress)
+
+
+def _solved(
+    scene: Scene,
+    instrument: Instrument,
+    others: Sequence[OtherFog],
+    sampling: SampleBudget,
+    seed: int,
+    outputs: Outputs,
+    progress: Callable[[float], None] | None,
+) -> tuple[Transport, ...]:
     began = time.perf_counter()
     if instrument.ranges:
         instrument.ranging.tof.check_bins(BIN_WIDTH_M)
@@ -143,54 +191,92 @@ def solve(
     world = build_world(scene, tracked_by(outputs.weights))
     if instrument.ranges and placed.zones is None:  # which see glints
         warn_of_glints(world, placed.beams, placed.tof)
-    steady = steady_light(
-        scene, instrument, world, placed, streams[2:], path_weights=outputs.weights
-    )
-    dropped, steady_extra = steady.pop("dropped"), steady.pop("extra")
-    image, (spots, lengths_m) = NO_IMAGE, (NO_SPOTS, np.zeros(0))
+    asked = outputs.weights
+    steady = [
+        steady_light(scene, instrument, world, placed, streams[2:], path_weights=asked),
+        *(
+            steady_light(each.scene, instrument, build_world(each.scene), placed, streams[2:])
+            for each in others
+        ),
+    ]
+    weights = tuple(weight for other in others for weight in other.weights)
+    recorded = replace(outputs, weights=(*asked, *weights))
+    images, spots, lengths_m = [NO_IMAGE] * len(steady), [NO_SPOTS] * len(steady), np.zeros(0)
+    carried = [1.0] * len(others)
     if instrument.images:
+        metrics = [image_error_metric(instrument, each["daylight_w"]) for each in steady]
         image = _image(
-            instrument,
             world,
             placed,
-            steady["daylight_w"],
-            (spp, transport_noise_share),
-            outputs,
+            over_fogs(metrics, others),
+            sampling,
+            recorded,
             streams[0],
             _part(progress, 0.1, 0.8),
         )
+        images = in_each(image, metrics, others)
+        carried = [other.carried_image(image.mean) for other in others]
     if instrument.ranges:
-        spots, lengths_m = trace_spots(
-            instrument,
+        bins = bins_of(instrument, world, placed)
+        metrics = [spot_metric(instrument, each, bins) for each in steady]
+        result = spots_of(
             world,
             placed,
-            steady,
-            (spp, transport_noise_share),
+            bins,
+            over_fogs(metrics, others),
+            sampling,
             streams[1],
             _part(progress, 0.8, 1.0),
-            outputs.weights,
+            recorded.weights,
         )
+        spots, lengths_m = in_each(result, metrics, others), bins.centres_m
+        each_carried = [other.carried_spots(result.mean) for other in others]
+        carried = np.minimum(carried, each_carried).tolist()
     seconds, shape = time.perf_counter() - began, placed.projector.shape
     logger.info(
         "light of %s: %d paths in %.1f s; error over the detectors' noise %.2g, of spots %.2g",
         scene.name,
-        image.paths + spots.paths,
+        images[0].paths + spots[0].paths,
         seconds,
-        image.size,
-        spots.size,
+        images[0].size,
+        spots[0].size,
     )
+    ratios = [other.ratio for other in others]
+    how = [None, *(Reweighted(*each) for each in zip(ratios, carried, strict=True))]
+    return tuple(
+        _transport(instrument, *each, lengths_m, outputs, shape, seconds)
+        for each in zip(images, spots, steady, how, strict=True)
+    )
+
+
+def _transport(
+    instrument: Instrument,
+    image: Estimate,
+    spots: Estimate,
+    steady: dict[str, Any],
+    reweighted: Reweighted | None,
+    lengths_m: Floats,
+    outputs: Outputs,
+    shape: tuple[int, int],
+    seconds: float,
+) -> Transport:
+    """All light in one fog."""
+    imaged = image if instrument.images else None
+    if reweighted is not None:
+        outputs = replace(outputs, weights=())
     return Transport(
         image=image.mean["image"].reshape(shape),
         image_error=image_error(image, shape),
         **spot_fields(spots, lengths_m),
-        **steady,
+        **{name: value for name, value in steady.items() if name not in ("dropped", "extra")},
         noise_share=image.size,
-        dropped=image.dropped + spots.dropped + dropped,
+        dropped=image.dropped + spots.dropped + steady["dropped"],
         paths=image.paths + spots.paths,
         seconds=seconds,
-        extra=extra_light(outputs, image.mean if instrument.images else None, spots.mean, shape)
-        | weighted_light(outputs, image if instrument.images else None, spots, shape)
-        | steady_extra,
+        extra=extra_light(outputs, None if imaged is None else imaged.mean, spots.mean, shape)
+        | weighted_light(outputs, imaged, spots, shape)
+        | steady["extra"],
+        reweighted=reweighted,
     )
 
 
@@ -210,10 +296,9 @@ def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
 
 
 def _image(
-    instrument: Instrument,
     world: World,
     placed: InstrumentView,
-    daylight_w: float,
+    error_metric: ErrorMetric,
     sampling: SampleBudget,
     outputs: Outputs,
     seed: np.random.SeedSequence,
@@ -221,7 +306,6 @@ def _image(
 ) -> Estimate:
     """Light of the projector on the bucket detector."""
     spp, noise_share = sampling
-    error_metric = image_error_metric(instrument, daylight_w)
     budget: SamplingBudget = PathBudget(spp, error_metric=error_metric)
     if noise_share is not None:
         budget = TargetError(
@@ -240,127 +324,6 @@ def _image(
         outputs=outputs,
         progress=progress,
     )
-
-
-def trace_spots(
-    instrument: Instrument,
-    world: World,
-    placed: InstrumentView,
-    steady: Mapping[str, Any],
-    sampling: SampleBudget,
-    seed: np.random.SeedSequence,
-    progress: Callable[[float], None] | None,
-    path_weights: Sequence[PathWeight] = (),
-) -> tuple[Estimate, Floats]:
-    """Light of the lasers on their detectors, and the path lengths (bins,) of its histogram."""
-    spp, noise_share = sampling
-    longest_m = 2 * instrument.ranging.tof.unambiguous_range_m
-    bins = spot_bins(
-        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
-    )
-    error_metric = spot_error_metric(
-        instrument,
-        steady["spot_daylight_w"],
-        steady["spot_crosstalk_w"],
-        2 * np.pi / longest_m * bins.centres_m,
-    )
-    budget: SamplingBudget = PathBudget(SPOT_PATHS_PER_SPP * spp, error_metric=error_metric)
-    if noise_share is not None:
-        budget = TargetError(noise_share, error_metric, FIRST_SPOT_PATHS, growth=GROWTH)
-    result = ranging_histogram(
-        world, placed, bins, budget, seed=seed, path_weights=path_weights, progress=progress
-    )
-    return result, bins.centres_m
-
-
-def ranging_histogram(
-    world: World,
-    placed: InstrumentView,
-    bins: PathLengthBins,
-    budget: SamplingBudget,
-    *,
-    seed: np.random.SeedSequence,
-    max_vertices: int = MAX_VERTICES,
-    path_weights: Sequence[PathWeight] = (),
-    progress: Callable[[float], None] | None = None,
-) -> Estimate:
-    """Light of spots or zones by path length; see `spot_histogram`.
-
-    Light is the same both ways: zones are traced as pixels whose light the flood collects.
-    """
-    options: Any = {"seed": seed, "max_vertices": max_vertices, "progress": progress}
-    if placed.zones is None:
-        options["path_weights"] = path_weights
-        return spot_histogram(world, placed.beams, placed.tof, bins, budget, **options)
-    flood = replace(placed.tof, positions_m=placed.tof.positions_m[:1], axes=placed.tof.axes[:1])
-    outputs = Outputs(orders=True, bins=bins, weights=tuple(path_weights))
-    return transport_image(world, placed.zones, flood, budget, outputs=outputs, **options)
-
-
-def steady_light(
-    scene: Scene,
-    instrument: Instrument,
-    world: World,
-    placed: InstrumentView,
-    streams: Sequence[np.random.SeedSequence],
-    *,
-    target: float = STEADY_ERROR,
-    max_vertices: int = MAX_VERTICES,
-    path_weights: Sequence[PathWeight] = (),
-) -> dict[str, Any]:
-    """Fields of `Transport`: sun and sky on all detectors, the mean pattern on those of spots.
-
-    `target` is their relative error; errors far below the dark current are tolerated, too. Light of
-    the pattern that is scattered more than `max_vertices` times is left out. `path_weights` add
-    weighted light to `extra`.
-    """
-    none = Received.none(0, path_weights)
-    bucket, spots = (
-        none
-        if (detector := instrument.detectors.get(name)) is None
-        else daylight_power(
-            scene,
-            instrument,
-            world,
-            view,
-            floor_w=dark_power(instrument, detector, "daylight"),
-            target=target,
-            seed=stream,
-            path_weights=path_weights,
-        )
-        for name, view, stream in (
-            ("detector", placed.bucket, streams[0]),
-            ("tof.detector", placed.zones or placed.tof, streams[1]),
-        )
-    )
-    crosstalk = Received.none(len(placed.tof.positions_m), path_weights)
-    if instrument.images and instrument.ranges:
-        crosstalk = projector_power(
-            world,
-            placed.projector,
-            instrument.mean_powers_w,
-            placed.zones or placed.tof,
-            floor_w=dark_power(instrument, instrument.ranging.tof.detector, "projector"),
-            target=target,
-            seed=streams[2],
-            max_vertices=max_vertices,
-            path_weights=path_weights,
-        )
-    return {
-        "dropped": bucket.dropped + spots.dropped + crosstalk.dropped,
-        "daylight_w": float(bucket.power_w.sum()),
-        "daylight_error_w": float(np.linalg.norm(bucket.error_w)),
-        "spot_daylight_w": spots.power_w,
-        "spot_daylight_error_w": spots.error_w,
-        "spot_crosstalk_w": crosstalk.power_w,
-        "spot_crosstalk_error_w": crosstalk.error_w,
-        "extra": steady_weighted(path_weights, bucket, spots, crosstalk),
-    }
-
-
-def dark_power(instrument: Instrument, detector: Detector, source: Source) -> float:
-    """Light of a source on one aperture that makes as many electrons as the dark current, W."""
-    return detector.sensor.dark_rate_hz / instrument.electrons_per_joule(detector, source)
 
 
 def _part(

@@ -15,7 +15,8 @@ from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.lattice import LatticeLight
 from spisim.simulation.light.path_bins import BIN_WIDTH_M
 from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
-from spisim.simulation.light.solve import Transport, spot_fields, streams_of, trace_spots
+from spisim.simulation.light.solve import Transport, spot_fields, streams_of
+from spisim.simulation.light.spots import trace_spots
 from spisim.transport.backend import with_backend
 from spisim.transport.glints import warn_of_glints
 from spisim.transport.views import InstrumentView, together

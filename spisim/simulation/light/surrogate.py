@@ -33,11 +33,11 @@ from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
 from spisim.simulation.light.sequence import LightSequence, at_key_times
 from spisim.simulation.light.solve import (
     Transport,
-    ranging_histogram,
-    steady_light,
     streams_of,
 )
+from spisim.simulation.light.spots import ranging_histogram
 from spisim.simulation.light.stated_error import image_error, spot_error
+from spisim.simulation.light.steady import steady_light
 from spisim.simulation.light.steered import by_view
 from spisim.transport.backend import with_backend
 from spisim.transport.engine.estimator import transport_image

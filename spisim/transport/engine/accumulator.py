@@ -16,8 +16,8 @@ from spisim.transport.jit import Bool, Float, UInt
 QUANTUM_PER_M2 = 2.0**-48
 #: Sums are exact below this limit, the power that a white wall 3 mm away returns.
 MAX_SUM_PER_M2 = 2.0**15
-#: Maximum of weights by which contributions are multiplied.
-MAX_WEIGHT = 2.0**12
+#: Weights up to which weighted contributions need no limit of their own.
+MAX_WEIGHT = 2.0**10
 #: The limit is checked in coarser units, rounded up: only 2^30 contributions above the limit could
 #: wrap the check.
 COARSE_PER_M2 = 2.0**-16
@@ -62,9 +62,9 @@ class Check:
     def read(self, *, weighted: bool = False) -> int:
         """Number of non-finite contributions; InputError if a sum is too large to be exact.
 
-        Sums of `weighted` contributions, up to `MAX_WEIGHT` times as large, must be exact, too.
+        `weighted` contributions, up to `MAX_WEIGHT` times as large, must fill less than half of it.
         """
-        limit = MAX_SUM_PER_M2 / (MAX_WEIGHT if weighted else 1)
+        limit = MAX_SUM_PER_M2 / (2 * MAX_WEIGHT if weighted else 1)
         coarse = self._coarse.numpy()
         largest = float(coarse[:-1].max()) * COARSE_PER_M2
         if largest >= limit:

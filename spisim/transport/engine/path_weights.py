@@ -21,8 +21,7 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from reconstruction.base.errors import InputError
-from spisim.transport.engine.accumulator import MAX_WEIGHT
+from spisim.transport.engine.accumulator import MAX_SUM_PER_M2, MAX_WEIGHT
 from spisim.transport.engine.tally import Contribution, MakeTally
 from spisim.transport.jit import Float
 from spisim.transport.scores import Parameter
@@ -76,30 +75,27 @@ def tracked_by(weights: Iterable[PathWeight]) -> dict[str, Parameter]:
 
 
 class WeightedTally:
-    """Another tally of weighted light; weights beyond `MAX_WEIGHT` are refused in the end."""
+    """Another tally of weighted light; nan if that is too much to be summed exactly."""
 
     def __init__(self, cells: int, make: MakeTally, weight: PathWeight) -> None:
         self._tally, self._name, self._of_path = make(cells), weight.name, weight.compiled()
-        self._beyond = dr.zeros(mi.UInt32, 1)
+        self._beyond = dr.zeros(mi.Float, 1)  # per m²: all light of weights above `MAX_WEIGHT`
 
     def add(self, light: Contribution) -> None:
         weight = self._of_path(light)
         size: Float = dr.abs(weight)
-        usable = size <= MAX_WEIGHT
-        dr.scatter_reduce(dr.ReduceOp.Add, self._beyond, 1, 0, light.active & ~usable)
-        counted = light.active & usable & (size > 0)
-        self._tally.add(light._replace(value=light.value * weight, active=counted))
+        value: Float = light.value * weight
+        beyond = light.active & ~(size <= MAX_WEIGHT)
+        dr.scatter_reduce(dr.ReduceOp.Add, self._beyond, dr.abs(value), 0, beyond)
+        counted = light.active & dr.isfinite(value) & (size > 0)
+        self._tally.add(light._replace(value=value, active=counted))
 
     @cached_property
-    def _paths_beyond(self) -> int:
-        return int(self._beyond.numpy()[0])
+    def _is_exact(self) -> bool:
+        return float(self._beyond.numpy()[0]) < MAX_SUM_PER_M2 / 2
 
     def read(self, part: int, parts: int) -> Mapping[str, Floats]:
-        """See `Tally`; InputError if paths have weights too large to be summed."""
-        if self._paths_beyond:
-            raise InputError(
-                f"{self._name}: {self._paths_beyond} paths have a weight of more than "
-                f"{MAX_WEIGHT:g}; this is too far from the fog that was traced"
-            )
+        """See `Tally`."""
+        scale = 1.0 if self._is_exact else np.nan
         sums = self._tally.read(part, parts)
-        return {f"{name}_{self._name}": values for name, values in sums.items()}
+        return {f"{name}_{self._name}": scale * values for name, values in sums.items()}

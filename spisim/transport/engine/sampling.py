@@ -80,6 +80,8 @@ class Estimate:
     paths: int
     size: float  # of the errors, by their metric; nan without
     dropped: int  # contributions that were not finite numbers
+    #: Means and standard errors of the metric's readings; empty without.
+    readings: tuple[Floats, Floats] = (np.zeros(0), np.zeros(0))
 
 
 class _Running:
@@ -114,14 +116,17 @@ class _Running:
         spread = max(self.count - 1, 1) * self.weight
         return {name: np.sqrt(squares / spread) for name, squares in self._squares.items()}
 
+    def readings(self) -> tuple[Floats, Floats]:
+        """Means and standard errors of the metric's readings."""
+        if self._readings is None:
+            return np.zeros(0), np.zeros(0)
+        return self._readings.mean["readings"], self._readings.error()["readings"]
+
     def size(self) -> float:
         """Size of the errors by the metric."""
-        if self._error_metric is None or self._readings is None:
+        if self._error_metric is None:
             return math.nan
-        if self.count < 2:
-            return math.inf
-        readings = self._readings
-        return self._error_metric.size(readings.mean["readings"], readings.error()["readings"])
+        return math.inf if self.count < 2 else self._error_metric.size(*self.readings())
 
 
 def repeat(
@@ -180,7 +185,15 @@ def repeat(
             stacklevel=2,
         )
     paths = round(ends * running.weight * cells)
-    return Estimate(running.mean, running.error(), running.count, paths, running.size(), dropped)
+    return Estimate(
+        running.mean,
+        running.error(),
+        running.count,
+        paths,
+        running.size(),
+        dropped,
+        running.readings(),
+    )
 
 
 def replicas_of(cells: int) -> int:

@@ -69,7 +69,13 @@ def executors(
     if workers is not None:
         raise InputError("--workers and --dask exclude each other")
     address = dask
-    return lambda make: DaskExecutor(make, address, say)
+
+    def remote(make: Make) -> Executor:
+        if isinstance(make, Maker):
+            return DaskExecutor(make, address, say, make.series.first_of)
+        return DaskExecutor(make, address, say)
+
+    return remote
 
 
 @contextmanager
