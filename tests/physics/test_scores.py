@@ -310,3 +310,17 @@ def test_objects_share_the_score_of_their_material():
     np.testing.assert_allclose(again, light)
     for result, expected in zip(sums, (box + ball, walls, 0 * walls), strict=True):
         np.testing.assert_allclose(result, expected, rtol=1e-6)
+
+
+def test_light_by_a_mirror_both_ways_adds_every_reflection():
+    """A mirror fills the view: a path meets it first and last, and a wall between."""
+    ahead = painted(worlds.plane(2.0, 0.8, tilt_rad=np.pi / 4, half_size_m=1.5), "mirror", Mirror())
+    inner = [painted(each, each.name, DIFFUSE) for each in worlds.room()]
+    scene = worlds.scene(*inner, ahead)
+    assert largest_z(image, scene, Reflectance("mirror"), *MATERIALS) < 4
+
+
+def test_light_of_a_thick_bank_has_the_scores_of_many_scatterings():
+    wall = painted(worlds.plane(9.0, 0.5), "wall", DIFFUSE)
+    scene = worlds.scene(wall, volumes=worlds.bank(0.6, albedo=0.9, g=0.7))
+    assert largest_z(image, scene, Reflectance("wall"), Albedo(0)) < 4
