@@ -262,9 +262,11 @@ def test_the_light_itself_is_untouched_by_scores():
 
 
 @pytest.mark.parametrize("name", some_slow("clear", "fog", "gloss in fog", fast="fog"))
-@pytest.mark.parametrize("lit", ["projector", "daylight"])
+@pytest.mark.parametrize("lit", ["projector", "daylight", "lamps"])
 def test_steady_light_has_derivatives(name, lit):
     scene = outdoors(room(name))
+    if lit == "lamps":
+        scene = replace(scene, ambient=Ambient())
     parameters = MATERIALS if name == "clear" else (*MATERIALS, Extinction(0), Albedo(0))
     assert largest_z(steady, scene, *parameters, lit=lit) < 4
 
