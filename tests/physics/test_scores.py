@@ -166,7 +166,7 @@ def outdoors(scene):
         scene,
         objects=(replace(walls, mesh=mesh), *things),
         ambient=Ambient(sun_klx=20.0, sky_klx=10.0, sun_direction=(0.0, 0.6, 0.8)),
-        lamps=(PointLamp("bulb", (1.0, -1.0, 3.0), Strength(1e-8, luminous=False)),),
+        lamps=(PointLamp("bulb", (1.0, -1.0, 3.0), Strength(0.3, luminous=False)),),
     )
 
 
@@ -262,9 +262,11 @@ def test_the_light_itself_is_untouched_by_scores():
 
 
 @pytest.mark.parametrize("name", some_slow("clear", "fog", "gloss in fog", fast="fog"))
-@pytest.mark.parametrize("lit", ["projector", "daylight"])
+@pytest.mark.parametrize("lit", ["projector", "daylight", "lamps"])
 def test_steady_light_has_derivatives(name, lit):
     scene = outdoors(room(name))
+    if lit == "lamps":
+        scene = replace(scene, ambient=Ambient())
     parameters = MATERIALS if name == "clear" else (*MATERIALS, Extinction(0), Albedo(0))
     assert largest_z(steady, scene, *parameters, lit=lit) < 4
 
@@ -324,3 +326,10 @@ def test_light_of_a_thick_bank_has_the_scores_of_many_scatterings():
     wall = painted(worlds.plane(9.0, 0.5), "wall", DIFFUSE)
     scene = worlds.scene(wall, volumes=worlds.bank(0.6, albedo=0.9, g=0.7))
     assert largest_z(image, scene, Reflectance("wall"), Albedo(0)) < 4
+
+
+def test_light_that_a_mirror_throws_straight_back_is_proportional_to_its_reflectance():
+    facing = painted(worlds.plane(3.0, 0.8, half_size_m=3.0), "mirror", Mirror())
+    light, (derivative,) = image(worlds.scene(facing), scores_of(Reflectance("mirror")))
+    np.testing.assert_allclose(derivative, light, rtol=1e-6)
+    assert light.sum() > 0
