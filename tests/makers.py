@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
+from spisim.dataset.fogs import FogSeries
 from spisim.dataset.folder import Layout, fingerprint
 from spisim.dataset.records import NO_SPACE, Outcome, failure
 
@@ -77,6 +78,11 @@ class OfPlan(Fake):
     """For samples of a plan, which the processes are not given: it takes long to load."""
 
     planned: PlannedSet | None = None
+
+    @property
+    def series(self) -> FogSeries:
+        assert self.planned is not None
+        return FogSeries(self.planned)
 
     def __reduce__(self) -> tuple[object, ...]:
         return Fake, (self.folder, self.bad, self.seconds)

@@ -94,6 +94,9 @@ def test_a_box_of_triangles_is_a_box():
     np.testing.assert_array_equal(ours.extinction_at(points), box.extinction_at(points))
 
 
+@pytest.mark.parametrize(
+    "closed_mesh", ["traced", pytest.param("tree", marks=pytest.mark.slow)], indirect=True
+)
 @pytest.mark.parametrize("density", [None, bumps()], ids=["homogeneous", "grid"])
 def test_light_in_a_box_of_triangles_is_that_in_a_box(density):
     view, end = worlds.projector(shape=(4, 4)), worlds.detector([0.05, 0, 0], half_angle_deg=14)

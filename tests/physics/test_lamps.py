@@ -63,7 +63,7 @@ def received(position, detectors):
     def trace(ends, samples, seeds, replicas, deposit):
         Gather(world, ends, lamps, deposit, replicas).run(seeds[0])
 
-    return _received(trace, detectors, 0.0, 0.005, SEEDS[0])
+    return _received(trace, detectors, 0.0, 0.005, SEEDS[0], ())
 
 
 def rectangle(name, size, centre, normal_z=1.0, reflectance=0.0):

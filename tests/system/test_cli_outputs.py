@@ -89,6 +89,15 @@ def test_an_export_is_no_folder_without_a_name(place: Path) -> None:
         assert "the name of a new one is needed" in mistake("export", "../capture.h5", "-o", ".")
 
 
+DESIGN = """
+name: times
+search: [{scene: warehouse}]
+judgement: [{scene: tunnel}]
+choose: {tof.times: {low: [0.1, 0.1, 0.1], high: [1, 1, 1]}}
+weathers: {fog: {fog: {visibility_m: 50}}}
+objectives: [range_error_m]
+instrument: fog
+"""
 #: Commands that write a folder, or a file with a folder beside it, by what they hold meanwhile.
 HOLDERS = {
     "out/.lock": [
@@ -99,6 +108,7 @@ HOLDERS = {
         "paper table2 -o out",
         "dataset run plan.yaml -o out",
         "dataset export set -o out",
+        "design design.yaml -o out",
     ],
     ".out.lock": [
         "export capture.h5 -o out",
@@ -119,6 +129,7 @@ def test_what_another_program_writes_into_is_refused(
 ) -> None:
     monkeypatch.chdir(place)
     (place / "plan.yaml").write_text("name: some\nsamples: 1\nscenes: [{family: targets}]\n")
+    (place / "design.yaml").write_text(DESIGN)
     trimesh.creation.box().export(place / "wall.ply")
     with held(place / lock):
         before = snapshot(place)

@@ -36,7 +36,7 @@ def test_poses_of_a_scene_follow_each_other(tmp_path: Path) -> None:
     names = [sample.scene_name for sample in samples]
     assert names[0] == names[1] == names[2] != names[3] == names[4] == names[5] != names[6]
     assert len({sample.parameters["scene.fog.visibility_m"] for sample in samples}) == 8
-    assert [plan.world_of(index) for index in range(8)] == [0, 0, 0, 1, 1, 1, 2, 2]
+    assert [plan.world_of(index) for index in range(8)] == [0, 0, 0, 3, 3, 3, 6, 6]
 
 
 def test_grids_run_through_every_pose(tmp_path: Path) -> None:
