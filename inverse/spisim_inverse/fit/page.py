@@ -8,7 +8,7 @@ from spisim_app.report.page import write_page
 from spisim_app.report.style import plot_in_page, plot_style
 from spisim_compare.comparison import probability
 from spisim_compare.page import z_figure
-from spisim_inverse.fit.result import Fitted, in_words
+from spisim_inverse.fit.result import Fitted, factors_of_patterns, in_words
 
 MAX_CORRELATED = 12
 """Maximum number of parameters whose correlations are printed."""
@@ -19,6 +19,10 @@ def write_fit(path: Path, kind: str, title: str, fitted: Fitted) -> None:
     """Write the page; raises OSError if the file cannot be written."""
     readings = fitted.model.readings
     group = readings.group[readings.usable]
+    factors = factors_of_patterns(fitted)
+    few = [number for number, each in enumerate(fitted.estimates) if each not in factors]
+    names = [fitted.estimates[number].name for number in few]
+    correlation = fitted.correlation[np.ix_(few, few)].tolist()
     write_page(
         path,
         kind,
@@ -27,10 +31,11 @@ def write_fit(path: Path, kind: str, title: str, fitted: Fitted) -> None:
         lead=in_words(fitted)[-1 if fitted.fits else -2],
         warnings=fitted.warnings,
         cards=_cards(fitted),
-        estimates=fitted.estimates,
+        estimates=[fitted.estimates[number] for number in few],
+        factors="\n".join(f"{each.name} {each.value:.4f} ± {each.sigma:.2g}" for each in factors),
         priors=fitted.priors,
-        names=[each.name for each in fitted.estimates],
-        correlation=fitted.correlation.tolist() if len(fitted.estimates) <= MAX_CORRELATED else [],
+        names=names,
+        correlation=correlation if len(few) <= MAX_CORRELATED else [],
         plot=plot_in_page(
             "readings",
             lambda width_in: z_figure({"fitted": fitted.z}, group, readings.groups[0], width_in),

@@ -191,14 +191,19 @@ class Fitted:
         }
 
 
+def factors_of_patterns(fitted: Fitted) -> list[Estimate]:
+    """Throughput of each pattern: too many numbers for a table."""
+    return [each for each in fitted.estimates if each.name.startswith(f"{THROUGHPUT}[")]
+
+
 def in_words(fitted: Fitted) -> list[str]:
     """Estimates and goodness of fit as lines of text."""
+    factors = factors_of_patterns(fitted)
     lines = [
         f"{each.name} {each.value:.4g} ± {each.sigma:.2g} {each.unit}".removesuffix(" 1")
         for each in fitted.estimates
-        if not each.name.startswith(f"{THROUGHPUT}[")
+        if each not in factors
     ]
-    factors = [each for each in fitted.estimates if each.name.startswith(f"{THROUGHPUT}[")]
     if factors:
         scatter = np.std([each.value for each in factors])
         sigma = np.median([each.sigma for each in factors])
