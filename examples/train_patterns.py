@@ -90,8 +90,8 @@ def trained(
     schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps, RATE / 30)
     for step in range(steps):
         images = torch.cat([moved(some[torch.randint(len(some), (batch,))]) for some in sets])
-        shown = displayed(free)
-        estimate = decoder(model, shown, images)
+        binary = displayed(free)
+        estimate = decoder(model, binary, images)
         error = ((estimate - images) ** 2).mean(dim=(1, 2)) / images.var(dim=(1, 2))
         loss = torch.log(error + 1e-3).mean()
         optimiser.zero_grad()

@@ -72,10 +72,10 @@ class TestTraining:
         assert (patterns[0] == 1).all()
         decoder = train.Decoder((SIDE, SIDE), images)
 
-        def loss(shown):
+        def loss(binary):
             torch.manual_seed(5)
-            shown = torch.tensor(shown, dtype=torch.float32)
-            error = (decoder(model, shown, images) - images).square().mean(dim=(1, 2))
+            binary = torch.tensor(binary, dtype=torch.float32)
+            error = (decoder(model, binary, images) - images).square().mean(dim=(1, 2))
             return float(torch.log(error).mean())
 
         plan = train.make_plan((SIDE, SIDE), PATTERNS, "variance-ranked", "signed")

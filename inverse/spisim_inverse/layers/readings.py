@@ -130,8 +130,8 @@ def expected(model: ReadingModel, patterns: Array, image: Array) -> Array:
         Electrons (..., K).
     """
     lit = _flat(image * model.electrons)
-    shown = lit @ _flat(patterns).T
-    light = (1 - model.dark_level) * shown + model.dark_level * lit.sum(-1)[..., None]
+    by_pattern = lit @ _flat(patterns).T
+    light = (1 - model.dark_level) * by_pattern + model.dark_level * lit.sum(-1)[..., None]
     light = light + model.background
     return (1 - model.carried) * light + model.carried * light[..., _turned(light, 1)]
 
@@ -142,10 +142,10 @@ def expected_vjp(
     """Gradients by patterns (K, H, W) and image (..., H, W), given that by readings (..., K)."""
     back = gradient[..., _turned(gradient, -1)]
     by_light = (1 - model.carried) * gradient + model.carried * back
-    lit, shown = _flat(image * model.electrons), _flat(patterns)
+    lit, displayed = _flat(image * model.electrons), _flat(patterns)
     each = by_light.reshape(-1, by_light.shape[-1])
     by_patterns = (1 - model.dark_level) * (each.T @ lit.reshape(-1, lit.shape[-1]))
-    by_lit = (1 - model.dark_level) * (by_light @ shown)
+    by_lit = (1 - model.dark_level) * (by_light @ displayed)
     by_lit = by_lit + model.dark_level * by_light.sum(-1)[..., None]
     by_image = by_lit.reshape(image.shape) * model.electrons
     return by_patterns.reshape(patterns.shape), by_image
