@@ -96,7 +96,7 @@ def parameters_of(scene: Scene) -> dict[str, Make]:
         for name, of_medium in MEDIUM.items():
             parameter = f"scene.volumes.{volume.name}.{name}"
             known[parameter] = partial(of_medium, parameter, volume.medium, number)
-    for material in {thing.material.name for thing in scene.objects}:
+    for material in sorted({thing.material.name for thing in scene.objects}):
         known[f"materials.{material}"] = partial(_by_reflectance, scene, material)
     for name, lit in PROPORTIONAL.items():
         known[name] = partial(Proportional, name, lit)
