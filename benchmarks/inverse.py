@@ -21,6 +21,7 @@ from options import benchmark_options, finish
 
 import spisim
 from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.atmosphere import Atmosphere, henyey_greenstein
 from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, Volume
@@ -230,7 +231,7 @@ def cost(case: Case) -> float:
     for name in names:
         try:
             weights |= {each.name: each for each in weights_of(sensitivities(case.scene, [name]))}  # type: ignore[misc]
-        except spisim.InputError:
+        except InputError:
             continue
     ten = list(weights.values())[:10]
     assert len(ten) == 10
