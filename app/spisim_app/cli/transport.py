@@ -53,7 +53,7 @@ def command(
             "--sensitivity",
             metavar="NAME",
             help="Add derivatives by parameters, with commas between: scene.fog.visibility_m, "
-            "materials.concrete.",
+            "materials.concrete, drone.forward_m.",
         ),
     ] = None,
     also_visibility: Annotated[
@@ -78,6 +78,7 @@ def command(
     """
     from reconstruction.base.files import require_outputs
     from spisim.simulation.light import NEAR_PATH_M
+    from spisim.simulation.light.displacement import displacements, is_coordinate, require_known
     from spisim.simulation.light.files import (
         derived_channels,
         light_channels,
@@ -94,7 +95,10 @@ def command(
     histograms = files[1].path
     carried = instrument_with(instrument, wavelength)
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    derivatives = sensitivities(loaded, _names(sensitivity or ()))
+    names = _names(sensitivity or ())
+    coordinates = list(filter(is_coordinate, names))
+    require_known(loaded, coordinates)
+    derivatives = sensitivities(loaded, [name for name in names if name not in coordinates])
     fogs = [OtherFog.of_visibility(loaded, each) for each in also_visibility or ()]
     outputs = Outputs(
         orders=orders,
@@ -105,6 +109,11 @@ def command(
     with progress_bar("Tracing light", progress) as advance:
         traced, *rest = solve_fogs(
             loaded, carried, fogs, **light.arguments, seed=seed, outputs=outputs, progress=advance
+        )
+    spp = light.arguments.get("spp", opt.SPP)
+    with progress_bar("Moving", progress) as advance:
+        derivatives += displacements(
+            loaded, carried, coordinates, traced, spp=spp, seed=seed, progress=advance
         )
     others = dict(zip(also_visibility or (), rest, strict=True))
     fractions = {each: other.reweighted.require_carried() for each, other in others.items()}

@@ -12,6 +12,7 @@ from reconstruction.base.errors import InputError
 from spisim.atmosphere import Atmosphere, HenyeyGreenstein
 from spisim.scene import Scene
 from spisim.scene.bsdf import Clear, Principled
+from spisim.simulation.light.displacement import Displacement
 from spisim.simulation.light.solve import Transport
 from spisim.transport.engine.path_weights import Score
 from spisim.transport.scores import Albedo, Asymmetry, Extinction, Parameter, Reflectance
@@ -76,7 +77,7 @@ PROPORTIONAL: Mapping[str, tuple[str, ...]] = {
     "gain": ("image", "spot_histogram", "daylight_w", "spot_daylight_w", "spot_crosstalk_w"),
 }
 
-Derivative = Sensitivity | Proportional
+Derivative = Sensitivity | Proportional | Displacement
 #: Makes the derivative by a parameter, or raises InputError if paths do not say it.
 Make = Callable[[], Derivative]
 
