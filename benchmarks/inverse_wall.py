@@ -76,8 +76,8 @@ def pose(wall: Wall, number: int, instrument: Instrument) -> tuple[list[float], 
     offset, gain, _ = result.estimates
     reference_m = c * instrument.ranging.tof.bin_width_s / 2 * reference_delay(wall)[number, 0]  # type: ignore[attr-defined]
     value = [offset.value - float(reference_m), float(np.log(gain.value))]
-    print("wall", scene.name, value, offset.sigma, gain.log_sigma, result.scale, file=sys.stderr)
-    return value, [offset.sigma, gain.log_sigma], result.scale
+    print("wall", scene.name, value, offset.sigma, gain.log_sigma, result.scale[:2], file=sys.stderr)
+    return value, [offset.sigma, gain.log_sigma], float(result.scale[0])
 
 
 def board(distance_m: float) -> Scene:
@@ -126,7 +126,7 @@ def wall_table(poses: Poses) -> Table:
         )
     heads = (
         "poses", "number", "offset, mm: mean, scatter", "stated sigma, mm",
-        "gain, W: mean, scatter", "stated sigma", "error over noise",
+        "gain, W: mean, scatter", "stated sigma", "offset's sigma over noise",
     )  # fmt: skip
     return Table(
         "A wall measured by a TMF8820, 160 to 400 mm away, each pose by itself.", heads, rows

@@ -17,6 +17,7 @@ from spisim.instrument import Instrument
 from spisim.scene import Scene
 from spisim.scene.load import make_scene
 from spisim_app.cli import app
+from spisim_compare.gaussian import Covariance
 from spisim_inverse.fit import written
 from spisim_inverse.fit.fitting import fit
 from spisim_inverse.fit.information import Information
@@ -263,6 +264,30 @@ class TestBadInput:
         assert "does not fit" in result.warnings[-1]
         assert result.worst
         assert "Largest differences" in in_words(result)[-1]
+
+    def test_spots_that_disagree_say_how_far_their_mean_is_off(self):
+        rng, spots, bins = np.random.default_rng(2), 9, 40
+        by_spot = 5 * rng.standard_normal(spots)
+        readings = np.repeat(by_spot, bins) + rng.standard_normal(spots * bins)
+        difference = readings - readings.mean()
+        information = Information.of(TestInformation().free("mean"), np.ones((readings.size, 1)))
+        noise = Covariance(np.ones(readings.size), np.zeros((readings.size, 0)))
+        scores = difference.reshape(spots, bins).sum(axis=1, keepdims=True)
+        of_mean = replace(
+            fitted({BOARD: None}), coordinates=np.zeros(1), information=information, noise=noise,
+            difference=difference, scores=np.vstack([np.zeros(1), scores]),
+        )  # fmt: skip
+        means = readings.reshape(spots, bins).mean(axis=1)
+        sigma = np.sqrt(of_mean.covariance[0, 0])
+        assert sigma == pytest.approx(means.std(ddof=1) / np.sqrt(spots))
+        alone = replace(of_mean, scores=scores.sum(axis=0, keepdims=True))
+        assert alone.scale[0] == pytest.approx(readings.std(ddof=1))
+
+    def test_scores_of_all_groups_add_up_to_nothing_at_the_maximum(self):
+        result = fitted({BOARD: None, LASER: None})
+        each = result.scores @ result.information.covariance / np.sqrt(np.diag(result.covariance))
+        assert np.abs(each.sum(axis=0)).max() < 0.3
+        assert np.abs(each).max() > 0.3
 
     def test_an_estimate_at_its_bound(self):
         capture = recorded()

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
 from reconstruction import Capture
@@ -195,6 +196,7 @@ class _Search:
         used = model.readings.usable
         difference = model.readings.mean - model.expected(coordinates, spp).counts
         information = self._information(coordinates, spp)
+        slopes = model.jacobian(coordinates, spp)[used].T * noise.only(used).solve(difference[used])
         bound = Information.of(
             model.parameters,
             self._slope(coordinates, spp, model.noise(coordinates, spp)),
@@ -208,6 +210,7 @@ class _Search:
             bound=bound.covariance,
             difference=difference[used],
             noise=noise.only(used),
+            scores=_sums(slopes, model.readings.group[used]),
             uninformed=[each.name for each in uninformed],
             at_bounds=[each.name for each in at_bounds],
             priors=dict(self.priors),
@@ -257,6 +260,11 @@ class _Search:
             if each.name in self.priors
         ]  # fmt: skip
         return np.array(rows).reshape(-1, coordinates.size)
+
+
+def _sums(columns: Floats, group: NDArray[np.intp]) -> Floats:
+    """Sums (groups, k) of columns (k, n) over the readings of each group."""
+    return np.transpose([np.bincount(group, each) for each in columns])
 
 
 def _is_at_bound(parameter: Parameter, coordinate: float) -> bool:

@@ -56,6 +56,9 @@ class Fitted:
         as if the light were traced without error.
     difference, noise
         Recorded less expected counts (n,) of the usable readings, and their covariance.
+    scores
+        Slope (groups, k) of the log likelihood there by the readings of the patterns, and of each
+        spot; that of all is 0.
     uninformed
         Parameters on which the recording does not depend; they keep their starts.
     at_bounds
@@ -68,6 +71,7 @@ class Fitted:
     bound: Floats
     difference: Floats
     noise: Covariance
+    scores: Floats
     uninformed: Sequence[str]
     at_bounds: Sequence[str]
     priors: Mapping[str, Prior]
@@ -96,18 +100,29 @@ class Fitted:
             )
         ]
 
-    @property
-    def scale(self) -> float:
-        """Factor on the errors of a model that does not fit: the root of chi-squared per freedom.
+    @cached_property
+    def scale(self) -> Floats:
+        """Factor (k,) on the errors of a model that does not fit, 1 of one that does.
 
-        R. T. Birge, Phys. Rev. 40, 207 (1932): what it leaves out is as large as the residuals.
+        What the model leaves out is as large as the residuals: the root of chi-squared per degree
+        of freedom, if each reading has its own (R. T. Birge, Phys. Rev. 40, 207 (1932)). Patterns,
+        or a spot, may have it in common: then the scores of these groups say how far their
+        estimates differ (K.-Y. Liang & S. L. Zeger, Biometrika 73, 13 (1986), eq. 8). The larger
+        of both counts. Errors that all groups have in common remain unknown.
         """
-        return 1.0 if self.fits else float(np.sqrt(self.chi_squared / self.freedom))
+        if self.fits:
+            return np.ones(len(self.coordinates))
+        own = self.information.covariance
+        scores = self.scores[self.scores.any(axis=1)]
+        groups = len(scores)
+        spread = (scores @ own).std(axis=0) * groups / np.sqrt(max(groups - 1, 1))
+        by_group = spread / np.sqrt(np.diag(own))
+        return np.maximum(by_group, np.sqrt(self.chi_squared / self.freedom))
 
     @cached_property
     def covariance(self) -> Floats:
         """Covariance (k, k) of the coordinates: logarithms of positive parameters."""
-        return self.scale**2 * self.information.covariance
+        return np.outer(self.scale, self.scale) * self.information.covariance
 
     @property
     def correlation(self) -> Floats:
@@ -165,7 +180,7 @@ class Fitted:
         ]
         if not self.fits:
             lines.append(
-                f"the model does not fit: all sigmas are {self.scale:.2g} times those of the noise"
+                f"the model does not fit: sigmas are {_span(self.scale)} times those of the noise"
             )
         return lines
 
@@ -176,7 +191,7 @@ class Fitted:
             "chi_squared": self.chi_squared,
             "freedom": self.freedom,
             "probability": self.probability,
-            "scale": self.scale,
+            "scale": self.scale.tolist(),
             "estimates": [each._asdict() for each in self.estimates],
             "covariance_of_coordinates": self.covariance.tolist(),
             "condition": self.information.condition,
@@ -189,6 +204,12 @@ class Fitted:
             ],
             "worst": [{"reading": name, "z": z} for name, z in self.worst],
         }
+
+
+def _span(values: Floats) -> str:
+    """Smallest and largest, or one number where they are the same."""
+    low, high = f"{values.min():.2g}", f"{values.max():.2g}"
+    return low if low == high else f"{low} to {high}"
 
 
 def factors_of_patterns(fitted: Fitted) -> list[Estimate]:
