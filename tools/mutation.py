@@ -121,7 +121,7 @@ def main() -> int:
     parser.add_argument("--again", action="store_true", help="only those that survived last time")
     options = parser.parse_args()
     os.chdir(ROOT)
-    measured = Map(up_to_date(WORK / "map"))
+    measured = Map(up_to_date(WORK / "map", options.workers))
     chosen = sample(options.mutants, options.seed)
     report = WORK / "report.json"
     if options.again:
@@ -186,8 +186,8 @@ def _rank(mutant: Mutant, seed: int) -> bytes:
     return hashlib.sha256(text.encode()).digest()
 
 
-def up_to_date(folder: Path) -> list[Path]:
-    """Parts of the map, oldest first; what it lacks is measured."""
+def up_to_date(folder: Path, workers: int) -> list[Path]:
+    """Parts of the map, oldest first; what it lacks is measured, by as many processes."""
     packages = _digest([Path(file) for file in sources()])
     if (folder / "packages").is_file() and (folder / "packages").read_text() != packages:
         shutil.rmtree(folder)
@@ -198,15 +198,23 @@ def up_to_date(folder: Path) -> list[Path]:
     measured: dict[str, str] = json.loads(retained.read_text()) if retained.is_file() else {}
     new = [file for file, digest in tests.items() if measured.get(file) != digest]
     if new:
-        part = folder / f"part-{len(list(folder.glob('part-*'))):03d}"
-        shutil.rmtree(part, ignore_errors=True)
-        tree = copied(WORK / "tree-0")
-        subprocess.run(
-            [sys.executable, str(Path(__file__).with_name("line_tests.py")), str(part), *new],
-            cwd=tree, env=_environment(tree), check=True,
-        )  # fmt: skip
+        first = len(list(folder.glob("part-*")))
+        dealt = [new[number::workers] for number in range(min(workers, len(new)))]
+        with ThreadPoolExecutor(workers) as pool:
+            parts = [folder / f"part-{first + number:03d}" for number in range(len(dealt))]
+            list(pool.map(_measure, parts, dealt))
         retained.write_text(json.dumps(tests))
     return sorted(folder.glob("part-*"))
+
+
+def _measure(part: Path, tests: Sequence[str]) -> None:
+    shutil.rmtree(part, ignore_errors=True)
+    tree = copied(WORK / f"tree-{part.name}")
+    subprocess.run(
+        [sys.executable, str(Path(__file__).with_name("line_tests.py")), str(part), *tests],
+        cwd=tree, env=_environment(tree), check=True,
+    )  # fmt: skip
+    shutil.rmtree(tree)
 
 
 def _digest(files: Sequence[Path]) -> str:
@@ -284,7 +292,8 @@ def noticed(mutant: Mutant, tree: Path, tests: Sequence[str], limit_s: float) ->
         return True
     finally:
         file.write_bytes(sound)
-    if run.returncode in (4, 5) and b"ERROR collecting" not in run.stdout:
+    broken = b"ERROR collecting" in run.stdout or b"while loading conftest" in run.stderr
+    if run.returncode in (4, 5) and not broken:
         raise RuntimeError(f"{said_mutant(mutant)}: {run.stdout.decode()[-2000:]}")
     return run.returncode != 0
 

@@ -8,7 +8,7 @@ import pytest
 import spisim
 from reconstruction.base.errors import InputError
 from spisim.simulation.light import Transport, solve
-from spisim.simulation.light.displacement import displacements
+from spisim.simulation.light.displacement import DIRECTIONS, displacements
 
 CLEAR = {"fog": None, "rain": None, "snow": None, "smoke": None}
 DISTANCE_M = 4.0
@@ -55,6 +55,15 @@ def test_echoes_move_by_twice_the_way(board):
 def test_a_board_across_does_not_say_where_the_drone_is_beside_it(board):
     slope, error = relative(board, "drone.left_m")
     assert abs(slope) < 1e-4 + 4 * error
+
+
+def test_directions_are_those_of_an_optical_frame():
+    """x right, y down, z forward: forward, left and up are an orthonormal, right-handed frame."""
+    frame = np.stack([DIRECTIONS[name] for name in ("forward_m", "left_m", "up_m")])
+    np.testing.assert_array_equal(frame @ frame.T, np.eye(3))
+    np.testing.assert_array_equal(np.cross(frame[0], frame[1]), frame[2])
+    assert frame[0, 2] == 1
+    assert frame[1, 0] == -1
 
 
 def test_random_numbers_are_common(board):

@@ -318,6 +318,8 @@ class TestBadInput:
     def test_clear_air_has_no_fog_to_fit(self):
         twin = Twin.of(boards(None), instrument_of(), recorded(None))
         assert VISIBILITY not in available(twin)
+        with pytest.raises(InputError, match=r"air of scene boards is clear.*--visibility"):
+            parameters(twin, {VISIBILITY: 100.0})
 
     @pytest.mark.parametrize(("prior", "message"), [
         (Prior(float("nan"), 1.0), "must be finite"),
@@ -420,6 +422,13 @@ class TestFiles:
         assert "materials.board" in text
         assert "0.4 ± 0.2" in text
         assert spisim.load_scene(scene).name == "boards"
+
+    def test_command_begins_in_the_weather_that_it_names(self, files):
+        (files / "scene.yaml").write_text(boards(None).text)
+        scene = files / "fitted.yaml"
+        result = self.run(files, "--visibility", "150", "--free", VISIBILITY, "-o", str(scene))
+        assert result.exit_code == 0, result.output
+        assert spisim.load_scene(scene).atmosphere.visibility_m == pytest.approx(60, rel=0.05)
 
     def test_command_refuses_to_overwrite_what_it_did_not_write(self, files):
         result = self.run(files, "--free", BOARD, "-o", str(files / "scene.yaml"))

@@ -10,16 +10,21 @@ import typer
 from spisim_app.cli import options as opt
 from spisim_app.cli.console import print_json, progress_bar, say, warn
 from spisim_app.cli.inputs import instrument_with, scene_with
+from spisim_app.cli.weather_options import OWN_WEATHER, Weather
 
 if TYPE_CHECKING:
     from reconstruction import Capture
     from spisim.instrument import Instrument
     from spisim_inverse.fit.result import Fitted
 
-EXAMPLE = "spisim fit recorded.h5 --scene hall.yaml --free scene.fog.visibility_m --page fit.html"
+EXAMPLE = (
+    "spisim fit recorded.h5 --scene hall.yaml --visibility 100 --free scene.fog.visibility_m "
+    "--page fit.html"
+)
 PAGE = "fit"
 
 
+@opt.with_options
 def command(
     capture: opt.CaptureArgument,
     scene: Annotated[
@@ -38,6 +43,7 @@ def command(
         str | None,
         typer.Option("--instrument", help="An instrument file or preset; the capture's own."),
     ] = None,
+    weather: Weather = OWN_WEATHER,
     prior: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=MEAN±SIGMA", help="A normal distribution of a parameter."),
@@ -96,7 +102,7 @@ def command(
     beliefs |= parsed_priors(prior or ())
     recorded = read_capture(capture)
     carried = _instrument(recorded, instrument)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm)
+    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with naming(capture), progress_bar("Fitting", progress) as advance:
         fitted = fit(
             recorded, loaded, carried, starts, priors=beliefs, spp=spp, seed=seed, progress=advance

@@ -114,6 +114,11 @@ def available(twin: Twin) -> list[str]:
 
 
 def _parameters(twin: Twin, name: str, start: float | None) -> list[Parameter]:
+    if name in (VISIBILITY, EXTINCTION) and twin.scene.atmosphere.extinction_per_m == 0:
+        raise InputError(
+            f"--free {name}: the air of scene {twin.scene.name} is clear: begin with fog, by "
+            "--visibility or in its file"
+        )
     if name not in available(twin):
         raise InputError(f"--free {name}: {nearest(name, available(twin))}")
     if name in (VISIBILITY, EXTINCTION):
