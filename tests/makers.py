@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
-from spisim.dataset.fogs import FogSeries
 from spisim.dataset.folder import Layout, fingerprint
 from spisim.dataset.records import NO_SPACE, Outcome, failure
 
 if TYPE_CHECKING:
+    from spisim.dataset.fogs import FogSeries
     from spisim.dataset.planned import PlannedSet
 
 
@@ -81,6 +81,8 @@ class OfPlan(Fake):
 
     @property
     def series(self) -> FogSeries:
+        from spisim.dataset.fogs import FogSeries  # processes without a plan need not load it
+
         assert self.planned is not None
         return FogSeries(self.planned)
 
