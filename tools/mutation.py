@@ -98,18 +98,28 @@ class Map:
         """Tests that run a fault, the quickest first.
 
         What is run on import, or compiled, is seen in none: then those of its function, file or
-        folder.
+        folder, and those in files that import its module.
         """
+        result = self._ran(mutant)
+        if mutant.lines is None and mutant.function is None:
+            result = result | self._importing(mutant.file)
+        return sorted(result, key=lambda test: (self.seconds[test], test))
+
+    def _ran(self, mutant: Mutant) -> set[str]:
         lines = self.lines(mutant.file)
         spans = [mutant.lines, mutant.function, (0, sys.maxsize)]
         for first, last in filter(None, spans):
             result = set().union(*(each for line, each in lines.items() if first <= line <= last))
             if result:
-                return sorted(result, key=lambda test: (self.seconds[test], test))
+                return result
         folder = Path(mutant.file).parent
         beside = (self.lines(str(each)) for each in sorted(folder.glob("*.py")))
-        result = set().union(*(tests for each in beside for tests in each.values()))
-        return sorted(result, key=lambda test: (self.seconds[test], test))
+        return set().union(*(tests for each in beside for tests in each.values()))
+
+    def _importing(self, file: str) -> set[str]:
+        module = module_of(file)
+        files = {each for each in tests_of(ROOT) if module in Path(each).read_text()}
+        return {test for test in self.seconds if test.partition("::")[0] in files}
 
 
 def main() -> int:
@@ -145,6 +155,17 @@ def sources() -> list[str]:
         check=True, capture_output=True, text=True,
     )  # fmt: skip
     return listed.stdout.split()
+
+
+def module_of(file: str) -> str:
+    """Dotted name of a file of the packages, as an import has it."""
+    package = next(each for each in PACKAGES if file.startswith(f"{each}/"))
+    return ".".join(Path(file).relative_to(Path(package).parent).with_suffix("").parts)
+
+
+def tests_of(tree: Path) -> list[str]:
+    """Files of tests."""
+    return sorted(str(each.relative_to(tree)) for each in tree.glob("tests/*/test_*.py"))
 
 
 def package_of(file: str) -> str:
@@ -193,7 +214,7 @@ def up_to_date(folder: Path, workers: int) -> list[Path]:
         shutil.rmtree(folder)
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "packages").write_text(packages)
-    tests = {str(file): _digest([file]) for file in sorted(Path("tests").glob("*/test_*.py"))}
+    tests = {file: _digest([Path(file)]) for file in tests_of(ROOT)}
     retained = folder / "measured.json"
     measured: dict[str, str] = json.loads(retained.read_text()) if retained.is_file() else {}
     new = [file for file, digest in tests.items() if measured.get(file) != digest]

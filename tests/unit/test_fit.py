@@ -28,6 +28,7 @@ from spisim_inverse.fit.readings import Readings
 from spisim_inverse.fit.result import Fitted, in_words
 from spisim_inverse.fit.tracing import Tracer
 from spisim_inverse.fit.twin import Twin
+from spisim_inverse.fit.view import View
 
 VISIBILITY, BOARD, HIDDEN = "scene.fog.visibility_m", "materials.board", "materials.hidden"
 GAIN, DARK = "buckets.electrons_per_count", "buckets.offset_counts"
@@ -87,17 +88,17 @@ def fitted(free: dict, capture: Capture | None = None, **options) -> Fitted:
     return fit(capture, scene, instrument, free, **options)
 
 
-def model_of(names: list[str], capture: Capture, scene: Scene, instrument: Instrument) -> Model:
+def model_of(names: list[str], capture: Capture, scene: Scene, instrument: Instrument) -> View:
     twin = Twin.of(scene, instrument, capture)
     chosen = parameters(twin, dict.fromkeys(names))
-    return Model(Readings.of(capture), twin, chosen, Tracer(0), 0)
+    return View(Readings.of(capture), twin, chosen, Tracer(0), 0)
 
 
-def coordinates(model: Model) -> np.ndarray:
+def coordinates(model: View) -> np.ndarray:
     return np.array([each.coordinate(each.start) for each in model.parameters])
 
 
-def without_steady(model: Model, counts: np.ndarray) -> np.ndarray:
+def without_steady(model: View, counts: np.ndarray) -> np.ndarray:
     """Taps less the mean of each spot, which holds steady light: its derivative is left out."""
     counts = counts.copy()
     for spot in range(1, 1 + int(model.readings.group.max())):
@@ -149,7 +150,7 @@ class TestModel:
         mean = whole.sum(axis=1) / start.size
         slope = whole[:, 3] - mean  # the instrument keeps the mean
         assert np.abs(change - slope).max() < 0.02 * np.abs(slope).max()
-        off, gauge = model.gauge(start)
+        off, gauge = Model([model]).gauge(start)
         assert off == pytest.approx(0.0, abs=1e-6)
         assert gauge.shape == (1, start.size)
 
@@ -162,6 +163,17 @@ class TestModel:
         spots = slice(model.readings.patterns, None)
         assert model.readings.mean[spots].sum() == pytest.approx(total)
         assert expected.counts[spots].sum() == pytest.approx(total, rel=0.1)
+
+    def test_bins_scatter_as_photons_of_so_many_pulses(self):
+        """Of n pulses, each fills a bin with the probability p: n p (1 - p)."""
+        capture = recorded(60.0, "spad")
+        model = model_of([LASER], capture, boards(), instrument_of("spad"))
+        light = model.tracer(model.twin, [], SPP).light
+        expected = model.readings.expected(model.twin, light)
+        counts, variance = (each[model.readings.patterns :] for each in vars(expected).values())
+        pulses = instrument_of("spad").tof.pulses
+        p = counts / pulses
+        np.testing.assert_allclose(variance, np.maximum(pulses * p * (1 - p), 1 / 12))
 
 
 class TestInformation:

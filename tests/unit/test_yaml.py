@@ -3,7 +3,7 @@
 import pytest
 
 from reconstruction.base.errors import InputError
-from spisim.base.config import load_yaml
+from spisim.base.config import load_yaml, yaml
 
 
 def bomb(levels: int, width: int = 9) -> str:
@@ -31,6 +31,15 @@ def test_aliases_that_would_grow_are_refused(text: str) -> None:
     assert len(text) < 25_000
     with pytest.raises(InputError, match="with its aliases expanded, more than 200000 values"):
         load_yaml(text, "bomb.yaml")
+
+
+def test_values_are_counted_without_aliases(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "a: [0, 1, 2, 3, 4, 5]"
+    monkeypatch.setattr(yaml, "MAX_VALUES", 9)
+    load_yaml(text, "short.yaml")
+    monkeypatch.setattr(yaml, "MAX_VALUES", 7)
+    with pytest.raises(InputError, match="more than 7 values"):
+        load_yaml(text, "long.yaml")
 
 
 def test_ordinary_aliases_and_merges_are_read() -> None:

@@ -65,6 +65,9 @@ def command(
         int, opt.number_option(8, 2**20, "Light paths per virtual pixel of the last steps.")
     ] = 128,
     seed: opt.Seed = 0,
+    frames: Annotated[
+        int, opt.number_option(1, 1000, "Frames of a flight, each in its pose; more take longer.")
+    ] = 6,
     overwrite: opt.Overwrite = False,
     json: opt.Json = False,
     progress: opt.Bar = None,
@@ -105,8 +108,9 @@ def command(
     loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
     with naming(capture), progress_bar("Fitting", progress) as advance:
         fitted = fit(
-            recorded, loaded, carried, starts, priors=beliefs, spp=spp, seed=seed, progress=advance
-        )
+            recorded, loaded, carried, starts, priors=beliefs, spp=spp, seed=seed, frames=frames,
+            progress=advance,
+        )  # fmt: skip
     write_fitted(fitted, output, output_instrument, file.parent)
     if page is not None:
         write_fit(page, PAGE, f"{capture.stem} by {loaded.name}", fitted)

@@ -19,6 +19,7 @@ from spisim.simulation.measurement import record
 from spisim.transport import ground_truth
 from spisim_compare.gaussian import Covariance
 from spisim_compare.same import check_comparable
+from spisim_inverse.fit.flight import FRAMES, frames_of
 from spisim_inverse.fit.information import Information
 from spisim_inverse.fit.model import Model
 from spisim_inverse.fit.parameters import Parameter, parameters
@@ -27,6 +28,7 @@ from spisim_inverse.fit.readings import Readings
 from spisim_inverse.fit.result import Fitted
 from spisim_inverse.fit.tracing import Tracer
 from spisim_inverse.fit.twin import Twin
+from spisim_inverse.fit.view import View
 
 FIRST_SPP = 8
 """Paths per pixel of the first steps; a stage has at most so many times those before it."""
@@ -51,6 +53,7 @@ def fit(
     priors: Mapping[str, Prior] | None = None,
     spp: int = 128,
     seed: int = 0,
+    frames: int = FRAMES,
     progress: Callable[[float], None] | None = None,
 ) -> Fitted:
     """Fit parameters of scene, instrument and calibration to a recording.
@@ -62,7 +65,8 @@ def fit(
     Parameters
     ----------
     capture
-        The recording; the means over its frames are fitted.
+        The recording. Of a drone at rest, the means over its frames are fitted; of a flight, some
+        frames, each in its pose.
     scene, instrument
         Models of what was recorded; see `spisim.load_scene` and `spisim.load_instrument`.
     free
@@ -73,6 +77,8 @@ def fit(
         Light paths per pixel of the last steps; the first take fewer.
     seed
         Equal seeds give equal results on the same machine.
+    frames
+        Maximum number of frames of a flight.
     progress
         Called with the completed fraction.
 
@@ -87,13 +93,22 @@ def fit(
         For unknown parameters, starts and priors that are not possible, a capture of another
         instrument, parameters that cannot be distinguished, and if nothing is left to fit.
     """
-    twin = Twin.of(scene, instrument, capture)
-    chosen = parameters(twin, free)
+    views = frames_of(capture, scene, frames)
+    twins = [Twin.of(each.scene, instrument, each.capture) for each in views]
+    chosen = parameters(twins[0], free)
     check_priors(priors or {}, [each.name for each in chosen])
-    model = Model(Readings.of(capture), twin, chosen, Tracer(seed), seed)
+    model = Model(
+        [
+            View(
+                Readings.of(each.capture), twin, chosen, Tracer(seed + number), seed + number,
+                each.number, each.pose_sigma,
+            )
+            for number, (each, twin) in enumerate(zip(views, twins, strict=True))
+        ]
+    )  # fmt: skip
     start = np.array([each.coordinate(each.start) for each in chosen])
     stages = _stages(spp)
-    _check_same_instrument(capture, model.at(start), model.tracer, chosen, stages[0])
+    _check_same_instrument(views[0].capture, model.views[0], start, stages[0])
     search = _Search(model, priors or {}, len(stages), progress)
     search, start, uninformed = search.informed(start, stages[0])
     for number, paths in enumerate(stages):
@@ -109,10 +124,9 @@ def _stages(spp: int) -> list[int]:
     return stages
 
 
-def _check_same_instrument(
-    capture: Capture, twin: Twin, tracer: Tracer, chosen: Sequence[Parameter], spp: int
-) -> None:
-    sequence = LightSequence(np.zeros(1), (tracer(twin, chosen, spp).light,))
+def _check_same_instrument(capture: Capture, view: View, start: Floats, spp: int) -> None:
+    twin = view.at(start)
+    sequence = LightSequence(np.zeros(1), (view.tracer(twin, view.parameters, spp).light,))
     plans = len(capture.setup.plans)
     simulated = record(
         twin.scene, twin.instrument, sequence, [ground_truth(twin.scene, twin.instrument)],
@@ -151,16 +165,13 @@ class _Search:
                 f"the recording does not determine {information.weakest}: condition number "
                 f"{information.condition:.2g}; keep one of these parameters, or give a prior"
             )
-        twin = self.model.twin
-        for each in left_out:
-            twin = each.applied(twin, each.start)
         some = [number for number, each in enumerate(self.model.parameters) if each in kept]
-        search = replace(self, model=replace(self.model, twin=twin, parameters=kept))
+        search = replace(self, model=self.model.fixed(left_out))
         return search, start[some], left_out
 
     def improved(self, start: Floats, spp: int, steps: int, stage: int) -> Floats:
         """Coordinates that are likelier, with weights of those at the start."""
-        noise = self.model.covariance(start, spp)
+        noise = self.model.covariance(start, spp).only(self.model.usable)
         ends = [
             [each.coordinate(max(bound, TINY) if each.positive else bound) for bound in each.bounds]
             for each in self.model.parameters
@@ -184,7 +195,7 @@ class _Search:
             slope,
             (low, high),
             x_scale="jac",
-            ftol=TOLERANCE / self.model.readings.mean.size,
+            ftol=TOLERANCE / self.model.mean.size,
             max_nfev=steps,
         )
         return np.asarray(best.x)
@@ -192,14 +203,13 @@ class _Search:
     def result(self, coordinates: Floats, spp: int, uninformed: Sequence[Parameter]) -> Fitted:
         """What came out."""
         model = self.model
-        noise = model.covariance(coordinates, spp)
-        used = model.readings.usable
-        difference = model.readings.mean - model.expected(coordinates, spp).counts
-        information = self._information(coordinates, spp)
-        slopes = model.jacobian(coordinates, spp)[used].T * noise.only(used).solve(difference[used])
-        bound = Information.of(
-            model.parameters,
-            self._slope(coordinates, spp, model.noise(coordinates, spp)),
+        used = model.usable
+        noise = model.covariance(coordinates, spp).only(used)
+        difference = (model.mean - model.expected(coordinates, spp))[used]
+        slopes = model.jacobian(coordinates, spp)[used].T * noise.solve(difference)
+        information, bound = (
+            Information.of(model.parameters, self._slope(coordinates, spp, each))
+            for each in (noise, model.noise(coordinates, spp).only(used))
         )
         at_bounds = [each for each, x in zip(model.parameters, coordinates.tolist(), strict=True)
                      if _is_at_bound(each, x)]  # fmt: skip
@@ -208,9 +218,9 @@ class _Search:
             coordinates=coordinates,
             information=information,
             bound=bound.covariance,
-            difference=difference[used],
-            noise=noise.only(used),
-            scores=_sums(slopes, model.readings.group[used]),
+            difference=difference,
+            noise=noise,
+            scores=_sums(slopes, model.cluster[used]),
             uninformed=[each.name for each in uninformed],
             at_bounds=[each.name for each in at_bounds],
             priors=dict(self.priors),
@@ -218,29 +228,27 @@ class _Search:
         )
 
     def _residual(self, coordinates: Floats, spp: int, noise: Covariance) -> Floats:
-        used = self.model.readings.usable
-        difference = self.model.expected(coordinates, spp).counts - self.model.readings.mean
+        difference = self.model.expected(coordinates, spp) - self.model.mean
         return np.concatenate(
             [
-                noise.only(used).whiten(difference[used]),
+                noise.whiten(difference[self.model.usable]),
                 self._prior_residual(coordinates),
                 self.model.gauge(coordinates)[0],
             ]
         )
 
     def _slope(self, coordinates: Floats, spp: int, noise: Covariance) -> Floats:
-        used = self.model.readings.usable
-        columns = self.model.jacobian(coordinates, spp)[used]
+        columns = self.model.jacobian(coordinates, spp)[self.model.usable]
         return np.vstack(
             [
-                noise.only(used).whiten(columns),
+                noise.whiten(columns),
                 self._prior_slope(coordinates),
                 self.model.gauge(coordinates)[1],
             ]
         )
 
     def _information(self, coordinates: Floats, spp: int) -> Information:
-        noise = self.model.covariance(coordinates, spp)
+        noise = self.model.covariance(coordinates, spp).only(self.model.usable)
         return Information.of(self.model.parameters, self._slope(coordinates, spp, noise))
 
     def _prior_residual(self, coordinates: Floats) -> Floats:

@@ -1,90 +1,95 @@
-"""Expected readings as a function of free parameters, with their Jacobian."""
+"""Readings of all views of a recording as a function of free parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import block_diag
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, Mask
 from spisim_compare.gaussian import Covariance
-from spisim_inverse.fit.covariance import detector_noise, with_light_error
-from spisim_inverse.fit.parameters import Parameter, with_field
-from spisim_inverse.fit.readings import Expected, Readings
-from spisim_inverse.fit.tracing import Traced, Tracer, moved
+from spisim_inverse.fit.parameters import Parameter
 from spisim_inverse.fit.twin import Twin
+from spisim_inverse.fit.view import View
 
-STEP = 1e-3
-"""Step of a coordinate along which the measurement, cheap and nearly linear, is differenced."""
 GAUGE = 1e-4
 """Standard deviation of the mean throughput about 1."""
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A twin of a recording with free parameters."""
+    """Views with the same free parameters: one of a drone at rest, several of a flight."""
 
-    readings: Readings
-    twin: Twin
-    parameters: Sequence[Parameter]
-    tracer: Tracer
-    seed: int
+    views: Sequence[View]
+
+    @property
+    def parameters(self) -> Sequence[Parameter]:
+        """The free ones."""
+        return self.views[0].parameters
+
+    def fixed(self, some: Sequence[Parameter]) -> Model:
+        """The model with some of the parameters at their starts."""
+        return Model([each.fixed(some) for each in self.views])
 
     def at(self, coordinates: Floats) -> Twin:
-        """The twin with these coordinates (k,)."""
-        twin = self.twin
-        for parameter, coordinate in zip(self.parameters, coordinates.tolist(), strict=True):
-            twin = parameter.applied(twin, parameter.value(coordinate))
-        return twin
+        """The twin of the first view with these coordinates (k,)."""
+        return self.views[0].at(coordinates)
 
-    def expected(self, coordinates: Floats, spp: int) -> Expected:
-        """Expected readings."""
-        twin = self.at(coordinates)
-        return self.readings.expected(twin, self.tracer(twin, self.parameters, spp).light)
+    @cached_property
+    def mean(self) -> Floats:
+        """Recorded counts (n,) of all views."""
+        return np.concatenate([each.readings.mean for each in self.views])
+
+    @cached_property
+    def usable(self) -> Mask:
+        """Which readings (n,) may be used."""
+        return np.concatenate([each.readings.usable for each in self.views])
+
+    @cached_property
+    def group(self) -> NDArray[np.intp]:
+        """Group (n,) of each reading: patterns, and each spot."""
+        return np.concatenate([each.readings.group for each in self.views])
+
+    @property
+    def groups(self) -> list[str]:
+        """Names of the groups."""
+        return self.views[0].readings.groups
+
+    @cached_property
+    def cluster(self) -> NDArray[np.intp]:
+        """Readings (n,) that may be off together: of a view, or of a group of the only one."""
+        if len(self.views) == 1:
+            return self.group
+        return np.repeat(np.arange(len(self.views)), [v.readings.mean.size for v in self.views])
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Names (n,) of the readings."""
+        if len(self.views) == 1:
+            return self.views[0].readings.names
+        return [
+            f"frame {view.frame}, {name}" for view in self.views for name in view.readings.names
+        ]
+
+    def expected(self, coordinates: Floats, spp: int) -> Floats:
+        """Expected counts (n,)."""
+        return np.concatenate([each.expected(coordinates, spp).counts for each in self.views])
 
     def jacobian(self, coordinates: Floats, spp: int) -> Floats:
-        """Change (n, k) of the readings' means per unit of each coordinate.
+        """Change (n, k) of the readings' means per unit of each coordinate."""
+        return np.vstack([each.jacobian(coordinates, spp) for each in self.views])
 
-        Light changes by the derivatives that were traced with it. The measurement follows by
-        central differences: those of a linear one are exact.
-        """
-        twin = self.at(coordinates)
-        traced = self.tracer(twin, self.parameters, spp)
-        power: Floats | None = None
-        columns = []
-        for parameter in self.parameters:
-            if parameter.exposures is None:
-                columns.append(self._column(twin, traced, parameter))
-                continue
-            if power is None:
-                power = self._by_power(twin, traced)
-            own = np.zeros_like(power)
-            own[: parameter.exposures.size] = parameter.exposures
-            columns.append(own * power)
-        return np.column_stack(columns)
+    def noise(self, coordinates: Floats, spp: int) -> Covariance:
+        """Covariance (n, n) of the readings about what they should be."""
+        return _joined([each.noise(coordinates, spp) for each in self.views])
 
-    def _column(self, twin: Twin, traced: Traced, parameter: Parameter) -> Floats:
-        ends = []
-        for step in (STEP, -STEP):
-            if parameter.changes_light:
-                light = moved(traced.light, traced.changes[parameter.name], step)
-                ends.append(self.readings.expected(twin, light).counts)
-            else:
-                own = parameter.coordinate(twin.values[parameter.name])
-                other = parameter.applied(twin, parameter.value(own + step))
-                ends.append(self.readings.expected(other, traced.light).counts)
-        return np.asarray((ends[0] - ends[1]) / (2 * STEP))
-
-    def _by_power(self, twin: Twin, traced: Traced) -> Floats:
-        """Change (n,) per unit of the logarithm of the projector's power."""
-        ends = []
-        for step in (STEP, -STEP):
-            power_w = np.exp(step) * twin.instrument.imaging.projector.power_w
-            brighter = with_field(twin.instrument, "projector.power_w", float(power_w))
-            other = replace(twin, instrument=brighter)
-            ends.append(self.readings.expected(other, traced.light).counts)
-        return np.asarray((ends[0] - ends[1]) / (2 * STEP))
+    def covariance(self, coordinates: Floats, spp: int) -> Covariance:
+        """Covariance (n, n) of recorded less expected readings: noise, error of light and pose."""
+        return _joined([each.covariance(coordinates, spp) for each in self.views])
 
     def gauge(self, coordinates: Floats) -> tuple[Floats, Floats]:
         """Residual (1,) and slope (1, k) that keep the mean throughput at 1; none without any.
@@ -103,16 +108,8 @@ class Model:
         off = (factors.sum() / count - 1) / GAUGE
         return np.array([off]), factors[None] / (count * GAUGE)
 
-    def noise(self, coordinates: Floats, spp: int) -> Covariance:
-        """Covariance (n, n) of the readings about what they should be."""
-        twin = self.at(coordinates)
-        light = self.tracer(twin, self.parameters, spp).light
-        return detector_noise(self.readings, twin, light, self.readings.expected(twin, light))
 
-    def covariance(self, coordinates: Floats, spp: int) -> Covariance:
-        """Covariance (n, n) of recorded less expected readings: noise, and error of the light."""
-        twin = self.at(coordinates)
-        light = self.tracer(twin, self.parameters, spp).light
-        expected = self.readings.expected(twin, light)
-        noise = detector_noise(self.readings, twin, light, expected)
-        return with_light_error(noise, self.readings, twin, light, expected, self.seed)
+def _joined(parts: Sequence[Covariance]) -> Covariance:
+    """Covariance of readings of views, which have no errors in common."""
+    variance = np.concatenate([each.variance for each in parts])
+    return Covariance(variance, block_diag(*(each.factors for each in parts)))

@@ -17,8 +17,8 @@ MAX_CORRELATED = 12
 @plot_style()
 def write_fit(path: Path, kind: str, title: str, fitted: Fitted) -> None:
     """Write the page; raises OSError if the file cannot be written."""
-    readings = fitted.model.readings
-    group = readings.group[readings.usable]
+    model = fitted.model
+    readings = model.views[0].readings
     factors = factors_of_patterns(fitted)
     few = [number for number, each in enumerate(fitted.estimates) if each not in factors]
     names = [fitted.estimates[number].name for number in few]
@@ -38,13 +38,15 @@ def write_fit(path: Path, kind: str, title: str, fitted: Fitted) -> None:
         correlation=correlation if len(few) <= MAX_CORRELATED else [],
         plot=plot_in_page(
             "readings",
-            lambda width_in: z_figure({"fitted": fitted.z}, group, readings.groups[0], width_in),
+            lambda width_in: z_figure(
+                {"fitted": fitted.z}, model.group[model.usable], model.groups[0], width_in
+            ),
         ),
         groups=fitted.groups,
         worst=fitted.worst,
         probability=probability,
         facts={
-            "frames": str(int(np.max(readings.frames))),
+            "frames": str(sum(int(np.max(each.readings.frames)) for each in model.views)),
             "light paths per pixel": str(fitted.spp),
             "condition number": f"{fitted.information.condition:.3g}",
             "least determined": fitted.information.weakest,

@@ -57,8 +57,8 @@ class Fitted:
     difference, noise
         Recorded less expected counts (n,) of the usable readings, and their covariance.
     scores
-        Slope (groups, k) of the log likelihood there by the readings of the patterns, and of each
-        spot; that of all is 0.
+        Slope (clusters, k) of the log likelihood there by the readings of each `Model.cluster`;
+        that of all is 0.
     uninformed
         Parameters on which the recording does not depend; they keep their starts.
     at_bounds
@@ -106,18 +106,18 @@ class Fitted:
 
         What the model leaves out is as large as the residuals: the root of chi-squared per degree
         of freedom, if each reading has its own (R. T. Birge, Phys. Rev. 40, 207 (1932)). Patterns,
-        or a spot, may have it in common: then the scores of these groups say how far their
-        estimates differ (K.-Y. Liang & S. L. Zeger, Biometrika 73, 13 (1986), eq. 8). The larger
-        of both counts. Errors that all groups have in common remain unknown.
+        a spot, or a frame of a flight may have it in common: then the scores of these clusters say
+        how far their estimates differ (K.-Y. Liang & S. L. Zeger, Biometrika 73, 13 (1986),
+        eq. 8). The larger of both counts. Errors that all have in common remain unknown.
         """
         if self.fits:
             return np.ones(len(self.coordinates))
         own = self.information.covariance
         scores = self.scores[self.scores.any(axis=1)]
-        groups = len(scores)
-        spread = (scores @ own).std(axis=0) * groups / np.sqrt(max(groups - 1, 1))
-        by_group = spread / np.sqrt(np.diag(own))
-        return np.maximum(by_group, np.sqrt(self.chi_squared / self.freedom))
+        count = len(scores)
+        spread = (scores @ own).std(axis=0) * count / np.sqrt(max(count - 1, 1))
+        by_cluster = spread / np.sqrt(np.diag(own))
+        return np.maximum(by_cluster, np.sqrt(self.chi_squared / self.freedom))
 
     @cached_property
     def covariance(self) -> Floats:
@@ -158,17 +158,15 @@ class Fitted:
     @property
     def worst(self) -> list[tuple[str, float]]:
         """Readings with the largest differences, and their z."""
-        used = np.flatnonzero(self.model.readings.usable)
+        used = np.flatnonzero(self.model.usable)
         order = np.argsort(-np.abs(self.z), kind="stable")[:WORST]
-        return [(self.model.readings.names[used[k]], float(self.z[k])) for k in order]
+        return [(self.model.names[used[k]], float(self.z[k])) for k in order]
 
     @property
     def groups(self) -> list[Group]:
         """Chi-squared of patterns and of each spot."""
-        readings = self.model.readings
-        return grouped(
-            self.difference, self.noise, readings.group[readings.usable], readings.groups
-        )
+        model = self.model
+        return grouped(self.difference, self.noise, model.group[model.usable], model.groups)
 
     @property
     def warnings(self) -> list[str]:

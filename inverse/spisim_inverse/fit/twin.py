@@ -47,14 +47,14 @@ class Twin:
     def of(cls, scene: Scene, instrument: Instrument, capture: Capture) -> Twin:
         """With the scales that a capture states.
 
-        Raises InputError for what has no single light: scenes that move, single drops, flights and
-        steered spots, and for readings of unknown scale.
+        Raises InputError for what has no single light: scenes that move, single drops and steered
+        spots, and for readings of unknown scale.
         """
         if scene.moves or scene.precipitation:
             what = "moves" if scene.moves else "has single drops"
             raise InputError(f"scene {scene.name} {what}; a fit needs a scene at rest without them")
-        if capture.poses is not None or (capture.spots and capture.spots.pointing is not None):
-            raise InputError("a flight or steered spots cannot be fitted: record a drone at rest")
+        if capture.spots is not None and capture.spots.pointing is not None:
+            raise InputError("steered spots cannot be fitted: record fixed ones")
         buckets = spots = None
         if capture.plan.shows_image:
             if capture.buckets.unit == "count":
