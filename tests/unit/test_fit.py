@@ -23,6 +23,7 @@ from spisim_inverse.fit.fitting import fit
 from spisim_inverse.fit.information import Information
 from spisim_inverse.fit.model import Model
 from spisim_inverse.fit.parameters import Parameter, available, parameters
+from spisim_inverse.fit.pose import PoseErrors
 from spisim_inverse.fit.priors import Prior, parsed_priors, parsed_starts, read_priors
 from spisim_inverse.fit.readings import Readings
 from spisim_inverse.fit.result import Fitted, in_words
@@ -91,7 +92,7 @@ def fitted(free: dict, capture: Capture | None = None, **options) -> Fitted:
 def model_of(names: list[str], capture: Capture, scene: Scene, instrument: Instrument) -> View:
     twin = Twin.of(scene, instrument, capture)
     chosen = parameters(twin, dict.fromkeys(names))
-    return View(Readings.of(capture), twin, chosen, Tracer(0), 0)
+    return View(Readings.of(capture), twin, chosen, Tracer(0), 0, PoseErrors((0.0, 0.0), 0))
 
 
 def coordinates(model: View) -> np.ndarray:

@@ -19,10 +19,11 @@ from spisim.simulation.measurement import record
 from spisim.transport import ground_truth
 from spisim_compare.gaussian import Covariance
 from spisim_compare.same import check_comparable
-from spisim_inverse.fit.flight import FRAMES, frames_of
+from spisim_inverse.fit.flight import FRAMES, Frame, frames_of
 from spisim_inverse.fit.information import Information
 from spisim_inverse.fit.model import Model
 from spisim_inverse.fit.parameters import Parameter, parameters
+from spisim_inverse.fit.pose import PoseErrors
 from spisim_inverse.fit.priors import Prior, check_priors
 from spisim_inverse.fit.readings import Readings
 from spisim_inverse.fit.result import Fitted
@@ -97,15 +98,7 @@ def fit(
     twins = [Twin.of(each.scene, instrument, each.capture) for each in views]
     chosen = parameters(twins[0], free)
     check_priors(priors or {}, [each.name for each in chosen])
-    model = Model(
-        [
-            View(
-                Readings.of(each.capture), twin, chosen, Tracer(seed + number), seed + number,
-                each.number, each.pose_sigma,
-            )
-            for number, (each, twin) in enumerate(zip(views, twins, strict=True))
-        ]
-    )  # fmt: skip
+    model = Model([_view(*each, chosen, seed) for each in zip(views, twins, strict=True)])
     start = np.array([each.coordinate(each.start) for each in chosen])
     stages = _stages(spp)
     _check_same_instrument(views[0].capture, model.views[0], start, stages[0])
@@ -115,6 +108,12 @@ def fit(
         for _ in range(ROUNDS[min(number, 1)]):
             start = search.improved(start, paths, STEPS[min(number, 1)], number)
     return search.result(start, stages[-1], uninformed)
+
+
+def _view(frame: Frame, twin: Twin, chosen: Sequence[Parameter], seed: int) -> View:
+    own = seed + frame.number
+    readings, pose = Readings.of(frame.capture), PoseErrors(frame.pose_sigma, own)
+    return View(readings, twin, chosen, Tracer(own), own, pose, frame.number)
 
 
 def _stages(spp: int) -> list[int]:

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.simulation.light import solve
-from spisim.simulation.light.displacement import AXES, DIRECTIONS, coordinates_of
 from spisim_compare.gaussian import Covariance
 from spisim_inverse.fit.covariance import detector_noise, with_light_error
 from spisim_inverse.fit.parameters import Parameter, with_field
+from spisim_inverse.fit.pose import PoseErrors
 from spisim_inverse.fit.readings import Expected, Readings
 from spisim_inverse.fit.tracing import Traced, Tracer, moved
 from spisim_inverse.fit.twin import Twin
@@ -21,25 +20,17 @@ STEP = 1e-3
 """Step of a coordinate along which the measurement, cheap and nearly linear, is differenced."""
 
 
-POSE_STEP_M, POSE_STEP_RAD, MAX_POSE_SPP = 0.01, np.radians(0.1), 16
-"""Half the steps of differences by the pose, and their light paths per pixel."""
-
-
 @dataclass(frozen=True, eq=False)
 class View:
-    """A twin of a recording, or of one frame of it, with free parameters.
-
-    ``pose_sigma`` is the standard deviation of the pose along each axis in metres, and about each
-    in radians; zeros of a drone at rest, whose pose the scene states.
-    """
+    """A twin of a recording, or of one frame of it, with free parameters."""
 
     readings: Readings
     twin: Twin
     parameters: Sequence[Parameter]
     tracer: Tracer
     seed: int
+    pose: PoseErrors
     frame: int = 0
-    pose_sigma: tuple[float, float] = (0.0, 0.0)
 
     def fixed(self, some: Sequence[Parameter]) -> View:
         """The view with some of the parameters at their starts."""
@@ -117,21 +108,4 @@ class View:
         expected = self.readings.expected(twin, light)
         noise = detector_noise(self.readings, twin, light, expected)
         noise = with_light_error(noise, self.readings, twin, light, expected, self.seed)
-        return noise.plus(self._pose_errors(twin, min(spp, MAX_POSE_SPP)))
-
-    def _pose_errors(self, twin: Twin, spp: int) -> list[Floats]:
-        """Columns (n, 6) of an error of the pose, by differences with common random numbers."""
-        if not any(self.pose_sigma):
-            return []
-        columns = []
-        for name in (*DIRECTIONS, *AXES):
-            turns = name in AXES
-            step = POSE_STEP_RAD if turns else POSE_STEP_M
-            ends = []
-            for sign in (1, -1):
-                by = np.degrees(sign * step) if turns else sign * step
-                scene = coordinates_of(twin.scene)[f"drone.{name}"](float(by))
-                light = solve(scene, twin.instrument, spp=spp, seed=self.seed)
-                ends.append(self.readings.expected(replace(twin, scene=scene), light).counts)
-            columns.append(self.pose_sigma[turns] * (ends[0] - ends[1]) / (2 * step))
-        return [np.column_stack(columns)]
+        return noise.plus([self.pose(self.readings, twin, coordinates, spp)])
