@@ -43,7 +43,7 @@ from spisim_inverse.fit.result import Fitted
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "inverse.md"
-CAPTURES, QUICK_CAPTURES = 50, 4
+CAPTURES, QUICK_CAPTURES = 200, 4
 RIGS, QUICK_RIGS = 10, 2
 VISIBILITIES_M, REFLECTANCES, DISTANCES_M = (20.0, 500.0), (0.1, 0.8), (3.0, 5.0)
 GAINS = 0.5, 2.0

@@ -76,8 +76,9 @@ def pose(wall: Wall, number: int, instrument: Instrument) -> tuple[list[float], 
     offset, gain, _ = result.estimates
     reference_m = c * instrument.ranging.tof.bin_width_s / 2 * reference_delay(wall)[number, 0]  # type: ignore[attr-defined]
     value = [offset.value - float(reference_m), float(np.log(gain.value))]
-    print("wall", scene.name, value, offset.sigma, gain.log_sigma, result.scale[:2], file=sys.stderr)
-    return value, [offset.sigma, gain.log_sigma], float(result.scale[0])
+    sigmas = [offset.sigma, gain.log_sigma]
+    print("wall", scene.name, value, sigmas, result.scale[:2], file=sys.stderr)
+    return value, sigmas, float(result.scale[0])
 
 
 def board(distance_m: float) -> Scene:
