@@ -11,8 +11,10 @@ import worlds
 from rainfall import LENGTHS, WALL_M, depths, instrument, one_drop
 from spisim.atmosphere.precipitation import rain
 from spisim.simulation.drops import falling_drops
+from spisim.simulation.drops.beams import SpotChange
 from spisim.simulation.light import LightSequence, Transport
-from spisim.simulation.measurement import bucket_light, record
+from spisim.simulation.measurement import bucket_light, record, spots
+from spisim.simulation.measurement.spots import spot_light
 
 
 def readings(one, *falling, frames=1, seed=0):
@@ -100,3 +102,15 @@ def test_rain_in_a_recording():
     dry = counts(position, 1)
     np.testing.assert_array_equal(dry[0], dry[1])
     assert not np.array_equal(counts(rainy, 1)[0], counts(rainy, 1)[1])
+
+
+def test_echoes_of_drops_add_to_what_they_let_pass(monkeypatch):
+    """Of the lasers' power, in electrons: as much as of any other echo of that fraction."""
+    one, share = spisim.load_instrument("paper"), 1e-9
+    lit = replace(transport(one), spot_histogram=np.full((4, LENGTHS.size), share))
+    light = LightSequence(np.zeros(1), (lit,))
+    plain = spot_light(one, light, 1).echo_per_s
+    halved = SpotChange(np.full((1, 4, LENGTHS.size), 0.5), np.full((1, 4, LENGTHS.size), share))
+    monkeypatch.setattr(spots, "on_spots", lambda drops, lengths: halved)
+    wet = spot_light(one, light, 1, (object(),)).echo_per_s
+    np.testing.assert_allclose(wet, 1.5 * plain)

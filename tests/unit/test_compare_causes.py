@@ -28,6 +28,8 @@ class TestCovariance:
         np.testing.assert_allclose(noise.solve(columns), np.linalg.solve(dense, columns))
         np.testing.assert_allclose(noise.log_determinant, np.linalg.slogdet(dense)[1])
         np.testing.assert_allclose(noise.total, np.diag(dense))
+        white = noise.whiten(columns)
+        np.testing.assert_allclose(white.T @ white, columns.T @ np.linalg.solve(dense, columns))
 
     def test_fit_has_the_stated_errors(self):
         rng = np.random.default_rng(1)

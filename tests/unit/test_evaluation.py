@@ -17,6 +17,7 @@ from reconstruction import (
 )
 from reconstruction.capture import Buckets, FrameTruth, Provenance, Truth
 from reconstruction.evaluation import depth_metrics, image_metrics, no_range
+from reconstruction.evaluation.comparison import FIGURES
 from reconstruction.operators import expose
 from reconstruction.ranging import Alternative, Ranges
 
@@ -239,3 +240,9 @@ def test_a_result_of_another_frame_or_capture_is_refused():
 def test_a_capture_without_truth_is_refused():
     with pytest.raises(InputError, match="contains no truth"):
         evaluate(make_result(), replace(CAPTURE, truth=None))
+
+
+def test_figures_in_percent_are_those_of_a_hundred():
+    for figures in FIGURES.values():
+        for name, (_, factor, text) in figures.items():
+            assert factor == (100 if "%" in text else 1), name

@@ -212,3 +212,13 @@ def test_draws_offer_a_surface_in_each_corner_of_the_view() -> None:
     assert sorted(zip(np.sign(x), np.sign(y), strict=True)) == [(-1, -1), (-1, 1), (1, -1), (1, 1)]
     np.testing.assert_array_equal(np.sign(OFFERED.detectors_m[:, 0]), np.sign(x))
     np.testing.assert_array_equal(np.sign(OFFERED.detectors_m[:, 1]), np.sign(y))
+
+
+def test_spokes_of_a_star_are_equally_far_apart() -> None:
+    scene = draw_scene("targets", 7, {"target": "siemens-star", "spokes": 9, "setting": "alone"})
+    (star,) = (each.mesh for each in scene.objects if each.name == "star")
+    _, y, z = np.array(star.vertices - star.vertices.mean(axis=0)).T
+    points = y + 1j * z
+    turned = points * np.exp(2j * np.pi / 9)
+    nearest = np.abs(turned[:, None] - points).min(axis=1)
+    assert nearest.max() < 0.01 * np.abs(points).max()

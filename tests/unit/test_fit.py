@@ -22,6 +22,7 @@ from spisim_inverse.fit import written
 from spisim_inverse.fit.fitting import fit
 from spisim_inverse.fit.information import Information
 from spisim_inverse.fit.model import Model
+from spisim_inverse.fit.page import write_fit
 from spisim_inverse.fit.parameters import Parameter, available, parameters
 from spisim_inverse.fit.pose import PoseErrors
 from spisim_inverse.fit.priors import Prior, parsed_priors, parsed_starts, read_priors
@@ -269,7 +270,7 @@ class TestBadInput:
         with pytest.raises(InputError, match="nothing can be fitted"):
             fitted({HIDDEN: None})
 
-    def test_a_scene_that_cannot_fit(self):
+    def test_a_scene_that_cannot_fit(self, tmp_path):
         far = replace(boards(), drone_pose=boards().drone_pose + 0.0)
         far.drone_pose[1, 3] -= 1.0
         result = fitted({BOARD: None}, scene=far)
@@ -277,6 +278,9 @@ class TestBadInput:
         assert "does not fit" in result.warnings[-1]
         assert result.worst
         assert "Largest differences" in in_words(result)[-1]
+        write_fit(tmp_path / "fit.html", "fit", "A wall too far", result)
+        lead = (tmp_path / "fit.html").read_text().partition("</h1>")[2].partition("</p>")[0]
+        assert "the model does not fit" in lead
 
     def test_spots_that_disagree_say_how_far_their_mean_is_off(self):
         rng, spots, bins = np.random.default_rng(2), 9, 40
@@ -327,6 +331,14 @@ class TestBadInput:
         twin = Twin.of(boards(), instrument_of(), recorded())
         with pytest.raises(InputError, match=message):
             parameters(twin, free)
+
+    def test_factors_of_patterns_stay_positive(self):
+        twin = Twin.of(boards(), instrument_of(), recorded())
+        chosen = parameters(twin, {"throughput": None})
+        assert len(chosen) == 15
+        assert all(each.positive and not each.changes_light for each in chosen)
+        covered = np.sum([each.exposures for each in chosen], axis=0)
+        np.testing.assert_array_equal(covered, np.ones(recorded().plan.exposures))
 
     def test_clear_air_has_no_fog_to_fit(self):
         twin = Twin.of(boards(None), instrument_of(), recorded(None))

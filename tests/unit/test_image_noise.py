@@ -227,3 +227,17 @@ def test_the_mean_of_an_image_is_measured_unless_its_reading_is_lost():
     assert imaging.of(usable).has_dc
     usable[plan.index == plan.patterns.dc_row] = False
     assert not imaging.of(usable).has_dc
+
+
+def test_noise_is_estimated_from_the_coefficients_that_were_measured():
+    """Of white readings without pairs, also where some failed."""
+    plan = make_plan((32, 32), 300, polarity="signed")
+    rng = np.random.default_rng(4)
+    light = expose(plan, natural_image(32, 2)) + 40 * rng.standard_normal(plan.exposures)
+    usable, unknown = np.ones(plan.exposures, dtype=bool), np.full(plan.exposures, np.nan)
+    imaging = Imaging(plan)
+    whole = imaging.of(usable).decode(light, unknown).noise
+    usable[100:140] = False
+    some = imaging.of(usable).decode(light, unknown).noise
+    assert np.isinf(some).sum() == 40
+    assert np.median(some[np.isfinite(some)]) == pytest.approx(np.median(whole), rel=0.2)

@@ -16,7 +16,10 @@ from reconstruction import read_capture, reconstruct, write_capture
 from reconstruction.cli import main
 from spisim_live import Message, Parser, pack
 from spisim_live.cli import replay
+from spisim_live.cli.live import _StatusPrinter
+from spisim_live.counts import Counts
 from spisim_live.links import source_at
+from spisim_live.results import State
 from streams import Clock, film
 
 ROOT = Path(__file__).parents[2]
@@ -302,3 +305,11 @@ def test_results_that_nobody_took_are_told(path, capsys):
     assert main(["live", str(path), "--to", f"tcp://127.0.0.1:{port}", "--quiet"]) == 0
     messages = capsys.readouterr().err
     assert messages == f"warning: tcp://127.0.0.1:{port}: Connection refused; lost 4\n"
+
+
+def test_spots_without_a_range_are_named_by_their_status(capsys):
+    ranges = SimpleNamespace(range_m=np.array([2.0, 3.0]), status=("ok", "no signal"))
+    printer = _StatusPrinter([], None, quiet=False)
+    printer.result(SimpleNamespace(result=SimpleNamespace(frame=3, ranges=ranges)))
+    printer.state(State(Counts(), 0.1, 0.01, 0.02, 30.0, ""))
+    assert "ranges 2.00 m, no signal" in capsys.readouterr().err

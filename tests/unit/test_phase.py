@@ -18,7 +18,7 @@ from spisim.atmosphere import (
     henyey_greenstein,
     tabulate,
 )
-from spisim.atmosphere.table import NODES
+from spisim.atmosphere.table import NODES, _columns
 from spisim.scene import load_scene
 
 COARSE = Tabulated((1.0, 2.0, 5.0, 3.0, 20.0))
@@ -269,3 +269,8 @@ def test_visibility_has_its_own_phase_function(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match="phase does not go with visibility_m"):
         load_scene(path)
+
+
+def test_a_cosine_that_rounding_makes_too_large_is_straight_on() -> None:
+    columns = _columns(np.array([[0.0, 3.0], [90.0, 1.0], [180.0, 2.0]]), "table")
+    np.testing.assert_allclose(columns.at(np.array([1 + 1e-12, -1 - 1e-12])), [3.0, 2.0])

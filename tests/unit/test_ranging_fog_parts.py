@@ -3,14 +3,20 @@
 import numpy as np
 import pytest
 
+from fogs import light
 from reconstruction.ranging import Alternative
+from reconstruction.ranging.brightness import bucket_optics
 from reconstruction.ranging.fog.answer import _status
 from reconstruction.ranging.fog.edges import disagreement, odd_spots
 from reconstruction.ranging.fog.fog_state import CHANGE, DRIFT, FogState
 from reconstruction.ranging.fog.modes import find_modes
 from reconstruction.ranging.fog.numerics import cholesky, whitened
+from reconstruction.ranging.fog.overlap import overlap, path_lengths
 from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
+from reconstruction.ranging.fog.roots import RootTables
 from reconstruction.ranging.fog.templates import STEP_M, Templates
+from spisim.instrument import load_instrument
+from spisim.simulation.measurement import recorded_optics
 
 RANGE_M = 0.01 + STEP_M * np.arange(800)
 
@@ -116,3 +122,21 @@ def test_a_likely_range_is_ambiguous_unless_the_other_is_an_echo_of_its_own(
     alternatives = (Alternative(5.0, 0.01, 0.6), Alternative(8.0, 0.01, 0.4))
     spot = SpotPosterior(alternatives, target=1.0, strength=100.0, echoes=echoes)
     assert _status(spot, guessed=False) == status
+
+
+def test_a_pixel_of_the_image_gets_what_the_detector_collects() -> None:
+    """Fog along its ray, of unit backscattering: pixel_electrons times the integral of overlap."""
+    paper = load_instrument("paper")
+    optics = recorded_optics(paper)
+    spots = paper.tof.record(light(paper, np.full(4, 4.0)), paper.spot_optics, None)
+    sigma = np.array([0.01, 0.1])
+    tables = RootTables(
+        spots, optics, lambda path: np.stack([np.cos(path), np.sin(path)]), 8.0, sigma
+    )
+    (seen,) = bucket_optics(optics, spots)
+    weight, path_m = overlap(seen, tables.range_m)[0], path_lengths(seen, tables.range_m)
+    thin, thick = (
+        optics.pixel_electrons * np.trapezoid(weight * np.exp(-each * path_m), tables.range_m)
+        for each in sigma
+    )
+    np.testing.assert_allclose(tables.empty_pixel, np.transpose([thin, thick]), rtol=0.02)

@@ -89,3 +89,30 @@ def test_a_file_is_named_once() -> None:
             raise InputError(reported)
     with pytest.raises(InputError, match=r"^c\.h5: frame 1"), naming("c.h5"):
         raise InputError("frame 1")
+
+
+def test_an_ignored_interruption_stays_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in the background of a shell; else Ctrl-C ends what is loading, and then a command."""
+    from spisim.__main__ import main
+
+    during: list[object] = []
+
+    class Program:
+        @staticmethod
+        def main() -> None:
+            during.append(signal.getsignal(signal.SIGINT))
+
+    def load(name: str) -> type[Program]:
+        during.append(signal.getsignal(signal.SIGINT))
+        return Program
+
+    monkeypatch.setattr("spisim.__main__.import_app", load)
+    before = signal.getsignal(signal.SIGINT)
+    try:
+        for handler in (signal.SIG_IGN, signal.default_int_handler):
+            signal.signal(signal.SIGINT, handler)
+            main()
+    finally:
+        signal.signal(signal.SIGINT, before)
+    ignored, own = signal.SIG_IGN, signal.default_int_handler
+    assert during == [ignored, ignored, signal.SIG_DFL, own]

@@ -191,3 +191,7 @@ def test_a_capture_is_known_by_its_content(capture: Capture, tmp_path: Path) -> 
     retained.write_bytes(Layout(folder).metrics(0).read_bytes().replace(b"4.0", b"1.0"))
     _, again = evaluate_all(other, InProcess)
     assert again == result
+
+
+def test_bins_of_depth_have_their_centres_within_them() -> None:
+    np.testing.assert_allclose(CENTRES_M / EDGES_M[:-1], EDGES_M[1:] / CENTRES_M)
