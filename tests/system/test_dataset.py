@@ -287,8 +287,9 @@ def test_a_cluster_that_loses_a_worker(whole: tuple[Path, Path], tmp_path: Path)
     assert [row[1] for row in rows(tmp_path / "set")] == ["done"] * SAMPLES
 
 
-def test_a_scheduler_that_does_not_answer(tmp_path: Path) -> None:
+def test_a_scheduler_that_does_not_answer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("distributed")
+    monkeypatch.setattr("spisim.dataset.dask.ANSWER_S", 0.5)
     done = run(write_plan(tmp_path), "-o", tmp_path / "set", "--dask", "tcp://127.0.0.1:9")
     assert done.exit_code == 2
     assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in done.stderr
