@@ -222,3 +222,12 @@ def test_spokes_of_a_star_are_equally_far_apart() -> None:
     turned = points * np.exp(2j * np.pi / 9)
     nearest = np.abs(turned[:, None] - points).min(axis=1)
     assert nearest.max() < 0.01 * np.abs(points).max()
+
+
+@pytest.mark.parametrize(
+    ("railing", "material"), [("parapet", "concrete"), ("bars", "steel-galvanised")]
+)
+def test_a_parapet_is_of_concrete_and_bars_of_steel(railing: str, material: str) -> None:
+    scene = draw_scene("bridge", 3, {"railing": railing})
+    (thing,) = (each for each in scene.objects if each.name == "railing")
+    assert thing.material.name == material
