@@ -9,13 +9,14 @@ in the same flights. With `--measured`, recordings of a nano-drone are predicted
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
 import numpy as np
 from depth_corridor import off, rates
 from flight_judging import SINGLE, WARM_UP_S, JudgedFlight, judge
 from flight_measured import measured_benchmark
-from flight_sets import MOTIONS, POSE_ERRORS, PRESETS, WEATHERS, flights
+from flight_sets import MOTIONS, POSE_ERRORS, PRESETS, WEATHERS, Flight, flights
 from intervals import of_figure
 from options import benchmark_options, finish
 
@@ -47,27 +48,33 @@ def main() -> int:
         others={
             "--measured": {"type": Path, "help": "folder of the nano-drone's recordings"},
             "--seeds": {"type": int, "default": 1, "help": "worlds of each family"},
+            "--workers": {"type": int, "default": 1, "help": "processes that judge"},
             "--recorded": {"action": "store_true", "help": "only flights that the folder has"},
         },
     )
-    judged = []
-    for flight in flights(
+    every = flights(
         options.folder,
         "judged",
         seeds=range(options.seeds),
         presets=PRESETS[:1] if options.quick else PRESETS,
         weathers=("clear", "fog 50 m") if options.quick else tuple(WEATHERS),
         record=not options.recorded,
-    ):
-        result = judge(flight)
-        print(f"{flight.path.stem}: {'not judged' if result is None else 'judged'}", flush=True)
-        judged += [] if result is None else [result]
+    )
+    judged = []
+    with ProcessPoolExecutor(options.workers) as pool:
+        for flight, result in pool.map(_judged, every):
+            print(f"{flight.path.stem}: {'not judged' if result is None else 'judged'}", flush=True)
+            judged += [] if result is None else [result]
     tables, checks = [*by_cell(judged), by_error(judged), corridors(judged)], [*promises(judged)]
     if options.measured is not None:
         more, promised = measured_benchmark(options.measured)
         tables += more
         checks += promised
     return finish(options, PAGE, "flights", surroundings(PACKAGES), tables, checks)
+
+
+def _judged(flight: Flight) -> tuple[Flight, JudgedFlight | None]:
+    return flight, judge(flight)
 
 
 def by_cell(judged: Flights) -> Iterator[Table]:

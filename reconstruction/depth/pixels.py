@@ -62,6 +62,12 @@ def squared_distances(shape: tuple[int, ...], anchors: Floats) -> Floats:
     return np.asarray((rows - anchors[:, 0]) ** 2 + (columns - anchors[:, 1]) ** 2)
 
 
+def distances(one: Floats, other: Floats) -> Floats:
+    """Distances (K, M) between pixels (K, 2) and others (M, 2)."""
+    down, along = (one[:, None, axis] - other[:, axis] for axis in (0, 1))
+    return np.asarray(np.sqrt(down**2 + along**2))
+
+
 def around(image: Floats) -> Floats:
     """Mean of each pixel (H, W) and its eight neighbours; edges are replicated."""
     return _with_next_rows(_with_next_rows(image).T).T / 9

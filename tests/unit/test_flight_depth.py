@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,8 @@ from reconstruction import InputError, Reconstructor, read_capture, reconstruct,
 from reconstruction.capture import Truth
 from reconstruction.checks import checked_depths
 from reconstruction.depth import DepthEstimate
+from reconstruction.depth.methods.flight import ranges_of
+from reconstruction.depth.methods.learned import FrameMap
 from reconstruction.evaluation import evaluate_flight, is_flight
 from reconstruction.outputs import read_result
 from reconstruction.outputs.pictures import dotted
@@ -48,6 +51,22 @@ def test_a_flight_is_mapped_with_memory_by_default(flown):
     still = results(replace(flown, poses=None))[-1]
     assert "flight" not in still.depths
     assert not still.points_m
+
+
+@pytest.mark.parametrize(("fog", "extinction"), [(0.03, 0.03), (np.nan, 0.0)])
+def test_the_memory_gets_the_strength_of_echoes_and_the_fog(fog, extinction):
+    ranges = SimpleNamespace(range_m=np.full(4, 3.0), sigma_m=np.full(4, 0.01))
+    view = SimpleNamespace(directions=np.eye(4, 3), ranges=ranges)
+    frame = SimpleNamespace(
+        log_reflectance=np.full(4, -2.0), max_range_m=10.0, extinction_per_m=fog
+    )
+    result = ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2))), frame))
+    assert result.extinction_per_m == extinction
+    assert result.max_range_m == 10
+    np.testing.assert_array_equal(result.log_reflectance, frame.log_reflectance)
+    unknown = ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2)))))
+    assert unknown.log_reflectance is None
+    assert unknown.max_range_m == np.inf
 
 
 def test_a_frame_of_a_flight_is_that_of_those_before_it(flown):

@@ -10,8 +10,9 @@ from reconstruction.depth import DepthEstimate, pixel_rays
 from reconstruction.depth.memory import FlightMemory, FrameRanges
 from reconstruction.depth.memory.correction import (
     MAX_ANCHORS,
-    correction,
+    MapCorrector,
     fitted_kernel,
+    likeness,
     spread_out,
 )
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
@@ -43,6 +44,13 @@ def echo(true_m, reflectance):
 def test_a_range_is_unwrapped_by_its_echo(true_m, reflectance, map_m, sigma):
     expected = Expected(np.log([map_m]), np.array([sigma]))
     np.testing.assert_allclose(unwrapped(*echo(true_m, reflectance), R_M, expected), [true_m])
+
+
+def test_fog_would_have_dimmed_a_distant_echo_more():
+    expected = Expected(np.log([13.0]), np.array([0.5]))
+    echoes = np.array([3.0]), np.array([-3.6]), R_M, expected
+    np.testing.assert_allclose(unwrapped(*echoes), [13.0])
+    np.testing.assert_allclose(unwrapped(*echoes, extinction_per_m=0.15), [3.0])
 
 
 def test_a_range_that_may_lie_at_either_of_two_distances_is_none():
@@ -114,21 +122,60 @@ def seen(pixels, log_depth, log_variance=1e-8):
     )
 
 
+def correction(log_depth, sigma, points, kernel=None):
+    """Correction of a map by a corrector of its own."""
+    return MapCorrector(log_depth.shape, kernel)(log_depth, sigma, points)
+
+
 def test_an_exact_point_corrects_the_map_there_and_not_across_an_edge():
     log_depth, sigma = np.full(SHAPE, np.log(4)), np.full(SHAPE, 0.2)
     log_depth[:, 36:] = np.log(16)
     gaussian = replace(KERNEL, freedom=1e9)
-    result = correction(log_depth, sigma, seen([(30, 33)], np.log(4) + 0.1), gaussian)
+    result = correction(log_depth, sigma, seen([(30, 32)], np.log(4) + 0.1), gaussian)
     kept = KERNEL.sharp + KERNEL.smooth
-    assert result.error[30, 33] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
-    assert result.remaining[30, 33] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
+    assert result.error[30, 32] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
+    assert result.remaining[30, 32] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
     four = KERNEL.sharp * np.exp(-4 / KERNEL.sharp_px)
     four += KERNEL.smooth * np.exp(-4 / KERNEL.smooth_px)
     across = np.exp(-(np.log(4) ** 2) / 2 / KERNEL.edge**2)
     assert across < 0.01
-    assert result.error[30, 29] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
-    assert result.error[30, 37] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
-    assert result.remaining[30, 37] > 0.9999
+    assert result.error[30, 28] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
+    assert result.error[30, 36] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
+    assert result.remaining[30, 36] > 0.9999
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (63, 40), (128, 96), (16, 16)])
+def test_the_variance_that_is_left_is_that_of_the_process(shape):
+    log_depth, sigma = np.full(shape, np.log(4)), np.full(shape, 0.2)
+    stride = max(shape[0] // 32, 1)
+    pixel = np.array([[4 * stride, 2 * stride], [8 * stride, 6 * stride]])
+    left = correction(log_depth, sigma, seen(pixel, np.log(4))).remaining
+    row, column = stride * np.array([6, 3])
+    near = 64 / shape[0] * np.hypot(*(pixel - [row, column]).T)
+    between = 64 / shape[0] * np.hypot(*(pixel[0] - pixel[1]))
+
+    def like(apart):
+        return likeness(np.asarray(apart), 0.0, KERNEL)
+
+    weight = (KERNEL.freedom + 1) / KERNEL.freedom  # of points that agree
+    own = like(0) + (KERNEL.nugget + 1e-8 / 0.2**2) / weight
+    covariance = np.array([[own, like(between)], [like(between), own]])
+    explained = like(near) @ np.linalg.solve(covariance, like(near))
+    assert left[row, column] == pytest.approx(1 - explained / WHOLE, rel=1e-3)
+    if stride > 1:
+        assert left[row, column + stride // 2] == pytest.approx(
+            (left[row, column] + left[row, column + stride]) / 2
+        )
+
+
+def test_a_corrector_keeps_nothing_of_the_map_before():
+    corrector, rng = MapCorrector(SHAPE), np.random.default_rng(4)
+    log_depth, sigma = np.full(SHAPE, np.log(5)), np.full(SHAPE, 0.2)
+    corrector(log_depth, sigma, seen(rng.uniform(0, 63, (50, 2)), np.log(7)))
+    points = seen([(20, 20), (40, 30)], np.log(4))
+    again, alone = corrector(log_depth, sigma, points), correction(log_depth, sigma, points)
+    np.testing.assert_array_equal(again.error, alone.error)
+    np.testing.assert_array_equal(again.remaining, alone.remaining)
 
 
 def test_the_unit_of_length_is_a_pixel_of_64_rows():
@@ -161,7 +208,8 @@ def test_without_points_there_is_no_correction():
 
 def test_of_many_points_the_surest_of_each_cell_are_used():
     rng = np.random.default_rng(2)
-    points = replace(seen(rng.uniform(0, 63, (400, 2)), 0.0), log_variance=rng.uniform(0, 1, 400))
+    points = seen(rng.uniform(0, 63, (1500, 2)), 0.0)
+    points = replace(points, log_variance=rng.uniform(0, 1, 1500))
     result = spread_out(points, SHAPE)
     assert MAX_ANCHORS / 2 < len(result.index) <= MAX_ANCHORS
     for low in ((0, 0), (0, 32), (32, 0), (32, 32)):

@@ -132,4 +132,4 @@ def test_there_are_never_more_points_than_fit_and_the_oldest_go_first():
     assert len(remembered.points) == MAX_POINTS
     times = remembered.points.time_s
     assert (np.diff(times) >= 0).all()
-    assert times[0] > pose(150).time_s
+    assert times[0] > pose(300 - MAX_POINTS // 4 - 10).time_s

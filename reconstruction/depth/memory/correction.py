@@ -16,20 +16,23 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats
+from ..pixels import distances, hats
 from .points import Seen
 
-MAX_ANCHORS = 120
-ROUNDS = 3
+MAX_ANCHORS = 300
+ROUNDS = 2
 """Iterations of the weights."""
 ROWS = 64
 """Rows of the map whose pixels are the unit of length."""
-CELLS = (32, 24, 16, 12, 8)
+COARSE_ROWS = 32
+"""Rows in which the variance that is left is computed; the others are between them."""
+CELLS = (40, 32, 28, 24, 20, 16, 12, 8)
 """Cells along each axis, of which each holds one of too many points."""
 MIN_REMAINING = 0.01
 SINGLE = np.float32
@@ -69,56 +72,95 @@ class Correction(NamedTuple):
     remaining: Floats
 
 
-def correction(
-    log_depth: Floats, sigma: Floats, seen: Seen, kernel: Kernel | None = None
-) -> Correction | None:
-    """Error of a map (H, W) of ln depth, by the points in view; None without any."""
-    kernel = kernel or fitted_kernel()
-    seen = spread_out(seen, log_depth.shape)
-    if not len(seen.index):
-        return None
-    row, column = np.clip(np.round(seen.pixel), 0, np.array(sigma.shape) - 1).astype(np.intp).T
-    mean, spread = log_depth[row, column], sigma[row, column]
-    slopes = np.gradient(log_depth)
-    squared_slope = slopes[0][row, column] ** 2 + slopes[1][row, column] ** 2
-    noise = (seen.log_variance + np.minimum(squared_slope * seen.pixel_variance, 1)) / spread**2
-    unit = ROWS / len(log_depth)
-    apart = unit * np.linalg.norm(seen.pixel[:, None] - seen.pixel, axis=-1)
-    covariance = _likeness(apart, mean[:, None] - mean, kernel)
-    target, weights = (seen.log_depth - mean) / spread, np.ones(len(row))
-    for _ in range(ROUNDS):
-        inverse = np.linalg.inv(covariance + np.diag((kernel.nugget + noise) / weights))
-        solved, precision = inverse @ target, np.diagonal(inverse)
-        weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
-    to_pixels = _likeness(*_to_pixels(log_depth, seen.pixel, mean), kernel)
-    explained = ((to_pixels @ inverse.astype(SINGLE)) * to_pixels).sum(axis=1)
-    whole = kernel.sharp + kernel.smooth + kernel.nugget
-    return Correction(
-        (to_pixels @ solved.astype(SINGLE)).reshape(sigma.shape) * sigma,
-        np.clip(1 - explained / whole, MIN_REMAINING, 1).reshape(sigma.shape),
-    )
+class MapCorrector:
+    """Corrects maps (H, W) of one shape; its arrays of pixels by anchors are made once.
+
+    Pages of memory that are new cost more than the exponentials that fill them.
+    """
+
+    def __init__(self, shape: tuple[int, int], kernel: Kernel | None = None) -> None:
+        self._kernel = kernel or fitted_kernel()
+        self._shape, self._unit = shape, ROWS / shape[0]
+        self._likeness, self._other = np.empty((2, shape[0] * shape[1] * MAX_ANCHORS), SINGLE)
+        self._stride = max(shape[0] // COARSE_ROWS, 1)
+        self._to_rows, self._to_columns = (
+            hats(np.arange(side) / self._stride, -(-side // self._stride)) for side in shape
+        )
+
+    def __call__(self, log_depth: Floats, sigma: Floats, seen: Seen) -> Correction | None:
+        """Error of a map of ln depth, by the points in view; None without any."""
+        kernel, seen = self._kernel, spread_out(seen, self._shape)
+        if not len(seen.index):
+            return None
+        row, column = np.clip(np.round(seen.pixel), 0, np.array(self._shape) - 1).astype(np.intp).T
+        mean, spread = log_depth[row, column], sigma[row, column]
+        slopes = np.gradient(log_depth)
+        squared_slope = slopes[0][row, column] ** 2 + slopes[1][row, column] ** 2
+        noise = (seen.log_variance + np.minimum(squared_slope * seen.pixel_variance, 1)) / spread**2
+        apart = self._unit * distances(seen.pixel, seen.pixel)
+        covariance = likeness(apart, mean[:, None] - mean, kernel)
+        inverse, solved = _robust(covariance, (seen.log_depth - mean) / spread, noise, kernel)
+        to_pixels = self._to_pixels(log_depth, seen.pixel, mean)
+        error = (to_pixels @ solved).reshape(self._shape) * sigma
+        return Correction(error, self._remaining(to_pixels, inverse))
+
+    def _to_pixels(self, log_depth: Floats, pixel: Floats, mean: Floats) -> NDArray[np.float32]:
+        """Covariance (N, n) of the errors of all pixels and of the anchors."""
+        rows, columns, count = *self._shape, len(mean)
+        apart, contrast = (
+            each[: rows * columns * count].reshape(rows, columns, count)
+            for each in (self._likeness, self._other)
+        )
+        down, along = (
+            (self._unit * (np.arange(side)[:, None] - pixel[:, axis])).astype(SINGLE) ** 2
+            for axis, side in enumerate(self._shape)
+        )
+        np.sqrt(np.add(down[:, None], along, out=apart), out=apart)
+        near, wide = apart, contrast
+        np.multiply(apart, SINGLE(-1 / self._kernel.smooth_px), out=wide)
+        near *= SINGLE(-1 / self._kernel.sharp_px)
+        for part, share in ((near, self._kernel.sharp), (wide, self._kernel.smooth)):
+            np.exp(part, out=part)
+            part *= SINGLE(share)
+        near += wide
+        np.subtract(log_depth.astype(SINGLE)[..., None], mean.astype(SINGLE), out=contrast)
+        contrast *= contrast
+        contrast *= SINGLE(-0.5 / self._kernel.edge**2)
+        near *= np.exp(contrast, out=contrast)
+        return near.reshape(-1, count)
+
+    def _remaining(self, to_pixels: NDArray[np.float32], inverse: NDArray[np.float32]) -> Floats:
+        """Fraction of the variance that is left: of some rows and columns, bilinear between."""
+        kernel, stride = self._kernel, self._stride
+        some = to_pixels.reshape(*self._shape, -1)[::stride, ::stride]
+        coarse = some.reshape(-1, len(inverse))
+        explained = ((coarse @ inverse) * coarse).sum(axis=1).reshape(some.shape[:2])
+        whole = kernel.sharp + kernel.smooth + kernel.nugget
+        left = np.clip(1 - explained / whole, MIN_REMAINING, 1)
+        return np.asarray(self._to_rows @ left @ self._to_columns.T)
 
 
-def _to_pixels(
-    log_depth: Floats, pixel: Floats, mean: Floats
+def _robust(
+    covariance: Floats, target: Floats, noise: Floats, kernel: Kernel
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Distances of all pixels from the points, and contrasts of the map, (N, n) each, as single."""
-    unit = ROWS / len(log_depth)
-    rows, columns = (np.arange(side) for side in log_depth.shape)
-    down = (unit * (rows[:, None] - pixel[:, 0])).astype(SINGLE) ** 2
-    along = (unit * (columns[:, None] - pixel[:, 1])).astype(SINGLE) ** 2
-    apart = np.sqrt(down[:, None] + along).reshape(-1, len(mean))
-    return apart, log_depth.astype(SINGLE).reshape(-1, 1) - mean.astype(SINGLE)
+    """Inverse (n, n) of the covariance with noise, and its product with the target (n,)."""
+    from scipy.linalg.lapack import spotrf, spotri  # slow to load
+
+    weights = np.ones(len(target))
+    for _ in range(ROUNDS):
+        noisy = (covariance + np.diag((kernel.nugget + noise) / weights)).astype(SINGLE)
+        lower, _ = spotri(spotrf(noisy, lower=1)[0], lower=1)
+        inverse = np.tril(lower) + np.tril(lower, -1).T
+        solved, precision = inverse @ target.astype(SINGLE), np.diagonal(inverse)
+        weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
+    return inverse, solved
 
 
-def _likeness(apart: NDArray[Any], contrast: NDArray[Any], kernel: Kernel) -> NDArray[Any]:
-    near = np.exp(apart * (-1 / kernel.sharp_px))
-    near *= kernel.sharp
-    wide = np.exp(apart * (-1 / kernel.smooth_px))
-    wide *= kernel.smooth
-    near += wide
-    near *= np.exp(contrast**2 * (-0.5 / kernel.edge**2))
-    return near
+def likeness(apart: Floats, contrast: Floats, kernel: Kernel) -> Floats:
+    """Correlated part of the covariance, for distances in pixels and differences of the map."""
+    near = kernel.sharp * np.exp(-apart / kernel.sharp_px)
+    near += kernel.smooth * np.exp(-apart / kernel.smooth_px)
+    return np.asarray(near * np.exp(-(contrast**2) / (2 * kernel.edge**2)))
 
 
 def spread_out(seen: Seen, shape: tuple[int, ...]) -> Seen:

@@ -10,7 +10,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
 from ..method import DepthEstimate
 from ..pixels import pixel_of
-from .correction import correction, fitted_kernel
+from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory
 from .points import RangeMemory
 from .unwrap import Expected, unwrapped
@@ -23,6 +23,7 @@ class FrameRanges:
     """Ranges of a frame: unit vectors (S, 3), metres and standard deviations (S,), nan for none.
 
     Where ``log_reflectance`` (S,) is known, so is how far a range beyond ``max_range_m`` must lie.
+    ``extinction_per_m`` is 0 in clear air, and where it is unknown.
     """
 
     directions: Floats
@@ -30,6 +31,7 @@ class FrameRanges:
     sigma_m: Floats
     log_reflectance: Floats | None = None
     max_range_m: float = np.inf
+    extinction_per_m: float = 0.0
 
 
 class Remembered(NamedTuple):
@@ -48,6 +50,7 @@ class FlightMemory:
 
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
         self._optics, self._shape = optics, shape
+        self._correct = MapCorrector(shape)
         self._last: PoseAt | None = None
         self._begin()
 
@@ -81,12 +84,18 @@ class FlightMemory:
         row, column = np.clip(pixel, 0, np.array(self._shape) - 1).astype(np.intp).T
         log_range = log_depth[row, column] - np.log(ranges.directions[:, 2])
         expected = Expected(log_range, sigma[row, column])
-        return unwrapped(ranges.range_m, ranges.log_reflectance, ranges.max_range_m, expected)
+        return unwrapped(
+            ranges.range_m,
+            ranges.log_reflectance,
+            ranges.max_range_m,
+            expected,
+            ranges.extinction_per_m,
+        )
 
     def _corrected(
         self, pose: PoseAt, estimate: DepthEstimate, log_depth: Floats, sigma: Floats
     ) -> DepthEstimate:
-        by_points = correction(log_depth, sigma, self.ranges.seen(pose))
+        by_points = self._correct(log_depth, sigma, self.ranges.seen(pose))
         if by_points is None:
             return replace(estimate, depth_m=np.exp(log_depth))
         no_return = estimate.no_return

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats, Mask
 from ...capture import Optics
 from ...capture.motion import PoseAt
-from ..pixels import in_view, pixel_of
+from ..pixels import distances, in_view, pixel_of
 
-MAX_POINTS = 400
+MAX_POINTS = 600
 NEAREST_M = 0.1
 """Depth below which a point is not in view."""
 MAX_LOG_SIGMA = 0.3
@@ -122,7 +122,7 @@ class RangeMemory:
     def along(self, pose: PoseAt, directions: Floats) -> Floats:
         """Ranges (S,) that points near directions (S, 3) suggest, nan where none is near."""
         seen = self.seen(pose)
-        apart = _distances(pixel_of(directions, self._optics, self._shape), seen.pixel)
+        apart = distances(pixel_of(directions, self._optics, self._shape), seen.pixel)
         weights = np.exp(-apart / NEAR_PIXELS) / (seen.log_variance + MIN_LOG_SIGMA**2)
         weights *= apart < MAX_PIXELS
         whole = weights.sum(axis=1)
@@ -135,7 +135,7 @@ class RangeMemory:
         seen = self._seen(pose, self.points)
         if hidden or len(seen.index) < 2:
             return seen
-        apart = _distances(seen.pixel, seen.pixel)
+        apart = distances(seen.pixel, seen.pixel)
         behind = seen.log_depth[:, None] - seen.log_depth
         covered = np.asarray(((apart < HIDDEN_PIXELS) & (behind > HIDDEN_LOG)).any(axis=1))
         return seen[~covered]
@@ -161,21 +161,21 @@ class RangeMemory:
 
     def _gone(self, seen: Seen, met: Seen) -> Mask:
         """Which of the points seen are gone, as spots meet something farther."""
-        apart = _distances(seen.pixel, met.pixel)
+        apart = distances(seen.pixel, met.pixel)
         farther = met.log_depth - seen.log_depth[:, None]
         sigma = np.sqrt(met.log_variance + seen.log_variance[:, None])
         blur = np.sqrt(seen.pixel_variance)[:, None]
         through = (apart + blur < CARVED_PIXELS) & (farther > CARVED_SIGMAS * sigma + CARVED_LOG)
         gone = np.asarray(through.any(axis=1))
         if gone.any():
-            beside = _distances(seen.pixel, seen.pixel[gone]) < NEIGHBOUR_PIXELS
+            beside = distances(seen.pixel, seen.pixel[gone]) < NEIGHBOUR_PIXELS
             alike = np.abs(seen.log_depth[:, None] - seen.log_depth[gone]) < NEIGHBOUR_LOG
             gone |= (beside & alike).any(axis=1)
         return gone
 
     def _fused(self, seen: Seen, met: Seen, new: Points, gone: Mask) -> NDArray[np.intp]:
         """Indices of the points that went into new ones of the same place."""
-        apart = _distances(seen.pixel, met.pixel)
+        apart = distances(seen.pixel, met.pixel)
         off = np.abs(seen.log_depth[:, None] - met.log_depth)
         sigma = np.sqrt(met.log_variance + seen.log_variance[:, None])
         same = (apart < SAME_PIXELS) & (off < SAME_SIGMAS * sigma) & ~gone[:, None]
@@ -188,7 +188,3 @@ class RangeMemory:
             )
             new.log_variance[column] *= 1 - weight
         return seen.index[rows]
-
-
-def _distances(one: Floats, other: Floats) -> Floats:
-    return np.asarray(np.linalg.norm(one[:, None] - other, axis=-1))

@@ -1,9 +1,10 @@
 """Which multiple of the unambiguous range a spot's range lacks, by the strength of its echo.
 
 A surface beyond the unambiguous range R seems to lie at r instead of r + k R, and therefore to be
-darker than any: the reflectance that its echo states is too small by (r / (r + k R))². The motion
-of the drone cannot tell: what is seen at r moves like what is there. The depth map of the frame has
-its say, but not the last word, as it rests on the same ranges.
+darker than any: the reflectance that its echo states is too small by (r / (r + k R))², and in fog
+by exp(-2 alpha k R) more. The motion of the drone cannot tell: what is seen at r moves like what is
+there. The depth map of the frame has its say, but not the last word, as it rests on the same
+ranges.
 """
 
 from typing import NamedTuple
@@ -31,15 +32,20 @@ class Expected(NamedTuple):
 
 
 def unwrapped(
-    range_m: Floats, log_reflectance: Floats, max_range_m: float, expected: Expected
+    range_m: Floats,
+    log_reflectance: Floats,
+    max_range_m: float,
+    expected: Expected,
+    extinction_per_m: float = 0.0,
 ) -> Floats:
     """Ranges (S,) with the likeliest multiple of ``max_range_m``, nan where none is likely enough.
 
     ``log_reflectance`` (S,) is that of a facing surface at ``range_m``, nan if unknown: then the
     range stays as it is.
     """
-    possible_m = range_m + MULTIPLES * max_range_m
-    log = log_reflectance + 2 * np.log(possible_m / range_m)
+    farther_m = MULTIPLES * max_range_m
+    possible_m = range_m + farther_m
+    log = log_reflectance + 2 * np.log(possible_m / range_m) + 2 * extinction_per_m * farther_m
     off = np.abs(np.log(possible_m) - expected.log_range) / expected.sigma
     evidence = MULTIPLES * LOG_PRIOR - 0.5 * ((log - LOG_REFLECTANCE) / SPREAD) ** 2
     evidence -= 0.5 * np.minimum(off, MAX_SIGMAS) ** 2

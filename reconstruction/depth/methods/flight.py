@@ -49,17 +49,17 @@ class Flight:
 
 
 def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
-    """Ranges of a frame, with the echoes' strength where the air is clear."""
+    """Ranges of a frame, with the strength of echoes and the fog, where these are known."""
     assert view.ranges is not None
-    frame = whole.frame
-    if frame is None or np.isfinite(frame.extinction_per_m):
-        return FrameRanges(view.directions, view.ranges.range_m, view.ranges.sigma_m)
-    return FrameRanges(
-        view.directions,
-        view.ranges.range_m,
-        view.ranges.sigma_m,
-        frame.log_reflectance,
-        frame.max_range_m,
+    ranges, frame = view.ranges, whole.frame
+    alone = FrameRanges(view.directions, ranges.range_m, ranges.sigma_m)
+    if frame is None:
+        return alone
+    return replace(
+        alone,
+        log_reflectance=frame.log_reflectance,
+        max_range_m=frame.max_range_m,
+        extinction_per_m=float(np.nan_to_num(frame.extinction_per_m)),
     )
 
 
