@@ -10,6 +10,7 @@ same simple planner (see reactive_flight.py). Flights that the folder has are no
 import json
 import sys
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict
 from itertools import product
 from pathlib import Path
@@ -41,12 +42,13 @@ def main() -> int:
         others={
             "--film": {"type": Path, "help": "animation of one world, as GIF"},
             "--seeds": {"type": int, "default": 1, "help": "worlds of each family"},
+            "--workers": {"type": int, "default": 1, "help": "processes that fly"},
         },
     )
-    use_threads(1)
     families = QUICK if options.quick else FAMILIES
-    every = product(range(options.seeds), families, WEATHERS, SENSES)
-    flights = [flown(options.folder, f, s, w, sense) for s, f, w, sense in every]
+    every = product([options.folder], range(options.seeds), families, WEATHERS, SENSES)
+    with ProcessPoolExecutor(options.workers) as pool:
+        flights = list(pool.map(flown, *zip(*every, strict=True)))
     if options.film is not None:
         from flight_film import write_film
 
@@ -58,8 +60,9 @@ def main() -> int:
     return finish(options, PAGE, "collisions", around, [table(flights)], [*promises(flights)])
 
 
-def flown(folder: Path, family: str, seed: int, weather: str, sense: str) -> Flown:
+def flown(folder: Path, seed: int, family: str, weather: str, sense: str) -> Flown:
     """A flight of the folder, flown if it is not there."""
+    use_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
     name = f"{family} {seed} {weather} {sense}".replace(" ", "_").replace(",", "")
     file = folder / f"{name}.json"
