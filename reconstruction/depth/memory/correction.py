@@ -42,7 +42,7 @@ FITTED = Path(__file__).with_name("kernel.json")
 
 @dataclass(frozen=True)
 class Kernel:
-    """Constants of the process, fitted by `tools/flight_kernel.py`.
+    """Constants of the process; `tools/flight_memory.py` fits ``sigma_factor`` to flights.
 
     ``sharp`` and ``smooth`` are fractions of the variance that are correlated over ``sharp_px`` and
     ``smooth_px``, ``nugget`` one that is not; ``edge`` is the difference of ln depth that separates
