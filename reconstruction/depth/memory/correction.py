@@ -105,7 +105,7 @@ class MapCorrector:
         return Correction(error, self._remaining(to_pixels, inverse))
 
     def _to_pixels(self, log_depth: Floats, pixel: Floats, mean: Floats) -> NDArray[np.float32]:
-        """Covariance (N, n) of the errors of all pixels and of the anchors."""
+        """Covariance (N, n) of all pixels with the anchors: `likeness`, in place."""
         rows, columns, count = *self._shape, len(mean)
         apart, contrast = (
             each[: rows * columns * count].reshape(rows, columns, count)
