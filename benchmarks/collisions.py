@@ -29,6 +29,7 @@ ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "results" / "flights.md", ROOT / "out" / "collisions"
 QUICK = ("racing-gates", "tunnel")
 SINGLE, MEMORY, STEERED, TRUE = SENSES
+CLEAR = "clear"
 HALF, NEAR_TRUE = 0.5, 1.5
 
 
@@ -61,13 +62,14 @@ def main() -> int:
 
 
 def flown(folder: Path, seed: int, family: str, weather: str, sense: str) -> Flown:
-    """A flight of the folder, flown if it is not there."""
+    """A flight of the folder, flown if it is not there; the truth knows no weather."""
     use_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    name = f"{family} {seed} {weather} {sense}".replace(" ", "_").replace(",", "")
+    air = CLEAR if sense == TRUE else weather
+    name = f"{family} {seed} {air} {sense}".replace(" ", "_").replace(",", "")
     file = folder / f"{name}.json"
     if not file.exists():
-        flight = fly(family, seed, weather, sense)
+        flight = fly(family, seed, air, sense)
         fields = {
             k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(flight).items()
         }
@@ -76,7 +78,7 @@ def flown(folder: Path, seed: int, family: str, weather: str, sense: str) -> Flo
     fields: dict[str, Any] = json.loads(file.read_text())
     fields["path_m"] = np.array(fields["path_m"])
     fields["hits_m"] = np.array(fields["hits_m"]).reshape(-1, 3)
-    return Flown(**fields)
+    return Flown(**fields | {"weather": weather})
 
 
 def of(flights: Sequence[Flown], weather: str, sense: str) -> list[Flown]:

@@ -116,7 +116,7 @@ def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
     for number, (view, whole) in enumerate(made):
         pose = pose_at(capture.poses, number)
         assert pose is not None
-        yield whole and memory.take(pose, whole.estimate, ranges_of(view, whole))
+        yield whole and memory.take(pose, view.image, whole.estimate, ranges_of(view, whole))
 
 
 def _judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> Iterator[Judged]:

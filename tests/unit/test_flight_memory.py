@@ -221,6 +221,7 @@ def test_of_many_points_the_surest_of_each_cell_are_used():
 
 
 SPOTS = towards((16, 16), (16, 48), (48, 16), (48, 48))
+IMAGE = np.ones(SHAPE)
 
 
 def estimate(depth_m, sigma=0.15):
@@ -235,9 +236,9 @@ def measured(depth_m, sigma_m=0.01):
 
 def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere():
     memory = FlightMemory(OPTICS, SHAPE)
-    memory.take(pose(0), estimate(6.0), measured(5.0))
+    memory.take(pose(0), IMAGE, estimate(6.0), measured(5.0))
     nowhere = FrameRanges(SPOTS, np.full(4, np.nan), np.full(4, np.nan))
-    result, points_m, why = memory.take(pose(1, (0.2, 0, 0)), estimate(6.0), nowhere)
+    result, points_m, why, _ = memory.take(pose(1, (0.2, 0, 0)), IMAGE, estimate(6.0), nowhere)
     assert why is None
     column = 16 - round(0.2 / 5 / 0.3 * 32)
     assert result.depth_m[16, column] == pytest.approx(5.0, rel=0.02)
@@ -249,11 +250,12 @@ def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere():
 
 def test_a_jump_of_the_pose_is_named_and_all_is_forgotten():
     memory = FlightMemory(OPTICS, SHAPE)
-    memory.take(pose(0), estimate(6.0), measured(5.0))
-    result, _, why = memory.take(pose(1, (0, 0, 20)), estimate(6.0), measured(5.0))
+    memory.take(pose(0), IMAGE, estimate(6.0), measured(5.0))
+    result, _, why, _ = memory.take(pose(1, (0, 0, 20)), IMAGE, estimate(6.0), measured(5.0))
     assert why == "the position jumps by 20 m in 0.00855 s"
     assert len(memory.ranges.points) == 4
-    alone, *_ = FlightMemory(OPTICS, SHAPE).take(pose(1, (0, 0, 20)), estimate(6.0), measured(5.0))
+    fresh = FlightMemory(OPTICS, SHAPE)
+    alone, *_ = fresh.take(pose(1, (0, 0, 20)), IMAGE, estimate(6.0), measured(5.0))
     np.testing.assert_array_equal(result.depth_m, alone.depth_m)
 
 
@@ -263,7 +265,7 @@ def test_maps_without_sigma_or_depth_are_left_as_they_are_and_ranges_kept():
         replace(estimate(6.0), sigma=None),
         replace(estimate(6.0), depth_m=np.full(SHAPE, np.nan)),
     ):
-        result, *_ = memory.take(pose(1), given, measured(5.0))
+        result, *_ = memory.take(pose(1), IMAGE, given, measured(5.0))
         assert result is given
         assert len(memory.ranges.points) == 4
         memory = FlightMemory(OPTICS, SHAPE)
@@ -279,7 +281,7 @@ def test_a_drone_that_stands_still_neither_fills_its_memory_nor_drifts():
         noisy = replace(given, range_m=given.range_m + 0.01 * rng.standard_normal(4))
         memory.ranges.add(here, noisy.directions, noisy.range_m, noisy.sigma_m)
         if number % 100 == 99:
-            result, *_ = memory.take(here, biased, noisy)
+            result, *_ = memory.take(here, IMAGE, biased, noisy)
             counts.append(len(memory.ranges.points))
             middles.append(result.depth_m[16, 16])
     assert max(counts[10:]) <= 1.5 * np.median(counts[10:])

@@ -10,6 +10,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
 from ..method import DepthEstimate
 from ..pixels import pixel_of
+from .clock import ClockOffset
 from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory
 from .points import RangeMemory
@@ -37,12 +38,14 @@ class FrameRanges:
 class Remembered(NamedTuple):
     """A frame's map with the memory, and why that was begun anew, if it was.
 
-    ``points_m`` (N, 3) are its points in the optical frame, in view or not.
+    ``points_m`` (N, 3) are its points in the optical frame, in view or not. Poses were taken to be
+    late by ``late_s``.
     """
 
     estimate: DepthEstimate
     points_m: Floats
     begun_anew: str | None
+    late_s: float = 0.0
 
 
 class FlightMemory:
@@ -51,6 +54,7 @@ class FlightMemory:
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
         self._optics, self._shape = optics, shape
         self._correct = MapCorrector(shape)
+        self.clock = ClockOffset(optics, shape)
         self._last: PoseAt | None = None
         self._begin()
 
@@ -58,16 +62,21 @@ class FlightMemory:
         self.ranges = RangeMemory(self._optics, self._shape)
         self._maps = MapMemory(self._optics, self._shape)
 
-    def take(self, pose: PoseAt, estimate: DepthEstimate, ranges: FrameRanges) -> Remembered:
-        """Add a frame: the ``estimate`` of its map alone, and its ranges.
+    def take(
+        self, stated: PoseAt, image: Floats, estimate: DepthEstimate, ranges: FrameRanges
+    ) -> Remembered:
+        """Add a frame: its pose, image (H, W), the ``estimate`` of its map alone, and its ranges.
 
         A map without a standard deviation, or with pixels that have no depth, stays as it is.
         """
-        why = None if self._last is None else break_between(self._last, pose)
-        self._last = pose
+        why = None if self._last is None else break_between(self._last, stated)
+        self._last = stated
         if why is not None:
             self._begin()
+            self.clock.begin()
         range_m, log_depth = ranges.range_m, _log(estimate)
+        self.clock.take(stated, image, log_depth)
+        pose = self.clock.corrected()
         if log_depth is not None and estimate.sigma is not None:
             range_m = self._unwrapped(ranges, log_depth, estimate.sigma)
         self.ranges.add(pose, ranges.directions, range_m, ranges.sigma_m)
@@ -75,7 +84,7 @@ class FlightMemory:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
             estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
         points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
-        return Remembered(estimate, points_m, why)
+        return Remembered(estimate, points_m, why, self.clock.offset_s)
 
     def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
         if ranges.log_reflectance is None:

@@ -38,7 +38,7 @@ class Flight:
             if whole is None:
                 return None
             if pose is not None:
-                remembered = memory.take(pose, whole.estimate, ranges_of(view, whole))
+                remembered = memory.take(pose, view.image, whole.estimate, ranges_of(view, whole))
                 result = stated(remembered, whole, rays)
                 return replace(result, points_m=remembered.points_m)
             note = "of the frame alone, as it has no pose"
@@ -65,8 +65,14 @@ def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
 
 def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstimate:
     """A map with the memory, with its corridors and a note."""
-    result, anew = remembered.estimate, remembered.begun_anew
-    note = _joined(None if anew is None else f"begun anew: {anew}", whole.estimate.note)
+    result, anew, late_s = remembered.estimate, remembered.begun_anew, remembered.late_s
+    note = _joined(
+        None if anew is None else f"begun anew: {anew}",
+        f"corrected poses, {abs(late_s):.2f} s {'late' if late_s > 0 else 'early'}"
+        if late_s
+        else None,
+        whole.estimate.note,
+    )
     if not np.isfinite(result.depth_m).any():
         return replace(result, note=note)
     return replace(decided(result, Ahead.of(result, rays, prior_of(whole))), note=note)

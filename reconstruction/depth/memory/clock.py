@@ -1,0 +1,165 @@
+"""The constant by which the clock of the poses differs from that of the frames.
+
+A pose that is late by d is that of the time t − d. Successive images tell: with the poses of
+t + d they fit, where the drone turns or accelerates; on a straight way at a constant speed nothing
+tells, and nothing is lost. The posterior of d is kept on a grid. Most rigs are synchronized:
+of the prior `SYNCHRONOUS` lies at zero, the rest is Gaussian.
+"""
+
+from collections import deque
+
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from ...base.arrays import Floats
+from ...capture import Optics
+from ...capture.motion import CORRELATION_S, USUAL_SIGMA_M, USUAL_SIGMA_RAD, PoseAt
+from .registration import Evidence, Keyframe, Registration
+
+MAX_OFFSET_S, GRID_S = 0.3, 0.01
+SYNCHRONOUS, SIGMA_S = 0.7, 0.15
+SURE = 0.05
+"""Poses are corrected where the probability that they are synchronous is less."""
+APART_S, EVERY_S = 0.25, 0.033
+"""Time between the two frames of a pair, and between pairs."""
+MAX_DEVIANCE = 25.0
+FORGET_S = 30.0
+"""Time in which evidence loses all but 1/e of its weight."""
+LEVER_S = 0.1
+"""Time over which the velocity is measured that carries the last pose on."""
+
+
+class ClockOffset:
+    """Estimates the delay of the poses from a flight's frames, and corrects poses by it.
+
+    Attributes
+    ----------
+    offset_s, sigma_s
+        Mean and standard deviation of d, positive where poses are late; 0 while nothing speaks
+        against synchronous clocks.
+    """
+
+    def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
+        self._registration = Registration(optics, shape)
+        count = round(MAX_OFFSET_S / GRID_S)
+        self._grid_s = GRID_S * np.arange(-count, count + 1)
+        wide = np.exp(-((self._grid_s / SIGMA_S) ** 2) / 2)
+        self._log_prior = np.log(
+            (1 - SYNCHRONOUS) * wide / wide.sum() + SYNCHRONOUS * (self._grid_s == 0)
+        )
+        self._log_likelihood = np.zeros_like(self._grid_s)
+        self._describe()
+        self.begin()
+
+    def begin(self) -> None:
+        """Forget the frames, not the clock: poses begin anew."""
+        self._poses: deque[PoseAt] = deque()
+        self._keyframes: deque[Keyframe] = deque()
+
+    def take(self, pose: PoseAt, image: Floats, log_depth: Floats | None) -> None:
+        """Add a frame's stated pose, image (H, W) and map of ln depth."""
+        self._poses.append(pose)
+        while pose.time_s - self._poses[0].time_s > 2 * MAX_OFFSET_S + 2 * APART_S:
+            self._poses.popleft()
+        keys = self._keyframes
+        if log_depth is None or (keys and pose.time_s - keys[-1].time_s < EVERY_S):
+            return
+        keys.append(self._registration.keyframe(pose.time_s, image, log_depth))
+        while pose.time_s - keys[0].time_s > MAX_OFFSET_S + 2 * APART_S:
+            keys.popleft()
+        pair = self._pair(pose.time_s - MAX_OFFSET_S)
+        if pair is not None:
+            self._learn(*pair)
+
+    def _pair(self, until_s: float) -> tuple[Keyframe, Keyframe] | None:
+        """The last frame whose poses of all offsets are known, and one `APART_S` before it."""
+        late = [each for each in self._keyframes if each.time_s <= until_s]
+        if not late:
+            return None
+        start_s = late[-1].time_s - APART_S
+        if self._poses[0].time_s > start_s - MAX_OFFSET_S or late[0].time_s > start_s:
+            return None
+        return late[-1], min(late, key=lambda each: abs(each.time_s - start_s))
+
+    def _learn(self, frame: Keyframe, before: Keyframe) -> None:
+        turns, shifts_m = self._relative(frame.time_s, before.time_s)
+        precision = self._precision(frame.time_s - before.time_s)
+        zero = len(self._grid_s) // 2
+        turn, shift_m = turns[zero], shifts_m[zero]
+        evidence = self._registration.evidence(
+            frame, before, turn.as_matrix(), shift_m, precision / 9
+        )
+        if evidence is None:
+            return
+        back = turn.inv()
+        errors = np.hstack([(back * turns).as_rotvec(), back.apply(shifts_m - shift_m)])
+        deviance = _deviance(evidence.beside_noise(precision), errors)
+        self._log_likelihood *= np.exp(-EVERY_S / FORGET_S)
+        self._log_likelihood -= np.minimum(deviance, MAX_DEVIANCE) / 2 * EVERY_S / CORRELATION_S
+        self._describe()
+
+    def _relative(self, time_s: float, before_s: float) -> tuple[Rotation, Floats]:
+        """Poses at a time in axes of those at an earlier one, for each offset of the grid."""
+        times_s = np.array([each.time_s for each in self._poses])
+        positions_m = np.array([each.position_m for each in self._poses])
+        turns = Slerp(times_s, Rotation.from_matrix(np.array([each.axes for each in self._poses])))
+        now_s, then_s = (
+            np.clip(each + self._grid_s, times_s[0], times_s[-1]) for each in (time_s, before_s)
+        )
+        now_m, then_m = (
+            np.column_stack([np.interp(each, times_s, axis) for axis in positions_m.T])
+            for each in (now_s, then_s)
+        )
+        back = turns(then_s).inv()
+        return back * turns(now_s), back.apply(now_m - then_m)
+
+    def _precision(self, apart_s: float) -> Floats:
+        """Inverse variances (6,) of a relative pose, by what the last pose states of its error."""
+        last = self._poses[-1]
+        part = 2 * (1 - np.exp(-apart_s / CORRELATION_S))
+        rad2 = max(last.variance_rad2, USUAL_SIGMA_RAD**2)
+        m2 = max(last.variance_m2, USUAL_SIGMA_M**2)
+        return 1 / (part * np.repeat([rad2, m2], 3))
+
+    def _describe(self) -> None:
+        log_posterior = self._log_prior + self._log_likelihood
+        weight = np.exp(log_posterior - log_posterior.max())
+        weight /= weight.sum()
+        mean_s = float(weight @ self._grid_s)
+        self.sigma_s = float(np.sqrt(weight @ (self._grid_s - mean_s) ** 2))
+        self.offset_s = mean_s if weight[self._grid_s == 0] < SURE else 0.0
+
+    def corrected(self) -> PoseAt:
+        """The last frame's pose at its own time: between the stated ones, or carried on."""
+        last, before = self._poses[-1], self._poses[-1]
+        at_s = last.time_s + self.offset_s
+        reference_s = min(at_s, last.time_s - LEVER_S)
+        for before in reversed(self._poses):
+            if before.time_s <= reference_s:
+                break
+        step_s = last.time_s - before.time_s
+        if step_s <= 0 or self.offset_s == 0:
+            return last
+        part = (at_s - before.time_s) / step_s
+        turn = Rotation.from_matrix(before.axes.T @ last.axes).as_rotvec()
+        grown = _growth(part, step_s)
+        return PoseAt(
+            last.time_s,
+            before.position_m + part * (last.position_m - before.position_m),
+            before.axes @ Rotation.from_rotvec(part * turn).as_matrix(),
+            grown * last.variance_m2,
+            grown * last.variance_rad2,
+        )
+
+
+def _deviance(evidence: Evidence, errors: Floats) -> Floats:
+    """−2 ln p of errors (n, 6), 0 at the likeliest."""
+    square = np.einsum("ni,ij,nj->n", errors, evidence.information, errors)
+    deviance = square - 2 * errors @ evidence.score
+    return np.asarray(deviance - deviance.min())
+
+
+def _growth(part: float, step_s: float) -> float:
+    """Variance at a part of the way from one pose to another, over that of either."""
+    common = np.exp(-step_s / CORRELATION_S)
+    return float(part**2 + (1 - part) ** 2 + 2 * common * part * (1 - part))
