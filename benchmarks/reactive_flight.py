@@ -43,10 +43,11 @@ FREE_M = 2.0
 GOAL_M, REACHED_M, GOAL_S = (6.0, 14.0), 1.0, 12.0
 COMMIT_S = 1.0
 """After turning on the spot it keeps to what was free so long."""
+REMEMBERS = "flight"
 SENSES = {
     "single frame": ("fog", "learned"),
-    "memory": ("fog", "flight"),
-    "memory, steered": ("fog-steered", "flight"),
+    "memory": ("fog", REMEMBERS),
+    "memory, steered": ("fog-steered", REMEMBERS),
     "true depth": ("fog", None),
 }
 FAMILIES = tuple(each for each in JUDGED_BY if each != "targets")
@@ -102,10 +103,12 @@ class Eyes:
     _number = 0
 
     def see(self, number: int, motion: Motion, *, decide: bool) -> FreeWay | None:
-        """Take a frame; the free way if it is time to decide."""
+        """Take a frame; the free way if it is time to decide. Others are for the memory alone."""
+        if not decide and self._method != REMEMBERS:
+            return None
         self._number, self._now = number, motion
         if self._method is None:
-            return self._true_way(motion) if decide else None
+            return self._true_way(motion)
         (shot,) = self._camera.shoot([motion], number)
         frame = replace(shot.frame, poses=self._stated(number, motion))
         try:

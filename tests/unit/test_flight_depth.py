@@ -14,7 +14,8 @@ from reconstruction import InputError, Reconstructor, read_capture, reconstruct,
 from reconstruction.capture import Truth
 from reconstruction.checks import checked_depths
 from reconstruction.depth import DepthEstimate
-from reconstruction.depth.methods.flight import ranges_of
+from reconstruction.depth.memory import Remembered
+from reconstruction.depth.methods.flight import ranges_of, stated
 from reconstruction.depth.methods.learned import FrameMap
 from reconstruction.evaluation import evaluate_flight, is_flight
 from reconstruction.outputs import read_result
@@ -100,6 +101,24 @@ def test_frames_out_of_order_begin_anew(flown):
     assert "is not after 0.042735 s" in notes[3]
     again = results(flown, [2, 3])
     np.testing.assert_array_equal(several[-1].depth_m, again[-1].depth_m)
+
+
+@pytest.mark.parametrize(
+    ("late_s", "anew", "note"),
+    [
+        (0.0, None, "given"),
+        (0.104, None, "from corrected poses, as those stated seem 0.10 s late; given"),
+        (
+            -0.05,
+            "a",
+            "begun anew: a; from corrected poses, as those stated seem 0.05 s early; given",
+        ),
+    ],
+)
+def test_what_the_memory_did_to_poses_is_reported(late_s, anew, note):
+    estimate = DepthEstimate(np.ones((2, 2)), note="given")
+    remembered = Remembered(estimate, np.zeros((0, 3)), anew, late_s)
+    assert stated(remembered, FrameMap(estimate), np.ones((2, 2, 3))).note == note
 
 
 def test_points_are_kept_in_the_result_file(flown, tmp_path):

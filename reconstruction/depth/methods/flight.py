@@ -68,9 +68,7 @@ def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstima
     result, anew, late_s = remembered.estimate, remembered.begun_anew, remembered.late_s
     note = _joined(
         None if anew is None else f"begun anew: {anew}",
-        f"corrected poses, {abs(late_s):.2f} s {'late' if late_s > 0 else 'early'}"
-        if late_s
-        else None,
+        _clock_note(late_s) if late_s else None,
         whole.estimate.note,
     )
     if not np.isfinite(result.depth_m).any():
@@ -85,6 +83,11 @@ def prior_of(whole: FrameMap) -> str:
     but few worlds.
     """
     return "learned" if whole.frame else "others"
+
+
+def _clock_note(late_s: float) -> str:
+    which = "late" if late_s > 0 else "early"
+    return f"from corrected poses, as those stated seem {abs(late_s):.2f} s {which}"
 
 
 def _joined(*notes: str | None) -> str | None:
