@@ -17,6 +17,7 @@ from reconstruction.capture.motion import pose_at
 from reconstruction.depth import MAX_RANGE_M, Context, DepthEstimate, View, pixel_rays
 from reconstruction.depth.ahead import Ahead
 from reconstruction.depth.memory import FlightMemory, Remembered
+from reconstruction.depth.memory.clock import ClockOffset
 from reconstruction.depth.methods.flight import prior_of, ranges_of
 from reconstruction.depth.methods.learned import METHOD as LEARNED
 from reconstruction.depth.methods.learned import FrameMap
@@ -75,16 +76,16 @@ class _Watched:
 def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFlight | None:
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
-    made = _watched(capture)
+    made = single_frames(capture)
     none = np.zeros((0, 3))
     alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(_judged(capture, alone, made))}, []
+    frames, taken_s = {SINGLE: list(judged(capture, alone, made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
-        maps = list(_remembered(stated, made))
+        maps = list(remembered(stated, made))
         taken_s.append((time.process_time() - begun_s) / capture.frames)
-        frames[kind] = list(_judged(capture, maps, made))
+        frames[kind] = list(judged(capture, maps, made))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
 
@@ -93,14 +94,14 @@ def maps_of(
 ) -> tuple[Capture, list[Remembered | None], list[FrameMap | None]]:
     """A flight, its maps with the memory by a kind of pose error, and those of its frames alone."""
     capture = load(flight)
-    stated, made = with_error(capture, POSE_ERRORS[kind], flight.seed), _watched(capture)
-    return capture, list(_remembered(stated, made)), [whole for _, whole in made]
+    stated, made = with_error(capture, POSE_ERRORS[kind], flight.seed), single_frames(capture)
+    return capture, list(remembered(stated, made)), [whole for _, whole in made]
 
 
 Made = list[tuple[View, FrameMap | None]]
 
 
-def _watched(capture: Capture) -> Made:
+def single_frames(capture: Capture) -> Made:
     """The single frames' maps, reconstructed in order."""
     watched = _Watched()
     reconstruct = Reconstructor(capture.setup, depth=watched)
@@ -109,27 +110,31 @@ def _watched(capture: Capture) -> Made:
     return watched.made
 
 
-def _remembered(capture: Capture, made: Made) -> Iterator[Remembered | None]:
-    """Maps with the memory."""
+def remembered(
+    capture: Capture, made: Made, clock: type[ClockOffset] = ClockOffset
+) -> Iterator[Remembered | None]:
+    """Maps with the memory, which takes the poses' clock for what `clock` says."""
     assert capture.optics is not None
     memory = FlightMemory(capture.optics, capture.plan.shape)
+    memory.clock = clock(capture.optics, capture.plan.shape)
     for number, (view, whole) in enumerate(made):
         pose = pose_at(capture.poses, number)
         assert pose is not None
         yield whole and memory.take(pose, view.image, whole.estimate, ranges_of(view, whole))
 
 
-def _judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> Iterator[Judged]:
+def judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> Iterator[Judged]:
+    """Maps against the truth of the frames that have one."""
     truth, poses, optics = capture.truth, capture.poses, capture.optics
     assert truth is not None
     assert poses is not None
     assert optics is not None
     rays = pixel_rays(optics, capture.plan.shape)
     for number in truth.frame.tolist():
-        remembered, whole, true = maps[number], made[number][1], truth.at(number)
-        if remembered is None or whole is None or remembered.estimate.sigma is None:
+        with_memory, whole, true = maps[number], made[number][1], truth.at(number)
+        if with_memory is None or whole is None or with_memory.estimate.sigma is None:
             continue
-        estimate = remembered.estimate
+        estimate = with_memory.estimate
         there = np.isfinite(true.depth_m) & (true.depth_m < MAX_RANGE_M)
         if not there.any() or not np.isfinite(estimate.depth_m).all():
             continue

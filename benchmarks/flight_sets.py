@@ -63,6 +63,8 @@ def flights(
     seeds: Sequence[int] = (0,),
     presets: Sequence[str] = PRESETS,
     weathers: Sequence[str] = tuple(WEATHERS),
+    motions: Sequence[str] = MOTIONS,
+    duration_s: float = DURATION_S,
     record: bool = True,
 ) -> Iterator[Flight]:
     """Flights of a group of families; those that `folder` lacks are recorded first, if asked.
@@ -70,7 +72,7 @@ def flights(
     Families without a clear path for a motion are left out.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    every = product(seeds, presets, weathers, MOTIONS, FAMILIES[group])
+    every = product(seeds, presets, weathers, motions, FAMILIES[group])
     for seed, preset, weather, motion, family in every:
         name = f"{family} {seed} {motion} {weather} {preset}".replace(" ", "_")
         flight = Flight(folder / f"{name}.h5", family, seed, motion, weather, preset)
@@ -78,20 +80,20 @@ def flights(
             if not record:
                 continue
             try:
-                _record(flight)
+                _record(flight, duration_s)
             except InputError as error:
                 print(f"{name}: left out, {error}")
                 continue
         yield flight
 
 
-def _record(flight: Flight) -> None:
+def _record(flight: Flight, duration_s: float) -> None:
     visibility_m = WEATHERS[flight.weather]
     fog = visibility_m and {"kind": "moderate-radiation", "visibility_m": visibility_m}
     changes = {"fog": fog, "rain": None}
     scene = draw_scene(flight.family, SEED + flight.seed, changes=changes)
     speed_m_s = 1.0 + 2.0 * np.random.default_rng([SEED, flight.seed]).random()
-    path = clear_path(scene, flight.motion, speed_m_s)
+    path = clear_path(scene, flight.motion, speed_m_s, duration_s + 0.01)
     record_flight(
         flight.path,
         scene,

@@ -7,7 +7,13 @@ from scipy.spatial.transform import Rotation
 from flights import FRAME_S, OPTICS, SHAPE
 from reconstruction.capture.motion import CORRELATION_S, PoseAt
 from reconstruction.depth import pixel_rays
-from reconstruction.depth.memory.clock import MAX_OFFSET_S, SYNCHRONOUS, ClockOffset, _growth
+from reconstruction.depth.memory.clock import (
+    APART_S,
+    MAX_OFFSET_S,
+    SYNCHRONOUS,
+    ClockOffset,
+    _growth,
+)
 from reconstruction.depth.memory.registration import Evidence, Registration
 
 WALL_M = 4.0
@@ -90,8 +96,21 @@ def test_other_frame_rates_are_as_good():
     assert after(4, 0.1, rate=0.25).offset_s == pytest.approx(0.1, abs=0.03)
 
 
-def test_few_frames_a_second_say_nothing():
-    assert after(20, 0.1, rate=0.02).offset_s == 0
+@pytest.mark.parametrize("rate", [0.02, 0.06])
+def test_few_frames_a_second_say_nothing(rate):
+    clock = after(20, 0.1, rate=rate)
+    assert clock.sigma_s == ClockOffset(OPTICS, SHAPE).sigma_s
+
+
+def test_no_pair_spans_a_gap():
+    """Nothing is learned until all poses that a pair needs are of after the gap."""
+    clock = ClockOffset(OPTICS, SHAPE)
+    for number in range(200):
+        time_s = number * FRAME_S + (2.0 if number >= 60 else 0.0)
+        clock.take(at(time_s), *view(at(time_s)))
+        learned = clock.sigma_s != ClockOffset(OPTICS, SHAPE).sigma_s
+        assert not learned or number * FRAME_S > 60 * FRAME_S + 2 * MAX_OFFSET_S + APART_S
+    assert learned
 
 
 @pytest.mark.parametrize("image", [np.zeros(SHAPE), np.full(SHAPE, 3.0), np.eye(64)])

@@ -22,6 +22,8 @@ SURE = 0.05
 """Poses are corrected where the probability that they are synchronous is less."""
 APART_S, EVERY_S = 0.25, 0.033
 """Time between the two frames of a pair, and between pairs."""
+MAX_STEP_S = 0.12
+"""Time between poses beyond which nothing is known of the motion between them."""
 MAX_DEVIANCE = 25.0
 FORGET_S = 30.0
 """Time in which evidence loses all but 1/e of its weight."""
@@ -77,9 +79,15 @@ class ClockOffset:
         if not late:
             return None
         start_s = late[-1].time_s - APART_S
-        if self._poses[0].time_s > start_s - MAX_OFFSET_S or late[0].time_s > start_s:
+        before = min(late, key=lambda each: abs(each.time_s - start_s))
+        steps_s = np.diff([each.time_s for each in self._poses])
+        if (
+            self._poses[0].time_s > start_s - MAX_OFFSET_S
+            or abs(before.time_s - start_s) > MAX_STEP_S
+            or steps_s.max() > MAX_STEP_S
+        ):
             return None
-        return late[-1], min(late, key=lambda each: abs(each.time_s - start_s))
+        return late[-1], before
 
     def _learn(self, frame: Keyframe, before: Keyframe) -> None:
         turns, shifts_m = self._relative(frame.time_s, before.time_s)
