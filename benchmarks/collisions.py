@@ -22,6 +22,7 @@ from options import benchmark_options, finish
 from reactive_flight import FAMILIES, SENSES, WEATHERS, Flown, fly, world
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.files import write_atomically
 from spisim.transport.backend import use_threads
 from spisim_paper.checks import Check, Interval, Table, surroundings
 
@@ -73,7 +74,7 @@ def flown(folder: Path, seed: int, family: str, weather: str, sense: str) -> Flo
         fields = {
             k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(flight).items()
         }
-        file.write_text(json.dumps(fields))
+        write_atomically(file, json.dumps(fields).encode())
         print(f"{name}: {flight.way_m:.0f} m, {flight.hits} collisions", flush=True)
     fields: dict[str, Any] = json.loads(file.read_text())
     fields["path_m"] = np.array(fields["path_m"])

@@ -26,7 +26,12 @@ from spisim_paper.checks import Check, Table, surroundings
 
 ROOT = Path(__file__).parents[1]
 PAGE, FOLDER = ROOT / "docs" / "results" / "flights.md", ROOT / "out" / "flight-clock"
-LATE_S = (0.0, 0.1, 0.2)
+ERRORS = {
+    "in time": POSE_ERRORS["correlated"],
+    "in time, white": POSE_ERRORS["white"],
+    "0.1 s late": POSE_ERRORS["correlated"].model_copy(update={"delay_s": 0.1}),
+    "0.2 s late": POSE_ERRORS["correlated"].model_copy(update={"delay_s": 0.2}),
+}
 DURATION_S, FROM_S = 6.0, 3.0
 PRESETS, WEATHER, MOTIONS = ("fog", "fog-steered"), "fog 50 m", ("sideways", "hover")
 WRONGLY, GAIN = 0.05, 1.0
@@ -40,7 +45,7 @@ class Outcome:
     """
 
     flight: Flight
-    late_s: float
+    error: str
     single: float
     stated: float
     corrected: float
@@ -90,64 +95,63 @@ def _outcomes(flight: Flight) -> list[Outcome]:
     none = np.zeros((0, 3))
     single = abs_rel([whole and Remembered(whole.estimate, none, None) for _, whole in made])
     outcomes = []
-    for late_s in LATE_S:
-        error = POSE_ERRORS["correlated"].model_copy(update={"delay_s": late_s})
+    for name, error in ERRORS.items():
         poses = with_error(capture, error, flight.seed)
         stated, corrected = (
             list(remembered(poses, made, clock)) for clock in (AsStated, ClockOffset)
         )
         offset_s = next(each.late_s for each in reversed(corrected) if each is not None)
         figures = single, abs_rel(stated), abs_rel(corrected), offset_s
-        outcomes.append(Outcome(flight, late_s, *figures))
+        outcomes.append(Outcome(flight, name, *figures))
     return outcomes
 
 
-def cells(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, str, float, list[Outcome]]]:
-    """Outcomes by preset, motion and delay."""
-    for preset, motion, late_s in product(PRESETS, MOTIONS, LATE_S):
+def cells(outcomes: Sequence[Outcome]) -> Iterator[tuple[str, str, str, list[Outcome]]]:
+    """Outcomes by preset, motion and error of the poses."""
+    for preset, motion, error in product(PRESETS, MOTIONS, ERRORS):
         some = [
             each
             for each in outcomes
-            if (each.flight.preset, each.flight.motion, each.late_s) == (preset, motion, late_s)
+            if (each.flight.preset, each.flight.motion, each.error) == (preset, motion, error)
         ]
         if some:
-            yield preset, motion, late_s, some
+            yield preset, motion, error, some
 
 
 def table(outcomes: Sequence[Outcome]) -> Table:
-    """Offsets and errors by preset, motion and delay."""
+    """Offsets and errors by preset, motion and error of the poses."""
     rows = []
-    for preset, motion, late_s, some in cells(outcomes):
+    for preset, motion, error, some in cells(outcomes):
         offsets_s = np.array([each.offset_s for each in some if each.offset_s])
         rows.append((
-            preset, motion, f"{late_s:g}", f"{len(offsets_s)} of {len(some)}",
+            preset, motion, error, f"{len(offsets_s)} of {len(some)}",
             f"{offsets_s.mean():.3f} ± {offsets_s.std():.3f}" if len(offsets_s) else "–",
             f"{_mean([each.stated / each.single for each in some]):.3f}",
             f"{_mean([each.corrected / each.single for each in some]):.3f}",
         ))  # fmt: skip
     return Table(
-        f"Poses late by so many seconds: flights of {DURATION_S:g} s whose poses were corrected at "
+        f"Flights of {DURATION_S:g} s, by the error of their poses: those corrected at "
         "their end, by how much (mean and deviation), and AbsRel over that of the single frame "
         f"after {FROM_S:g} s with poses as stated and corrected.",
-        ("preset", "motion", "late, s", "corrected", "by, s", "as stated", "corrected"),
+        ("preset", "motion", "poses", "flights corrected", "by, s", "as stated", "corrected"),
         rows,
     )
 
 
 def promises(outcomes: Sequence[Outcome]) -> Iterator[Check]:
     """What is promised of unseen families."""
-    in_time = [each for each in outcomes if not each.late_s]
+    in_time = [each for each in outcomes if not ERRORS[each.error].delay_s]
     wrongly = float(np.mean([each.offset_s != 0 for each in in_time]))
     yield Check("flights whose poses were corrected though synchronous", wrongly, WRONGLY)
-    for late_s in LATE_S[1:]:
-        some = [each for each in outcomes if each.late_s == late_s]
+    for error in (name for name, each in ERRORS.items() if each.delay_s):
+        some = [each for each in outcomes if each.error == error]
         logs = np.log([each.corrected / each.stated for each in some])
         figure = of_figure(
             lambda which, logs=logs: float(np.exp(logs[which].mean())),  # type: ignore[misc]
             [each.flight.family for each in some],
             positive=True,
         )
-        name = f"AbsRel with poses corrected over as stated, {late_s:g} s late"
+        name = f"AbsRel with poses corrected over as stated, poses {error}"
         yield Check(name, float(np.exp(logs.mean())), GAIN, interval=figure)
 
 

@@ -9,8 +9,10 @@ from reconstruction.capture.motion import CORRELATION_S, PoseAt
 from reconstruction.depth import pixel_rays
 from reconstruction.depth.memory.clock import (
     APART_S,
+    LEVER_S,
     MAX_OFFSET_S,
     SYNCHRONOUS,
+    TOLERANCE_S,
     ClockOffset,
     _growth,
 )
@@ -78,6 +80,28 @@ def test_before_any_pair_the_prior_is_kept():
     assert clock.sigma_s == pytest.approx(0.13 * np.sqrt(1 - SYNCHRONOUS), rel=0.05)
 
 
+def test_noise_of_poses_that_changes_from_frame_to_frame_is_no_delay():
+    clock, rng = ClockOffset(OPTICS, SHAPE), np.random.default_rng(1)
+    for number in range(500):
+        true = at(number * FRAME_S)
+        off = Rotation.from_rotvec(np.radians(0.3) * rng.standard_normal(3)).as_matrix()
+        noisy_m = true.position_m + 0.02 * rng.standard_normal(3)
+        clock.take(true._replace(position_m=noisy_m, axes=true.axes @ off), *view(true))
+        assert clock.offset_s == 0
+    assert clock.sigma_s < 0.03
+
+
+def test_poses_are_corrected_from_sure_to_unsure():
+    clock = ClockOffset(OPTICS, SHAPE)
+    near = np.abs(clock._grid_s) < TOLERANCE_S
+    for synchronous, corrects in [(0.1, False), (0.04, True), (0.1, True), (0.4, False)]:
+        clock._log_likelihood = np.full(len(near), -30.0)
+        clock._log_likelihood[-1] = np.log(1 - synchronous) - clock._log_prior[-1]
+        clock._log_likelihood[near] = np.log(synchronous / near.sum()) - clock._log_prior[near]
+        clock._describe()
+        assert (clock.offset_s > 0) == corrects
+
+
 @pytest.mark.parametrize("late_s", [0.1, -0.1])
 def test_a_corrected_pose_is_nearer_to_the_true_one(late_s):
     clock = after(3, late_s)
@@ -89,7 +113,29 @@ def test_a_corrected_pose_is_nearer_to_the_true_one(late_s):
     ]
     assert off[1] < 0.35 * off[0]
     assert corrected.time_s == stated.time_s
-    assert (corrected.variance_rad2 > stated.variance_rad2) == (late_s > 0)
+    assert corrected.variance_rad2 > stated.variance_rad2
+
+
+def test_a_pose_early_by_less_than_the_lever_is_between_its_neighbours():
+    clock = ClockOffset(OPTICS, SHAPE)
+    for number in range(60):
+        clock.take(at(number * FRAME_S), np.ones(SHAPE), None)
+    clock.offset_s, clock.sigma_s = -0.05, 0.01
+    corrected, true = clock.corrected(), at(59 * FRAME_S - 0.05)
+    np.testing.assert_allclose(corrected.axes, true.axes, atol=1e-5)
+    spin_rad_s = np.radians(7) * 2.6 * np.cos(2.6 * true.time_s)
+    unsure = corrected.variance_rad2 - _growth(0.15, FRAME_S) * STATED[1]
+    assert unsure == pytest.approx((0.01 * spin_rad_s) ** 2 / 3, rel=0.05)
+
+
+def test_after_a_jump_poses_are_as_stated_until_their_motion_is_known():
+    clock = after(3, 0.1)
+    assert clock.offset_s
+    clock.begin()
+    for number in range(15):
+        pose = at(9 + number * FRAME_S)
+        clock.take(pose, *view(pose))
+        assert (clock.corrected() is pose) == (number * FRAME_S < LEVER_S)
 
 
 def test_other_frame_rates_are_as_good():
@@ -120,6 +166,42 @@ def test_images_that_never_change_say_nothing_or_that_all_is_well(image):
         clock.take(at(0, number * FRAME_S), image, np.full(SHAPE, 1.0))
         assert np.isfinite(clock.sigma_s)
     assert clock.offset_s == 0
+
+
+def test_a_frame_of_one_brightness_says_nothing():
+    clock = ClockOffset(OPTICS, SHAPE)
+    for number in range(200):
+        pose = at(number * FRAME_S)
+        image, log_depth = view(pose)
+        clock.take(pose, np.full(SHAPE, 3.0) if 60 <= number < 100 else image, log_depth)
+        assert np.isfinite(clock.sigma_s)
+
+
+@pytest.mark.parametrize("shape", [(1, 64), (64, 1), (64, 2), (16, 16), (16, 32), (128, 96)])
+@pytest.mark.parametrize("scale", [1e-3, 1.0, 1e12])
+def test_images_of_any_shape_and_scale_are_taken(shape, scale):
+    clock, rng = ClockOffset(OPTICS, shape), np.random.default_rng(2)
+    for number in range(150):
+        log_depth = rng.uniform(np.log(0.1), np.log(50), shape)
+        clock.take(at(number * FRAME_S), scale * rng.random(shape), log_depth)
+        assert np.isfinite(clock.sigma_s)
+        assert np.isfinite(clock.corrected().axes).all()
+
+
+def test_a_pair_is_learned_once():
+    clock, times_s = ClockOffset(OPTICS, SHAPE), []
+    evidence = clock._registration.evidence
+
+    def counted(frame, *others):
+        times_s.append(frame.time_s)
+        return evidence(frame, *others)
+
+    clock._registration.evidence = counted
+    for number in range(250):
+        image, log_depth = view(at(number * FRAME_S))
+        clock.take(at(number * FRAME_S), image, None if 90 < number < 120 else log_depth)
+    assert len(times_s) > 20
+    assert len(set(times_s)) == len(times_s)
 
 
 def test_memory_is_flat_and_frames_without_a_map_are_passed_over():
@@ -155,7 +237,7 @@ def test_views_without_overlap_are_no_evidence():
 
 def test_noise_beside_evidence_adds_to_its_variance():
     evidence = Evidence(np.diag(np.full(6, 4.0)), np.full(6, 2.0))
-    result = evidence.beside_noise(np.full(6, 0.5))
+    result = evidence.marginalized(np.full(6, 0.5))
     np.testing.assert_allclose(np.diag(result.information), 1 / (1 / 4 + 1 / 0.5))
     np.testing.assert_allclose(result.score / np.diag(result.information), 0.5)
 

@@ -259,6 +259,20 @@ def test_a_jump_of_the_pose_is_named_and_all_is_forgotten():
     np.testing.assert_array_equal(result.depth_m, alone.depth_m)
 
 
+def test_poses_are_those_that_the_clock_corrects():
+    memory, begun = FlightMemory(OPTICS, SHAPE), []
+    memory.clock.begin = lambda: begun.append(True)
+    memory.clock.offset_s = 0.1
+    memory.clock.corrected = lambda: pose(0, (0, 0, 1))
+    result = memory.take(pose(0), IMAGE, estimate(6.0), measured(5.0))
+    assert result.late_s == 0.1
+    assert memory.ranges.points.position_m[:, 2] == pytest.approx([6] * 4)
+    assert result.points_m[:, 2] == pytest.approx([5] * 4)
+    assert not begun
+    memory.take(pose(1, (0, 0, 20)), IMAGE, estimate(6.0), measured(5.0))
+    assert begun
+
+
 def test_maps_without_sigma_or_depth_are_left_as_they_are_and_ranges_kept():
     memory = FlightMemory(OPTICS, SHAPE)
     for given in (

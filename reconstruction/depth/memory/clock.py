@@ -1,15 +1,15 @@
 """The constant by which the clock of the poses differs from that of the frames.
 
-A pose that is late by d is that of the time t − d. Successive images tell: with the poses of
-t + d they fit, where the drone turns or accelerates; on a straight way at a constant speed nothing
-tells, and nothing is lost. The posterior of d is kept on a grid. Most rigs are synchronized:
-of the prior `SYNCHRONOUS` lies at zero, the rest is Gaussian.
+A pose that is late by d is that of the time t − d. Successive images tell: they fit with the poses
+of t + d, where speed or rate of turn change; while these are constant nothing tells, and nothing is
+lost. The posterior of d is kept on a grid. Most rigs are synchronous: `SYNCHRONOUS` of the prior
+lies within `TOLERANCE_S`, the rest is Gaussian.
 """
 
 from collections import deque
 
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from ...base.arrays import Floats
 from ...capture import Optics
@@ -17,14 +17,17 @@ from ...capture.motion import CORRELATION_S, USUAL_SIGMA_M, USUAL_SIGMA_RAD, Pos
 from .registration import Evidence, Keyframe, Registration
 
 MAX_OFFSET_S, GRID_S = 0.3, 0.01
-SYNCHRONOUS, SIGMA_S = 0.7, 0.15
-SURE = 0.05
-"""Poses are corrected where the probability that they are synchronous is less."""
+SYNCHRONOUS, TOLERANCE_S, SIGMA_S = 0.7, 0.015, 0.15
+START, STOP = 0.05, 0.3
+"""Poses are corrected from where the probability that they are synchronous falls below the first
+until it rises above the second."""
 APART_S, EVERY_S = 0.25, 0.033
 """Time between the two frames of a pair, and between pairs."""
 MAX_STEP_S = 0.12
 """Time between poses beyond which nothing is known of the motion between them."""
 MAX_DEVIANCE = 25.0
+DAMPING = 9.0
+"""Variance of a relative pose, while images are aligned, over what is stated of it."""
 FORGET_S = 30.0
 """Time in which evidence loses all but 1/e of its weight."""
 LEVER_S = 0.1
@@ -36,9 +39,10 @@ class ClockOffset:
 
     Attributes
     ----------
-    offset_s, sigma_s
-        Mean and standard deviation of d, positive where poses are late; 0 while nothing speaks
-        against synchronous clocks.
+    offset_s
+        Mean of d, positive where poses are late; 0 while nothing speaks against synchronous clocks.
+    sigma_s
+        Standard deviation of d.
     """
 
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
@@ -46,10 +50,12 @@ class ClockOffset:
         count = round(MAX_OFFSET_S / GRID_S)
         self._grid_s = GRID_S * np.arange(-count, count + 1)
         wide = np.exp(-((self._grid_s / SIGMA_S) ** 2) / 2)
+        self._near = np.abs(self._grid_s) < TOLERANCE_S
         self._log_prior = np.log(
-            (1 - SYNCHRONOUS) * wide / wide.sum() + SYNCHRONOUS * (self._grid_s == 0)
+            (1 - SYNCHRONOUS) * wide / wide.sum() + SYNCHRONOUS * self._near / self._near.sum()
         )
         self._log_likelihood = np.zeros_like(self._grid_s)
+        self._corrects = False
         self._describe()
         self.begin()
 
@@ -57,6 +63,7 @@ class ClockOffset:
         """Forget the frames, not the clock: poses begin anew."""
         self._poses: deque[PoseAt] = deque()
         self._keyframes: deque[Keyframe] = deque()
+        self._learned_s: float | None = None
 
     def take(self, pose: PoseAt, image: Floats, log_depth: Floats | None) -> None:
         """Add a frame's stated pose, image (H, W) and map of ln depth."""
@@ -74,9 +81,9 @@ class ClockOffset:
             self._learn(*pair)
 
     def _pair(self, until_s: float) -> tuple[Keyframe, Keyframe] | None:
-        """The last frame whose poses of all offsets are known, and one `APART_S` before it."""
+        """The last frame whose poses of all offsets are known, if new, and one `APART_S` before."""
         late = [each for each in self._keyframes if each.time_s <= until_s]
-        if not late:
+        if not late or late[-1].time_s == self._learned_s:
             return None
         start_s = late[-1].time_s - APART_S
         before = min(late, key=lambda each: abs(each.time_s - start_s))
@@ -95,31 +102,32 @@ class ClockOffset:
         zero = len(self._grid_s) // 2
         turn, shift_m = turns[zero], shifts_m[zero]
         evidence = self._registration.evidence(
-            frame, before, turn.as_matrix(), shift_m, precision / 9
+            frame, before, turn.as_matrix(), shift_m, precision / DAMPING
         )
+        passed_s = EVERY_S if self._learned_s is None else frame.time_s - self._learned_s
+        self._learned_s = frame.time_s
         if evidence is None:
             return
         back = turn.inv()
         errors = np.hstack([(back * turns).as_rotvec(), back.apply(shifts_m - shift_m)])
-        deviance = _deviance(evidence.beside_noise(precision), errors)
-        self._log_likelihood *= np.exp(-EVERY_S / FORGET_S)
-        self._log_likelihood -= np.minimum(deviance, MAX_DEVIANCE) / 2 * EVERY_S / CORRELATION_S
+        deviance = np.minimum(_deviance(evidence.marginalized(precision), errors), MAX_DEVIANCE)
+        weight = min(passed_s / CORRELATION_S, 1.0)
+        self._log_likelihood *= np.exp(-passed_s / FORGET_S)
+        self._log_likelihood -= weight * deviance / 2
         self._describe()
 
     def _relative(self, time_s: float, before_s: float) -> tuple[Rotation, Floats]:
-        """Poses at a time in axes of those at an earlier one, for each offset of the grid."""
+        """Poses at a time in axes of those at an earlier one, for each offset of the grid.
+
+        The nearest ones, as interpolated ones have less noise, which would speak for their offset.
+        """
         times_s = np.array([each.time_s for each in self._poses])
         positions_m = np.array([each.position_m for each in self._poses])
-        turns = Slerp(times_s, Rotation.from_matrix(np.array([each.axes for each in self._poses])))
-        now_s, then_s = (
-            np.clip(each + self._grid_s, times_s[0], times_s[-1]) for each in (time_s, before_s)
-        )
-        now_m, then_m = (
-            np.column_stack([np.interp(each, times_s, axis) for axis in positions_m.T])
-            for each in (now_s, then_s)
-        )
-        back = turns(then_s).inv()
-        return back * turns(now_s), back.apply(now_m - then_m)
+        turns = Rotation.from_matrix(np.array([each.axes for each in self._poses]))
+        middles_s = (times_s[1:] + times_s[:-1]) / 2
+        now, then = (np.searchsorted(middles_s, at + self._grid_s) for at in (time_s, before_s))
+        back = turns[then].inv()
+        return back * turns[now], back.apply(positions_m[now] - positions_m[then])
 
     def _precision(self, apart_s: float) -> Floats:
         """Inverse variances (6,) of a relative pose, by what the last pose states of its error."""
@@ -135,28 +143,29 @@ class ClockOffset:
         weight /= weight.sum()
         mean_s = float(weight @ self._grid_s)
         self.sigma_s = float(np.sqrt(weight @ (self._grid_s - mean_s) ** 2))
-        self.offset_s = mean_s if weight[self._grid_s == 0] < SURE else 0.0
+        self._corrects = weight[self._near].sum() < (STOP if self._corrects else START)
+        self.offset_s = mean_s if self._corrects and abs(mean_s) > TOLERANCE_S else 0.0
 
     def corrected(self) -> PoseAt:
-        """The last frame's pose at its own time: between the stated ones, or carried on."""
-        last, before = self._poses[-1], self._poses[-1]
+        """The last frame's pose at its own time: between two stated ones, or carried on."""
+        last = self._poses[-1]
         at_s = last.time_s + self.offset_s
-        reference_s = min(at_s, last.time_s - LEVER_S)
-        for before in reversed(self._poses):
-            if before.time_s <= reference_s:
-                break
-        step_s = last.time_s - before.time_s
-        if step_s <= 0 or self.offset_s == 0:
+        early = self.offset_s < 0
+        earlier = [p for p in self._poses if p.time_s <= (at_s if early else last.time_s - LEVER_S)]
+        if not self.offset_s or not earlier:
             return last
+        before, after = earlier[-1], self._poses[len(earlier)] if early else last
+        step_s = after.time_s - before.time_s
         part = (at_s - before.time_s) / step_s
-        turn = Rotation.from_matrix(before.axes.T @ last.axes).as_rotvec()
-        grown = _growth(part, step_s)
+        way_m = after.position_m - before.position_m
+        turn = Rotation.from_matrix(before.axes.T @ after.axes).as_rotvec()
+        grown, unsure = _growth(part, step_s), (self.sigma_s / step_s) ** 2 / 3
         return PoseAt(
             last.time_s,
-            before.position_m + part * (last.position_m - before.position_m),
+            before.position_m + part * way_m,
             before.axes @ Rotation.from_rotvec(part * turn).as_matrix(),
-            grown * last.variance_m2,
-            grown * last.variance_rad2,
+            grown * last.variance_m2 + unsure * float(way_m @ way_m),
+            grown * last.variance_rad2 + unsure * float(turn @ turn),
         )
 
 

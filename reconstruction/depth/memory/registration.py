@@ -1,7 +1,7 @@
 """How well the pose of a frame, relative to an earlier one, explains both images.
 
 With the map of the frame, every pixel has its place in the earlier image. The frame's is that
-times a gain, and what moves with the camera: veil and beam. What they leave is laid to an error of
+times a gain, plus what moves with the camera: veil and beam. What they leave is laid to an error of
 the relative pose (direct alignment: Lucas & Kanade, IJCAI 1981; with depth: Kerl, Sturm & Cremers,
 ICRA 2013).
 """
@@ -21,11 +21,13 @@ from .maps import MIN_DEPTH_M, sampled
 ROWS = 32
 """Rows of the images that are compared, after a blur by `BLUR` of their pixels."""
 BLUR = 1.25
-INDEPENDENT = 15.0
-"""Pixels of the compared images to an independent one: the blur's 4 pi BLUR², about."""
+INDEPENDENT = 4 * np.pi * BLUR**2
+"""Pixels of the compared images to an independent one, as the blur leaves them."""
 STEPS = 3
 MIN_OVERLAP = 0.3
 """Part of a frame that must be in view of the other."""
+FLAT = 1e-6
+"""Relative contrast below which there is nothing to see."""
 FLOOR = 1e-3
 """Smallest deviation of two images, in standard deviations of one."""
 
@@ -39,8 +41,8 @@ class Evidence(NamedTuple):
     information: Floats
     score: Floats
 
-    def beside_noise(self, precision: Floats) -> "Evidence":
-        """Of a part of x (6,), the rest of which is noise of the inverse variances (6,)."""
+    def marginalized(self, precision: Floats) -> "Evidence":
+        """Of a part of x, the rest of which is noise of the inverse variances (6,)."""
         kept = precision[:, None] * np.linalg.inv(self.information + np.diag(precision))
         return Evidence(kept @ self.information, kept @ self.score)
 
@@ -63,7 +65,7 @@ class Registration:
         self._rays = pixel_rays(optics, shape)[:: self._step, :: self._step]
         self._shape = self._rays.shape[:2]
         self._blur = BLUR * self._step
-        self._whole = shape
+        self._full_shape = shape
 
     def keyframe(self, time_s: float, image: Floats, log_depth: Floats) -> Keyframe:
         """What is kept of a frame's image (H, W) and map of ln depth."""
@@ -79,15 +81,16 @@ class Registration:
         ``turn`` (3, 3) and ``shift_m`` (3,) take points of ``frame`` into ``before``; ``precision``
         (6,) are the inverse variances of their error, by which its estimates are damped.
         """
-        flow = self._flow(frame.points_m)
-        error = np.zeros(6)
+        if min(self._shape) < 2:
+            return None
+        flow, error = self._flow(frame.points_m), np.zeros(6)
         for _ in range(STEPS):
             found = self._at(error, frame, before, turn, shift_m, flow)
             if found is None:
                 return None
-            whole = found._replace(score=found.score + found.information @ error)
-            error = np.asarray(np.linalg.solve(whole.information + np.diag(precision), whole.score))
-        return whole
+            total = found._replace(score=found.score + found.information @ error)
+            error = np.asarray(np.linalg.solve(total.information + np.diag(precision), total.score))
+        return total
 
     def _at(
         self,
@@ -105,20 +108,22 @@ class Registration:
         )
         local_m = (frame.points_m @ turn.T + shift_m).reshape(-1, 3)
         local_m[:, 2] = np.maximum(local_m[:, 2], MIN_DEPTH_M)
-        pixel = pixel_of(local_m, self._optics, self._whole) / self._step
+        pixel = pixel_of(local_m, self._optics, self._full_shape) / self._step
         inside = in_view(pixel, self._shape)
-        carried = sampled(before.image, pixel)
-        if inside.mean() < MIN_OVERLAP or not np.ptp(carried[inside]) > 0:
+        if inside.mean() < MIN_OVERLAP:
+            return None
+        carried, image = sampled(before.image, pixel), frame.image.ravel()[inside]
+        if min(np.ptp(carried[inside]), np.ptp(image)) <= FLAT * np.abs(image).max():
             return None
         slope = np.gradient(carried.reshape(self._shape))
         moved = flow[0] * slope[0].ravel() + flow[1] * slope[1].ravel()
         others = np.array([carried, before.image.ravel()])
-        return _least_squares(moved[:, inside], others[:, inside], frame.image.ravel()[inside])
+        return _least_squares(moved[:, inside], others[:, inside], image)
 
     def _flow(self, points_m: Floats) -> tuple[Floats, Floats]:
         """Rows and columns (6, N) by which pixels move by each part of the error."""
         x, y, z = points_m.reshape(-1, 3).T
-        height, width = (side / self._step for side in self._whole)
+        height, width = (side / self._step for side in self._full_shape)
         zero, one = np.zeros_like(z), np.ones_like(z)
         across = np.array([zero, z, -y, one, zero, zero])
         down = np.array([-z, zero, x, zero, one, zero])
