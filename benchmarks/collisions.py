@@ -45,10 +45,18 @@ def main() -> int:
             "--film": {"type": Path, "help": "animation of one world, as GIF"},
             "--seeds": {"type": int, "default": 1, "help": "worlds of each family"},
             "--workers": {"type": int, "default": 1, "help": "processes that fly"},
+            "--flown": {"action": "store_true", "help": "only worlds whose flights are all there"},
         },
     )
     families = QUICK if options.quick else FAMILIES
-    every = product([options.folder], range(options.seeds), families, WEATHERS, SENSES)
+    worlds = [
+        each
+        for each in product(range(options.seeds), families, WEATHERS)
+        if not options.flown or all(kept(options.folder, *each, sense).exists() for sense in SENSES)
+    ]
+    if not worlds:
+        sys.exit(f"{options.folder} has no world whose flights are all there")
+    every = [(options.folder, *each, sense) for each in worlds for sense in SENSES]
     with ProcessPoolExecutor(options.workers) as pool:
         flights = list(pool.map(flown, *zip(*every, strict=True)))
     if options.film is not None:
@@ -63,23 +71,28 @@ def main() -> int:
 
 
 def flown(folder: Path, seed: int, family: str, weather: str, sense: str) -> Flown:
-    """A flight of the folder, flown if it is not there; the truth knows no weather."""
+    """A flight of the folder, flown if it is not there."""
     use_threads(1)
     folder.mkdir(parents=True, exist_ok=True)
-    air = CLEAR if sense == TRUE else weather
-    name = f"{family} {seed} {air} {sense}".replace(" ", "_").replace(",", "")
-    file = folder / f"{name}.json"
+    file = kept(folder, seed, family, weather, sense)
     if not file.exists():
-        flight = fly(family, seed, air, sense)
+        flight = fly(family, seed, weather, sense)
         fields = {
             k: v.tolist() if isinstance(v, np.ndarray) else v for k, v in asdict(flight).items()
         }
         write_atomically(file, json.dumps(fields).encode())
-        print(f"{name}: {flight.way_m:.0f} m, {flight.hits} collisions", flush=True)
+        print(f"{file.stem}: {flight.way_m:.0f} m, {flight.hits} collisions", flush=True)
     fields: dict[str, Any] = json.loads(file.read_text())
     fields["path_m"] = np.array(fields["path_m"])
     fields["hits_m"] = np.array(fields["hits_m"]).reshape(-1, 3)
     return Flown(**fields | {"weather": weather})
+
+
+def kept(folder: Path, seed: int, family: str, weather: str, sense: str) -> Path:
+    """Where a flight is kept; the truth knows no weather."""
+    air = CLEAR if sense == TRUE else weather
+    name = f"{family} {seed} {air} {sense}".replace(" ", "_").replace(",", "")
+    return folder / f"{name}.json"
 
 
 def of(flights: Sequence[Flown], weather: str, sense: str) -> list[Flown]:
