@@ -149,10 +149,11 @@ class ClockOffset:
     def corrected(self) -> PoseAt:
         """The last frame's pose at its own time: between two stated ones, or carried on."""
         last = self._poses[-1]
-        at_s = last.time_s + self.offset_s
-        early = self.offset_s < 0
+        if not self.offset_s:
+            return last
+        at_s, early = last.time_s + self.offset_s, self.offset_s < 0
         earlier = [p for p in self._poses if p.time_s <= (at_s if early else last.time_s - LEVER_S)]
-        if not self.offset_s or not earlier:
+        if not earlier:
             return last
         before, after = earlier[-1], self._poses[len(earlier)] if early else last
         step_s = after.time_s - before.time_s
