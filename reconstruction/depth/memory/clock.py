@@ -7,14 +7,17 @@ lies within `TOLERANCE_S`, the rest is Gaussian.
 """
 
 from collections import deque
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import CORRELATION_S, USUAL_SIGMA_M, USUAL_SIGMA_RAD, PoseAt
 from .registration import Evidence, Keyframe, Registration
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 MAX_OFFSET_S, GRID_S = 0.3, 0.01
 SYNCHRONOUS, TOLERANCE_S, SIGMA_S = 0.7, 0.015, 0.15
@@ -116,11 +119,13 @@ class ClockOffset:
         self._log_likelihood -= weight * deviance / 2
         self._describe()
 
-    def _relative(self, time_s: float, before_s: float) -> tuple[Rotation, Floats]:
+    def _relative(self, time_s: float, before_s: float) -> "tuple[Rotation, Floats]":
         """Poses at a time in axes of those at an earlier one, for each offset of the grid.
 
         The nearest ones, as interpolated ones have less noise, which would speak for their offset.
         """
+        from scipy.spatial.transform import Rotation  # slow to load
+
         times_s = np.array([each.time_s for each in self._poses])
         positions_m = np.array([each.position_m for each in self._poses])
         turns = Rotation.from_matrix(np.array([each.axes for each in self._poses]))
@@ -155,6 +160,8 @@ class ClockOffset:
         earlier = [p for p in self._poses if p.time_s <= (at_s if early else last.time_s - LEVER_S)]
         if not earlier:
             return last
+        from scipy.spatial.transform import Rotation
+
         before, after = earlier[-1], self._poses[len(earlier)] if early else last
         step_s = after.time_s - before.time_s
         part = (at_s - before.time_s) / step_s

@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import gaussian_filter
-from scipy.spatial.transform import Rotation
 
 from ...base.arrays import Floats
 from ...capture import Optics
@@ -69,6 +67,8 @@ class Registration:
 
     def keyframe(self, time_s: float, image: Floats, log_depth: Floats) -> Keyframe:
         """What is kept of a frame's image (H, W) and map of ln depth."""
+        from scipy.ndimage import gaussian_filter  # slow to load
+
         every = (slice(None, None, self._step),) * 2
         blurred = gaussian_filter(image.astype(np.float64), self._blur, mode="nearest")[every]
         return Keyframe(time_s, blurred, self._rays * np.exp(log_depth[every])[..., None])
@@ -102,6 +102,8 @@ class Registration:
         flow: tuple[Floats, Floats],
     ) -> Evidence | None:
         """Evidence on what the error is beyond a given one (6,), about which it is linear."""
+        from scipy.spatial.transform import Rotation  # slow to load
+
         shift_m, turn = (
             shift_m + turn @ error[3:],
             turn @ Rotation.from_rotvec(error[:3]).as_matrix(),
