@@ -14,7 +14,7 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from flight_judging import judged, remembered, single_frames
+from flight_judging import alone, judged, remembered, single_frames
 from flight_sets import POSE_ERRORS, Flight, flights, load, with_error
 from intervals import of_figure
 from options import benchmark_options, finish
@@ -92,8 +92,7 @@ def _outcomes(flight: Flight) -> list[Outcome]:
         frames = [each for each in judged(capture, maps, made) if each.time_s >= FROM_S]
         return float(np.mean([each.abs_rel for each in frames]))
 
-    none = np.zeros((0, 3))
-    single = abs_rel([whole and Remembered(whole.estimate, none, None) for _, whole in made])
+    single = abs_rel(alone(made))
     outcomes = []
     for name, error in ERRORS.items():
         poses = with_error(capture, error, flight.seed)

@@ -77,9 +77,7 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = single_frames(capture)
-    none = np.zeros((0, 3))
-    alone = [whole and Remembered(whole.estimate, none, None) for _, whole in made]
-    frames, taken_s = {SINGLE: list(judged(capture, alone, made))}, []
+    frames, taken_s = {SINGLE: list(judged(capture, alone(made), made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
         begun_s = time.process_time()
@@ -108,6 +106,12 @@ def single_frames(capture: Capture) -> Made:
     for number in range(capture.frames):
         reconstruct(capture.batch(number, number + 1))
     return watched.made
+
+
+def alone(made: Made) -> list[Remembered | None]:
+    """Maps of the single frames, as if with a memory of nothing."""
+    none = np.zeros((0, 3))
+    return [whole and Remembered(whole.estimate, none, None) for _, whole in made]
 
 
 def remembered(

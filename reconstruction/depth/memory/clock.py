@@ -1,7 +1,7 @@
 """The constant by which the clock of the poses differs from that of the frames.
 
-A pose that is late by d is that of the time t − d. Successive images tell: they fit with the poses
-of t + d, where speed or rate of turn change; while these are constant nothing tells, and nothing is
+A pose that is late by d is that of the time t − d. Where speed or rate of turn change, successive
+images fit with the poses of t + d alone; while these are constant, no d fits better, and nothing is
 lost. The posterior of d is kept on a grid. Most rigs are synchronous: `SYNCHRONOUS` of the prior
 lies within `TOLERANCE_S`, the rest is Gaussian.
 """
