@@ -7,7 +7,7 @@ subtracted from the image as far as the fog is known.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -129,6 +129,17 @@ class NetworkInput:
         if not weight.any():
             return float(np.log(USUAL_M))
         return float(weight @ np.nan_to_num(best.log_depth) / weight.sum())
+
+
+def raised(frame: NetworkInput, noise: float) -> NetworkInput | None:
+    """A dark image with bright pixels as bright as ``noise``; None where that is 0 or unknown.
+
+    Training had images that noise alone made brighter than 0. Those it made darker are the same
+    views: open sky in clear air.
+    """
+    if not noise > 0:
+        return None
+    return replace(frame, image=frame.image + (noise - frame.bright))
 
 
 class Inputs(NamedTuple):

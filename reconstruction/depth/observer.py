@@ -133,3 +133,8 @@ def _noise(view: View) -> float:
     if not np.isfinite(variance).all() or not spread > 0:
         return USUAL_NOISE
     return float(np.sqrt(variance.mean()) / spread)
+
+
+def brightness_noise(view: View) -> float:
+    """Rms noise of an image's mean brightness, if one reading is that of all its pixels."""
+    return float(np.sqrt(view.frame.buckets.variance[0].mean())) / view.image.size

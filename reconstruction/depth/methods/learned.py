@@ -21,8 +21,8 @@ from ...capture.spots import USUAL_SPOTS
 from ..ahead import Ahead
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
-from ..network_input import NetworkInput, inputs_of, of_fraction
-from ..observer import Observer
+from ..network_input import NetworkInput, inputs_of, of_fraction, raised
+from ..observer import Observer, brightness_noise
 from ..pixels import pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
@@ -30,6 +30,7 @@ from .dense import METHOD as DENSE
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
 MAX_NO_RETURN = 0.2
 """Probability of no return above which a pixel has no depth: one invented depth costs four lost."""
+DARK = "the image is dark: nothing near returns light, or nothing is lit"
 
 
 class Learned:
@@ -89,17 +90,19 @@ class LearnedSolver:
         whole = self.frame_map(view)
         if whole is None or whole.frame is None:
             return whole and whole.estimate
-        if not whole.frame.ranged:
-            return without_depth(whole.estimate)
-        return decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
+        result = decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
+        return result if whole.frame.ranged else without_depth(result)
 
     def frame_map(self, view: View) -> FrameMap | None:
         """Predicted map of all pixels, also of those that have no return; None without spots."""
         if view.ranges is None:
             return None
-        frame = self._observer(view)
+        frame, note = self._observer(view), None
         if not frame.bright > 0:
-            return Fallback(self._anchored, "the image is dark").frame_map(view)
+            lit = raised(frame, brightness_noise(view))
+            if lit is None:
+                return Fallback(self._anchored, "the image is dark").frame_map(view)
+            frame, note = lit, DARK
         inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is None and self._observer.spots.pointing is not None:
@@ -109,15 +112,17 @@ class LearnedSolver:
         if out_of_distribution is not None:
             return Fallback(self._anchored, out_of_distribution).frame_map(view)
         prediction = self._network(inputs)
-        result = DepthEstimate(np.exp(prediction.log_depth), prediction.sigma, prediction.no_return)
+        depth_m = np.exp(prediction.log_depth)
+        result = DepthEstimate(depth_m, prediction.sigma, prediction.no_return, note)
         measured = None if self._dense is None or not frame.ranged else self._dense(view)
         return FrameMap(result if measured is None else fused(result, measured), frame)
 
 
-def without_depth(estimate: DepthEstimate) -> DepthEstimate:
-    """What is left of a map without any range."""
-    unknown = np.full(estimate.depth_m.shape, np.nan)
-    return DepthEstimate(unknown, None, estimate.no_return, "no spot has a range: no depth")
+def without_depth(result: DepthEstimate) -> DepthEstimate:
+    """A map without any range: its probabilities, and no depth."""
+    unknown = np.full(result.depth_m.shape, np.nan)
+    notes = filter(None, ("no spot has a range: no depth", result.note))
+    return replace(result, depth_m=unknown, sigma=None, note="; ".join(notes))
 
 
 def decided(result: DepthEstimate, ahead: Ahead) -> DepthEstimate:
