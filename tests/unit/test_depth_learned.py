@@ -171,24 +171,41 @@ def test_fields_that_it_never_saw_are_told(capture, change):
     assert "not learned: " in result.note
 
 
-def test_an_image_of_zeros_is_told(capture):
-    result, plain = solved(capture, view_of(capture, image=np.zeros((64, 64))))
+def without_noise(capture):
+    """A recording that does not state how many electrons a count is."""
+    unknown = replace(capture.buckets, electrons_per_count=np.nan, noise_electrons=np.nan)
+    return replace(capture, buckets=unknown)
+
+
+def test_a_dark_image_is_as_bright_as_its_noise_may_hide(capture):
+    result, plain = solved(capture, view_of(capture, image=np.full((64, 64), -1.0)))
     assert plain is None
+    assert np.nanmedian(result.depth_m) == pytest.approx(4.0, rel=0.05)
+    assert result.note == learned.DARK
+
+
+def test_a_dark_image_of_unknown_noise_has_no_map(capture):
+    silent = without_noise(capture)
+    result, _ = solved(silent, view_of(silent, image=np.zeros((64, 64))))
     assert np.isnan(result.depth_m).all()
+    assert result.free is None
     assert result.note == "no depth; not learned: the image is dark"
 
 
-def test_without_any_range_there_is_no_depth(capture):
-    view = view_of(capture)
-    no_return = np.full(4, np.nan)
-    lost = replace(
-        view.ranges, range_m=no_return, sigma_m=no_return, status=("no signal",) * 4, fog=None
-    )
-    taps = np.full_like(view.frame.spots.taps, round(float(view.frame.spots.taps.mean())))
-    frame = replace(view.frame, spots=replace(view.frame.spots, taps=taps))
-    result, _ = solved(capture, View(view.image, lost, frame))
+@pytest.mark.parametrize("brightness", [None, -1.0])
+def test_open_sky_has_no_depth_but_free_corridors(brightness):
+    far = worlds.scene(worlds.plane(1e3))
+    sky = simulate(far, changed("fog"), light="surrogate", seed=1).capture
+    dark = {} if brightness is None else {"image": np.full((64, 64), brightness)}
+    view = view_of(sky, **dark)
+    assert not view.ranges.valid.any()
+    result, _ = solved(sky, view)
     assert np.isnan(result.depth_m).all()
-    assert "no depth" in result.note or "no spot has a range" in result.note
+    assert result.note.startswith("no spot has a range: no depth")
+    assert (learned.DARK in result.note) == (not view.image.max() > 0)
+    for free in (result.free, result.free_towards([0.1, 0.0, 1.0])):
+        assert free[DISTANCES_M < 5.0].min() > 0.9
+    assert np.median(result.no_return) > 0.2
 
 
 def test_there_is_none_without_spots(capture):
