@@ -21,6 +21,7 @@ from reconstruction.evaluation import evaluate_flight, is_flight
 from reconstruction.outputs import read_result
 from reconstruction.outputs.pictures import dotted
 from reconstruction.outputs.result_file import result_bytes
+from reconstruction.ranging import Alternative
 from spisim_app.cli import app
 from spisim_app.report.flight import EvaluatedFrame, Scales
 
@@ -54,20 +55,30 @@ def test_a_flight_is_mapped_with_memory_by_default(flown):
     assert not still.points_m
 
 
-@pytest.mark.parametrize(("fog", "extinction"), [(0.03, 0.03), (np.nan, 0.0)])
-def test_the_memory_gets_the_strength_of_echoes_and_the_fog(fog, extinction):
-    ranges = SimpleNamespace(range_m=np.full(4, 3.0), sigma_m=np.full(4, 0.01))
-    view = SimpleNamespace(directions=np.eye(4, 3), ranges=ranges)
-    frame = SimpleNamespace(
-        log_reflectance=np.full(4, -2.0), max_range_m=10.0, extinction_per_m=fog
+def ranges_stated(alternatives, frame=None):
+    """What the memory gets of two spots, one without a target."""
+    ranges = SimpleNamespace(
+        range_m=np.array([3.0, np.nan]),
+        sigma_m=np.array([0.01, np.nan]),
+        status=("ok", "fog"),
+        alternatives=alternatives,
     )
-    result = ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2))), frame))
-    assert result.extinction_per_m == extinction
-    assert result.max_range_m == 10
-    np.testing.assert_array_equal(result.log_reflectance, frame.log_reflectance)
-    unknown = ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2)))))
-    assert unknown.log_reflectance is None
-    assert unknown.max_range_m == np.inf
+    view = SimpleNamespace(directions=np.eye(2, 3), ranges=ranges)
+    return ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2))), frame))
+
+
+def test_the_memory_gets_what_a_ranging_method_holds_possible():
+    some = [Alternative(3.0, 0.01, 0.9), Alternative(13.0, 0.02, 0.1)]
+    result = ranges_stated((some, [Alternative(4.0, 0.1, 1.0)])).possible
+    np.testing.assert_array_equal(result.range_m, [[3.0, np.nan], [13.0, np.nan]])
+    np.testing.assert_allclose(np.exp(result.log_weight[:, 0]), [0.9, 0.1])
+
+
+def test_of_other_methods_the_strength_of_echoes_says_what_is_possible():
+    frame = SimpleNamespace(log_reflectance=np.full(2, -2.0), max_range_m=10.0)
+    result = ranges_stated(((), ()), frame).possible
+    np.testing.assert_array_equal(result.range_m[:, 0], [3.0, 13.0, 23.0])
+    assert ranges_stated(((), ())).possible is None
 
 
 def test_a_frame_of_a_flight_is_that_of_those_before_it(flown):

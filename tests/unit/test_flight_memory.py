@@ -17,7 +17,8 @@ from reconstruction.depth.memory.correction import (
 )
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
 from reconstruction.depth.memory.points import Seen
-from reconstruction.depth.memory.unwrap import Expected, unwrapped
+from reconstruction.depth.memory.unwrap import Expected, Possible, likeliest
+from reconstruction.ranging import Alternative
 
 R_M = 10.0
 KERNEL = fitted_kernel()
@@ -27,7 +28,8 @@ WHOLE = KERNEL.sharp + KERNEL.smooth + KERNEL.nugget
 def echo(true_m, reflectance):
     """What a spot states of a surface: range within R, ln reflectance as if it lay there."""
     range_m = true_m % R_M
-    return np.array([range_m]), np.log([reflectance * (range_m / true_m) ** 2])
+    log_reflectance = np.log([reflectance * (range_m / true_m) ** 2])
+    return Possible.wrapped(np.array([range_m]), np.array([0.01]), log_reflectance, R_M)
 
 
 @pytest.mark.parametrize(
@@ -43,27 +45,40 @@ def echo(true_m, reflectance):
 )
 def test_a_range_is_unwrapped_by_its_echo(true_m, reflectance, map_m, sigma):
     expected = Expected(np.log([map_m]), np.array([sigma]))
-    np.testing.assert_allclose(unwrapped(*echo(true_m, reflectance), R_M, expected), [true_m])
-
-
-def test_fog_would_have_dimmed_a_distant_echo_more():
-    expected = Expected(np.log([13.0]), np.array([0.5]))
-    echoes = np.array([3.0]), np.array([-3.6]), R_M, expected
-    np.testing.assert_allclose(unwrapped(*echoes), [13.0])
-    np.testing.assert_allclose(unwrapped(*echoes, extinction_per_m=0.15), [3.0])
+    np.testing.assert_allclose(likeliest(echo(true_m, reflectance), expected), [[true_m], [0.01]])
 
 
 def test_a_range_that_may_lie_at_either_of_two_distances_is_none():
     expected = Expected(np.log([20.0]), np.array([0.3]))
     bright = echo(22.15, 0.4)  # or rather dark, at 12.15 m
-    assert np.isnan(unwrapped(*bright, R_M, expected)).all()
-    np.testing.assert_allclose(unwrapped(*echo(22.15, 0.05), R_M, expected), [22.15])
+    assert np.isnan(likeliest(bright, expected)).all()
+    np.testing.assert_allclose(likeliest(echo(22.15, 0.05), expected)[0], [22.15])
 
 
 def test_without_reflectance_a_range_is_left_as_it_is():
     expected = Expected(np.log([12.0, 12.0]), np.array([0.1, 0.1]))
-    result = unwrapped(np.array([2.15, np.nan]), np.full(2, np.nan), R_M, expected)
-    np.testing.assert_array_equal(result, [2.15, np.nan])
+    unknown = np.full(2, np.nan)
+    possible = Possible.wrapped(np.array([2.15, np.nan]), np.full(2, 0.01), unknown, R_M)
+    np.testing.assert_array_equal(likeliest(possible, expected)[0], [2.15, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("map_m", "sigma", "taken"),
+    [
+        (11.0, 0.1, (11.0, 0.02)),
+        (8.0, 0.1, (8.5, 0.01)),
+        (30.0, 0.2, (np.nan, np.nan)),  # the map speaks for none
+        (9.7, 0.5, (np.nan, np.nan)),  # nor does it know
+    ],
+)
+def test_the_map_decides_between_the_ranges_that_a_method_states(map_m, sigma, taken):
+    several = [Alternative(8.5, 0.01, 0.6), Alternative(11.0, 0.02, 0.4)]
+    possible = Possible.of([several, [Alternative(3.0, 0.05, 1.0)], []])
+    expected = Expected(np.log([map_m, 9.0, 9.0]), np.full(3, sigma))
+    range_m, sigma_m = likeliest(possible, expected)
+    np.testing.assert_allclose((range_m[0], sigma_m[0]), taken)
+    np.testing.assert_allclose((range_m[1], sigma_m[1]), (3.0, 0.05))  # there is no other
+    assert np.isnan([range_m[2], sigma_m[2]]).all()
 
 
 def test_a_still_camera_averages_noise_down():

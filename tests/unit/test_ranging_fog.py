@@ -240,6 +240,37 @@ def test_what_is_beyond_the_common_wrap_of_all_frequencies_looks_nearer() -> Non
     )
 
 
+@pytest.mark.parametrize("extinction_per_m", [0.0, 0.03])
+@pytest.mark.parametrize("reflectance", [0.1, 0.3, 0.8])
+def test_a_target_beyond_the_unambiguous_range_is_not_taken_for_a_nearer_one(
+    extinction_per_m: float, reflectance: float
+) -> None:
+    """Its phases are those of a nearer one, which would be darker than most surfaces."""
+    true_m = np.array([10.6, 11.0, 11.7, 12.3])
+    spots = record(
+        ranges_m=true_m,
+        frames=10,
+        reflectances=np.full(4, reflectance),
+        extinction_per_m=extinction_per_m,
+        backscatter_per_sr=0.025,
+    )
+    assert ranging_method("fog", spots).unambiguous_range_m(spots) == pytest.approx(10, rel=1e-3)
+    possible = 0
+    for result in measure(spots):
+        off_m = np.abs(result.range_m - true_m)
+        assert (off_m[result.valid] < 0.1).all()
+        possible += sum(
+            any(abs(each.range_m - at) < 0.1 for each in some)
+            for some, at in zip(result.alternatives, true_m, strict=True)
+        )
+    assert possible >= 0.7 * true_m.size * 10 or extinction_per_m * reflectance < 0.01
+
+
+def test_dark_targets_within_it_are_not_taken_for_brighter_ones_beyond() -> None:
+    for result in measure(record(frames=10, reflectances=np.full(4, 0.05), **FOG)):
+        assert (np.abs(result.range_m - RANGES) < 0.1)[result.valid].all()
+
+
 # What is not known
 
 

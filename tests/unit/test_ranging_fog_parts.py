@@ -65,6 +65,7 @@ def templates() -> Templates:
         target=np.broadcast_to(target, whole).copy(),
         fog=np.broadcast_to(fog, whole).copy(),
         uneven=np.zeros((4, 2, RANGE_M.size // 25 + 1, 4, 4)),
+        unambiguous_m=float(RANGE_M[-1]),
     )
 
 

@@ -24,11 +24,8 @@ from reconstruction.ranging import (
 from reconstruction.ranging.brightness import bucket_optics
 from reconstruction.ranging.fog.modes import BACKSCATTER_PER_SR, LOG_SIGMA
 from reconstruction.ranging.fog.overlap import overlap
-from reconstruction.ranging.fog.underdetermined import (
-    CLEAR,
-    REFLECTANCE_LOG_SIGMA,
-    REFLECTANCE_MEDIAN,
-)
+from reconstruction.ranging.fog.target_prior import REFLECTANCE_LOG_SIGMA, REFLECTANCE_MEDIAN
+from reconstruction.ranging.fog.underdetermined import CLEAR
 from spisim.instrument import load_instrument
 from spisim.simulation.measurement import recorded_optics
 

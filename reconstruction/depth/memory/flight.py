@@ -14,7 +14,7 @@ from .clock import ClockOffset
 from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory
 from .points import RangeMemory
-from .unwrap import Expected, unwrapped
+from .unwrap import Expected, Possible, likeliest
 
 MIN_DEPTH_M = 0.05
 
@@ -23,16 +23,13 @@ MIN_DEPTH_M = 0.05
 class FrameRanges:
     """Ranges of a frame: unit vectors (S, 3), metres and standard deviations (S,), nan for none.
 
-    Where ``log_reflectance`` (S,) is known, so is how far a range beyond ``max_range_m`` must lie.
-    ``extinction_per_m`` is 0 in clear air, and where it is unknown.
+    What ranges are ``possible``, if that is known, is left to the depth map to decide.
     """
 
     directions: Floats
     range_m: Floats
     sigma_m: Floats
-    log_reflectance: Floats | None = None
-    max_range_m: float = np.inf
-    extinction_per_m: float = 0.0
+    possible: Possible | None = None
 
 
 class Remembered(NamedTuple):
@@ -74,32 +71,27 @@ class FlightMemory:
         if why is not None:
             self._begin()
             self.clock.begin()
-        range_m, log_depth = ranges.range_m, _log(estimate)
+        log_depth = _log(estimate)
         self.clock.take(stated, image, log_depth)
         pose = self.clock.corrected()
         if log_depth is not None and estimate.sigma is not None:
-            range_m = self._unwrapped(ranges, log_depth, estimate.sigma)
-        self.ranges.add(pose, ranges.directions, range_m, ranges.sigma_m)
+            ranges = self._decided(ranges, log_depth, estimate.sigma)
+        self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m)
         if log_depth is not None and estimate.sigma is not None:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
             estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
         points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
         return Remembered(estimate, points_m, why, self.clock.offset_s)
 
-    def _unwrapped(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
-        if ranges.log_reflectance is None:
-            return ranges.range_m
+    def _decided(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> FrameRanges:
+        if ranges.possible is None:
+            return ranges
         pixel = np.round(pixel_of(ranges.directions, self._optics, self._shape))
         row, column = np.clip(pixel, 0, np.array(self._shape) - 1).astype(np.intp).T
         log_range = log_depth[row, column] - np.log(ranges.directions[:, 2])
         expected = Expected(log_range, sigma[row, column])
-        return unwrapped(
-            ranges.range_m,
-            ranges.log_reflectance,
-            ranges.max_range_m,
-            expected,
-            ranges.extinction_per_m,
-        )
+        range_m, sigma_m = likeliest(ranges.possible, expected)
+        return replace(ranges, range_m=range_m, sigma_m=sigma_m)
 
     def _corrected(
         self, pose: PoseAt, estimate: DepthEstimate, log_depth: Floats, sigma: Floats

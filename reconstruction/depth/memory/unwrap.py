@@ -1,17 +1,19 @@
-"""Which multiple of the unambiguous range a spot's range lacks, by the strength of its echo.
+"""Which of a spot's possible ranges is its range: by the depth map, and the strength of its echo.
 
-A surface beyond the unambiguous range R seems to lie at r instead of r + k R, and therefore to be
-darker than any: the reflectance that its echo states is too small by (r / (r + k R))², and in fog
-by exp(-2 alpha k R) more. The motion of the drone cannot tell: what is seen at r moves like what is
-there. The depth map of the frame has its say, but not the last word, as it rests on the same
-ranges.
+Ranging that models fog and targets beyond the unambiguous range R states the possible ranges and
+their probabilities. Of other ranging, a surface beyond R seems to lie at r instead of r + k R, and
+therefore to be darker than any: the reflectance that its echo states is too small by (r / (r + k
+R))². The motion of the drone cannot tell: what is seen at r moves like what is there. The depth
+map of the frame has its say, but not the last word, as it rests on the same ranges.
 """
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Self
 
 import numpy as np
 
 from ...base.arrays import Floats
+from ...ranging import Alternative
 
 LOG_REFLECTANCE, SPREAD = -1.2, 0.9
 """Mean and standard deviation of the logarithm of reflectance times the cosine of incidence."""
@@ -21,7 +23,7 @@ LOG_PRIOR = np.log(0.1)
 MAX_SIGMAS = 4.0
 """Deviation from the map beyond which it speaks no louder."""
 MIN_PROBABILITY = 0.8
-"""Of the multiple that is taken; with less, there is no range."""
+"""Of the range that is taken; with less, there is none."""
 
 
 class Expected(NamedTuple):
@@ -31,27 +33,48 @@ class Expected(NamedTuple):
     sigma: Floats
 
 
-def unwrapped(
-    range_m: Floats,
-    log_reflectance: Floats,
-    max_range_m: float,
-    expected: Expected,
-    extinction_per_m: float = 0.0,
-) -> Floats:
-    """Ranges (S,) with the likeliest multiple of ``max_range_m``, nan where none is likely enough.
+class Possible(NamedTuple):
+    """Possible ranges (K, S) of spots, nan for none, their sigmas and log probabilities."""
 
-    ``log_reflectance`` (S,) is that of a facing surface at ``range_m``, nan if unknown: then the
-    range stays as it is.
-    """
-    farther_m = MULTIPLES * max_range_m
-    possible_m = range_m + farther_m
-    log = log_reflectance + 2 * np.log(possible_m / range_m) + 2 * extinction_per_m * farther_m
-    off = np.abs(np.log(possible_m) - expected.log_range) / expected.sigma
-    evidence = MULTIPLES * LOG_PRIOR - 0.5 * ((log - LOG_REFLECTANCE) / SPREAD) ** 2
-    evidence -= 0.5 * np.minimum(off, MAX_SIGMAS) ** 2
-    weights = np.exp(evidence - evidence.max(axis=0))
-    weights /= weights.sum(axis=0)
-    best = weights.argmax(axis=0)
-    spot = np.arange(len(range_m))
-    result = np.where(weights[best, spot] >= MIN_PROBABILITY, possible_m[best, spot], np.nan)
-    return np.where(np.isfinite(log_reflectance), result, range_m)
+    range_m: Floats
+    sigma_m: Floats
+    log_weight: Floats
+
+    @classmethod
+    def of(cls, alternatives: Sequence[Sequence[Alternative]]) -> Self:
+        """Those that a ranging method states of each spot."""
+        most = max((len(each) for each in alternatives), default=0)
+        result = np.full((3, max(most, 1), len(alternatives)), np.nan)
+        for spot, each in enumerate(alternatives):
+            if each:
+                result[:, : len(each), spot] = np.transpose(each)
+        return cls(result[0], result[1], np.log(result[2]))
+
+    @classmethod
+    def wrapped(
+        cls, range_m: Floats, sigma_m: Floats, log_reflectance: Floats, max_range_m: float
+    ) -> Self:
+        """Ranges (S,) and what they are beyond ``max_range_m``, from where these repeat.
+
+        ``log_reflectance`` (S,) is that of a facing surface at ``range_m``, nan if unknown: then
+        the range stays as it is.
+        """
+        possible_m = range_m + MULTIPLES * max_range_m
+        log = log_reflectance + 2 * np.log(possible_m / range_m)
+        weight = MULTIPLES * LOG_PRIOR - 0.5 * ((log - LOG_REFLECTANCE) / SPREAD) ** 2
+        alone = np.where(MULTIPLES == 0, 0.0, -np.inf)
+        weight = np.where(np.isfinite(log_reflectance), weight, alone)
+        return cls(possible_m, np.broadcast_to(sigma_m, possible_m.shape), weight)
+
+
+def likeliest(possible: Possible, expected: Expected) -> tuple[Floats, Floats]:
+    """Likeliest range of each spot (S,) and its sigma, nan where none is likely enough."""
+    off = np.abs(np.log(possible.range_m) - expected.log_range) / expected.sigma
+    log = possible.log_weight - 0.5 * np.minimum(off, MAX_SIGMAS) ** 2
+    log = np.where(np.isfinite(log), log, -np.inf)
+    best, spot = log.argmax(axis=0), np.arange(log.shape[1])
+    with np.errstate(invalid="ignore"):
+        share = 1 / np.exp(log - log[best, spot]).sum(axis=0)
+    sure = share >= MIN_PROBABILITY  # not where nothing is possible: nan
+    range_m, sigma_m = (np.where(sure, each[best, spot], np.nan) for each in possible[:2])
+    return range_m, sigma_m

@@ -11,12 +11,16 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture.motion import pose_at
+from ...ranging import RANGED
 from ..ahead import Ahead
-from ..memory import FlightMemory, FrameRanges, Remembered
+from ..memory import FlightMemory, FrameRanges, Possible, Remembered
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
 from .learned import FrameMap, decided
+
+DECIDABLE = (*RANGED, "ambiguous")
+"""Statuses of spots with a target, whose range the depth map may decide."""
 
 
 class Flight:
@@ -49,18 +53,19 @@ class Flight:
 
 
 def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
-    """Ranges of a frame, with the strength of echoes and the fog, where these are known."""
+    """Ranges of a frame, and which are possible, where that is known."""
     assert view.ranges is not None
-    ranges, frame = view.ranges, whole.frame
-    alone = FrameRanges(view.directions, ranges.range_m, ranges.sigma_m)
-    if frame is None:
-        return alone
-    return replace(
-        alone,
-        log_reflectance=frame.log_reflectance,
-        max_range_m=frame.max_range_m,
-        extinction_per_m=float(np.nan_to_num(frame.extinction_per_m)),
-    )
+    ranges, frame, possible = view.ranges, whole.frame, None
+    if any(ranges.alternatives):
+        decidable = np.isin(ranges.status, DECIDABLE)
+        possible = Possible.of(
+            [some if may else () for some, may in zip(ranges.alternatives, decidable, strict=True)]
+        )
+    elif frame is not None:
+        possible = Possible.wrapped(
+            ranges.range_m, ranges.sigma_m, frame.log_reflectance, frame.max_range_m
+        )
+    return FrameRanges(view.directions, ranges.range_m, ranges.sigma_m, possible)
 
 
 def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstimate:

@@ -12,9 +12,10 @@ import numpy as np
 from ...base.arrays import Floats
 from ..ranges import Alternative
 from .fog_state import FogState
-from .modes import BRIGHT, MAX_STEP_M, MIN_RANGE_M, Indices, Modes
+from .modes import MAX_STEP_M, MIN_RANGE_M, Indices, Modes
 from .numerics import chi_squared_above, chi_squared_limit, inverse, solved
 from .posterior import Posterior, SpotPosterior, joined, posterior
+from .target_prior import bright_log_prior
 from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
@@ -113,11 +114,11 @@ def _two_targets(
     node = int(prior.probability.argmax())
     backscatter = float(np.exp(prior.log_median[node]))
     target, fog = templates.target[spot, node], templates.fog[spot, node]
-    patch = templates.uneven.shape[2] // 2
-    noise = covariance + backscatter**2 * templates.uneven[spot, node, patch]
+    noise = covariance + backscatter**2 * templates.typical_uneven[spot, node]
     white = np.linalg.inv(np.linalg.cholesky(noise))
     first = np.searchsorted(templates.range_m, MIN_RANGE_M)
-    positions = np.arange(first, templates.range_m.size - 1, SEARCH)
+    last = np.searchsorted(templates.range_m, templates.unambiguous_m) - 1
+    positions = np.arange(first, last, SEARCH)
     a = white @ target[:, positions]
     y = white @ (readings - backscatter * fog[:, -1])
     near, far = _best_pairs(a, y)
@@ -133,7 +134,7 @@ def _two_targets(
         each[retained] for each in (at, rho, misfit, information, variance)
     )
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
-    log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2).sum(axis=1)
+    log_weight += bright_log_prior(rho).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     fraction = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at

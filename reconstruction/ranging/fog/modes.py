@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from .numerics import RIDGE, cholesky, whitened
+from .target_prior import bright_log_prior, interval_log_prior, surface_log_prior
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -22,7 +23,9 @@ LOG_SIGMA = 0.6
 """and sigma of its logarithm."""
 MIN_RANGE_M = 0.3
 MAX_EXCESS_MISFIT = 40.0
-"""Minima worse than the best of spot and extinction by more, in chi squared, are dropped."""
+"""Minima worse than the best by more, in chi squared, are dropped: of each spot, extinction and
+unambiguous interval. Equal phases of both may lie differently between searched ranges, and then
+differ by more than that."""
 MIN_STRENGTH = 0.3
 """Modes of weaker targets, in standard deviations, count as none."""
 STEPS = 3
@@ -31,8 +34,6 @@ UNEVEN_STEPS = 2
 MAX_STEP_M = 0.05
 BLOCK = 8
 """Spots searched at once, so that their tables stay in the processor's cache."""
-BRIGHT = 1.0
-"""Reflectance beyond which the prior falls."""
 EMPTY = 0.5
 """Prior probability that a spot has no target within range."""
 
@@ -110,7 +111,7 @@ def _without_target(
     residual = y - beta * g
     misfit = (residual**2).sum(axis=0)
     root = np.log(np.diagonal(lower)).sum(axis=1)  # of the determinant
-    log_weight = np.log(EMPTY * templates.range_m[-1]) - misfit / 2 - root
+    log_weight = np.log(EMPTY * templates.unambiguous_m) - misfit / 2 - root
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
 
@@ -118,8 +119,8 @@ def _without_target(
 def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, block: slice) -> Mask:
     """Minima (spots, K, R) of the misfit at the inner searched ranges, of a block of spots."""
     guess = expected_backscatter(templates.extinction_per_m)
-    typical = templates.uneven[block, :, templates.uneven.shape[2] // 2]
-    noise = covariance[block, None] + guess[:, None, None] ** 2 * typical
+    uneven = guess[:, None, None] ** 2 * templates.typical_uneven[block]
+    noise = covariance[block, None] + uneven
     white = np.linalg.inv(np.linalg.cholesky(noise))  # (spots, K, n, n)
     a, g = (white @ table[block] for table in templates.searched)
     y = readings[block, None, None] @ white.swapaxes(2, 3)
@@ -136,7 +137,13 @@ def _is_minimum(templates: Templates, readings: Floats, covariance: Floats, bloc
         misfit = (y**2).sum(axis=3) + (prior * guess**2)[:, None] - alone * ya - beta * pull
     misfit = np.where((rho > 0) & (templates.range_m[::SEARCH] > MIN_RANGE_M), misfit, np.inf)
     inner = misfit[..., 1:-1]
-    likely = inner < inner.min(axis=-1, keepdims=True) + MAX_EXCESS_MISFIT
+    beyond = templates.range_m[SEARCH:-SEARCH:SEARCH] > templates.unambiguous_m
+    likely = np.zeros(inner.shape, dtype=bool)
+    for interval in (~beyond, beyond):
+        if interval.any():
+            some = inner[..., interval]
+            least = some.min(axis=-1, keepdims=True)
+            likely[..., interval] = some < least + MAX_EXCESS_MISFIT
     return likely & (inner <= misfit[..., :-2]) & (inner < misfit[..., 2:])
 
 
@@ -187,12 +194,16 @@ def _refine(
     misfit = (residual**2).sum(axis=0)
     determinant = np.maximum(inner[0, 0] * inner[1, 1] - ab**2, 1e-300)
     log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
+    range_m = templates.range_m[0] + STEP_M * at
+    log_weight += interval_log_prior(range_m, templates.unambiguous_m)
     if scaled:
-        log_weight -= 2 * np.log1p((rho / BRIGHT) ** 2)
+        nearer = rho * templates.nearer(spot, node, range_m, np.linalg.norm(target, axis=0))
+        log_weight += bright_log_prior(nearer)
+        log_weight += surface_log_prior(rho) - surface_log_prior(nearer)
     result = Modes(
         spot=spot,
         node=node,
-        range_m=templates.range_m[0] + STEP_M * at,
+        range_m=range_m,
         backscatter=beta,
         log_weight=log_weight,
         slope=slope,

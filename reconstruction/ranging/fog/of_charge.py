@@ -11,7 +11,7 @@ from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
-from ..ranges import MIN_SIGNAL, Ranges
+from ..ranges import MAX_FOG_RANGE_M, MIN_SIGNAL, Ranges
 from ..weather import weather_of
 from .answer import TOLERANCE_M, ranges_of, statuses
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
@@ -20,6 +20,7 @@ from .fog_visibility import visibility_of
 from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
+from .target_prior import INTERVALS
 from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
 from .underdetermined import PER_TARGET, underdetermined_solver
 
@@ -42,7 +43,9 @@ def charge_solver(
     if len(combine) == PER_TARGET:
         return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    templates = make_templates(spots, response, max_range_m)
+    repeats = isinstance(spots, CwSpots) and max_range_m < MAX_FOG_RANGE_M
+    ends_m = max_range_m * (INTERVALS if repeats and scaled else 1)
+    templates = make_templates(spots, response, ends_m, unambiguous_m=max_range_m)
     rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_cdf(-MIN_SIGNAL))
 

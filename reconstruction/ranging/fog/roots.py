@@ -17,6 +17,7 @@ from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import bucket_optics
 from .modes import Indices
 from .overlap import overlap, path_lengths
+from .target_prior import INTERVALS, interval_log_prior
 from .templates import PATCH_STEP, STEP_M, make_templates
 
 STRIDE = 8
@@ -25,8 +26,6 @@ OUTSIDE = 2.0
 """Steps by which a root may lie outside its bracket, as amplitudes bend."""
 MIN_REFLECTANCE = 1e-12
 """Minimum reflectance."""
-BEYOND = 0.05
-"""Prior probability of a target in the second unambiguous interval, from drawn worlds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +108,8 @@ class RootTables:
         extinctions_per_m: Floats,
     ) -> None:
         self._max_range_m = max_range_m
-        ends_m = max_range_m * (2 if isinstance(spots, CwSpots) else 1) + STRIDE * STEP_M
+        intervals = INTERVALS if isinstance(spots, CwSpots) else 1
+        ends_m = max_range_m * intervals + STRIDE * STEP_M
         made = make_templates(spots, response, ends_m, extinctions_per_m)
         self.range_m = made.range_m
         self._shape = made.target.shape[:2]
@@ -175,7 +175,7 @@ class RootTables:
             )
             log_prior = log_density(reflectance) - np.log(jacobian * self._max_range_m)
         range_m = self.range_m[at] + fraction * STEP_M
-        log_prior += np.where(range_m > self._max_range_m, np.log(BEYOND), np.log(1 - BEYOND))
+        log_prior += interval_log_prior(range_m, self._max_range_m)
         return Roots(
             spot=spot,
             node=node,

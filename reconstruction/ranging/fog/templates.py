@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.arrays import Floats
 from ...capture.spots import SpotOptics
@@ -36,7 +37,8 @@ class Templates:
 
     ``target`` (S, K, n, R) for unit reflectance, ``fog`` (S, K, n, R) for unit backscattering up to
     that range, ``uneven`` (S, K, P, n, n) the covariance that unevenness adds per squared
-    backscattering, at every PATCH_STEP-th range.
+    backscattering, at every PATCH_STEP-th range. Ranges beyond ``unambiguous_m`` have the phases of
+    nearer ones.
     """
 
     range_m: Floats
@@ -44,11 +46,30 @@ class Templates:
     target: Floats
     fog: Floats
     uneven: Floats
+    unambiguous_m: float
 
     @cached_property
     def searched(self) -> tuple[Floats, Floats]:
         """Target and fog at every SEARCH-th range."""
         return self.target[..., ::SEARCH].copy(), self.fog[..., ::SEARCH].copy()
+
+    @property
+    def typical_uneven(self) -> Floats:
+        """Covariance (S, K, n, n) of a target half the unambiguous range away."""
+        middle = np.searchsorted(self.range_m, self.unambiguous_m / 2) // PATCH_STEP
+        return self.uneven[:, :, middle]
+
+    def nearer(
+        self, spot: NDArray[np.intp], node: NDArray[np.intp], range_m: Floats, strength: Floats
+    ) -> Floats:
+        """Factors (C,) on the reflectance of targets that would let them lie an interval nearer.
+
+        At most 1, as for ranges within the first interval; ``strength`` is that of the targets.
+        """
+        at = np.searchsorted(self.range_m[:-1], range_m - self.unambiguous_m)
+        nearer = np.linalg.norm(self.target[spot, node, :, at], axis=1)
+        beyond = (range_m > self.unambiguous_m) & (strength < nearer)
+        return np.where(beyond, strength / np.where(beyond, nearer, 1), 1.0)
 
     def rougher(self, times: float) -> "Templates":
         """The same for fog whose density deviates ``times`` as much."""
@@ -60,6 +81,8 @@ def make_templates(
     response: Callable[[Floats], Floats],
     max_range_m: float,
     extinctions_per_m: Floats = EXTINCTIONS_PER_M,
+    *,
+    unambiguous_m: float = np.inf,
 ) -> Templates:
     """Tables up to a range; ``response`` maps the path (...) of all light to readings (n, ...)."""
     fine_m = np.arange(STEP_M / INTEGRATION_STEPS, max_range_m, STEP_M / INTEGRATION_STEPS)
@@ -82,6 +105,7 @@ def make_templates(
         target=np.ascontiguousarray(np.stack(target, axis=1)).swapaxes(2, 3),
         fog=np.ascontiguousarray(np.stack(fog, axis=1)).swapaxes(2, 3),
         uneven=np.stack(uneven, axis=1),
+        unambiguous_m=min(unambiguous_m, max_range_m),
     )
 
 

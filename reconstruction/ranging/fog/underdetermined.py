@@ -33,6 +33,7 @@ from .fog_state import FogSolver, FogState
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior
 from .roots import Roots, RootTables, Symmetric
+from .target_prior import flat_log_prior, surface_log_prior
 
 EXTINCTIONS_PER_M = np.array(
     [1e-4, 0.003, 0.006, 0.01, 0.016, 0.025, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28]
@@ -82,14 +83,6 @@ UNAFFECTED = 1.15
 """Maximum sigma, over that in known fog, of ranges that do not depend on the prior."""
 MAX_RELATIVE_SIGMA = 0.3
 """Maximum sigma over range."""
-REFLECTANCE_MEDIAN = 0.27
-REFLECTANCE_LOG_SIGMA = 0.8
-"""Reflectance prior of materials at 1550 nm (median 0.35, standard deviation of ln 0.65) times the
-cosine at which beams meet surfaces (uniform in solid angle: mean 0.77 of the normal's, skewed
-down)."""
-ODD = 0.07
-"""Prior probability of anything else, uniform in ln: water, ice, mirrors, edges."""
-ODD_FROM, ODD_TO = 1e-4, 1e2
 
 
 def underdetermined_solver(
@@ -146,22 +139,6 @@ def underdetermined_solver(
         return ranges_of(estimate.spots, statuses, readings.mean(axis=1), fog), estimate.fog
 
     return FogSolver(FogState.prior(EXTINCTIONS_PER_M, stated, CLEAR), solve)
-
-
-def surface_log_prior(reflectance: Floats) -> Floats:
-    """Log prior density (...) of reflectances (...)."""
-    log = np.log(reflectance)
-    usual = np.exp(-(((log - np.log(REFLECTANCE_MEDIAN)) / REFLECTANCE_LOG_SIGMA) ** 2) / 2) / (
-        REFLECTANCE_LOG_SIGMA * np.sqrt(2 * np.pi)
-    )
-    within = (reflectance > ODD_FROM) & (reflectance < ODD_TO)
-    odd = np.where(within, 1 / np.log(ODD_TO / ODD_FROM), 1e-12)
-    return np.asarray(np.log((1 - ODD) * usual + ODD * odd) - log)
-
-
-def flat_log_prior(reflectance: Floats) -> Floats:
-    """Log prior density without a radiometric scale: uniform in ln."""
-    return np.asarray(-np.log(reflectance) - np.log(np.log(ODD_TO / ODD_FROM)))
 
 
 def _weights(
