@@ -100,7 +100,8 @@ def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:
 
 
 def _are_of(ranges: Ranges, spots: int) -> bool:
-    values = {name: v for name, v in vars(ranges).items() if name not in ("fog", "visibility")}
+    of_all = ("unambiguous_range_m", "fog", "visibility")
+    values = {name: v for name, v in vars(ranges).items() if name not in of_all}
     lists = values.pop("status"), values.pop("alternatives")
     shapes = {np.shape(v) for v in values.values()} | {(len(v),) for v in lists}
     return shapes == {(spots,)}

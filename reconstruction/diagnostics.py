@@ -158,43 +158,34 @@ def _spot_warnings(capture: Capture, frame: int, ranges: Ranges | None) -> list[
     truth = _truth(capture, frame)
     if truth is not None:
         max_m = RANGING_METHODS[spots.method].unambiguous_range_m(spots)
+        off_m = ranges.range_m - truth.spot_range_m
+        limit_m = np.maximum(BIASED * ranges.sigma_m, MIN_DIFFERENCE_M)
+        wrong = ranges.valid & ~(np.abs(off_m) <= limit_m)
         warnings += [
-            f"spot {spot} {_aliased(float(true_m), max_m)}"
-            for spot, true_m in enumerate(truth.spot_range_m)
-            if ranges.valid[spot] and not true_m <= max_m
-        ]
-        warnings += [
-            f"spot {spot} {_biased(off_m, sigma_m)}"
-            for spot, (true_m, off_m, sigma_m) in enumerate(
-                zip(
-                    truth.spot_range_m,
-                    ranges.range_m - truth.spot_range_m,
-                    ranges.sigma_m,
-                    strict=True,
-                )
-            )
-            if true_m <= max_m and abs(off_m) > max(BIASED * sigma_m, MIN_DIFFERENCE_M)
+            f"spot {spot} {_wrong(true_m, off_m[spot], ranges.sigma_m[spot], max_m)}"
+            for spot, true_m in enumerate(truth.spot_range_m.tolist())
+            if wrong[spot]
         ]
     return warnings
 
 
-def _aliased(true_m: float, max_m: float) -> str:
-    """Why the measured range cannot be that of the spot."""
+def _wrong(true_m: float, off_m: float, sigma_m: float, max_m: float) -> str:
+    """How wrong a range is that noise alone does not explain, and why."""
     if np.isnan(true_m):
         return "hits no surface: its range is that of noise or fog"
+    if true_m > max_m:
+        return (
+            f"lies at {true_m:.2f} m, beyond the maximum unambiguous range of {max_m:.2f} m: it is "
+            f"measured {abs(off_m):.2f} m too {_way(off_m)}"
+        )
     return (
-        f"lies at {true_m:.2f} m, beyond the maximum unambiguous range of {max_m:.2f} m: it is "
-        "measured too near by a multiple of that"
-    )
-
-
-def _biased(off_m: float, sigma_m: float) -> str:
-    """How wrong a range is that noise alone does not explain."""
-    way = "far" if off_m > 0 else "near"
-    return (
-        f"is measured {abs(off_m):.2f} m too {way}, with a sigma of {sigma_m:.2g} m: fog or "
+        f"is measured {abs(off_m):.2f} m too {_way(off_m)}, with a sigma of {sigma_m:.2g} m: fog or "
         "further echoes bias it"
     )
+
+
+def _way(off_m: float) -> str:
+    return "far" if off_m > 0 else "near"
 
 
 def _pattern_tap_warnings(capture: Capture, frame: int) -> list[str]:

@@ -131,14 +131,11 @@ class NetworkInput:
         return float(weight @ np.nan_to_num(best.log_depth) / weight.sum())
 
 
-def raised(frame: NetworkInput, noise: float) -> NetworkInput | None:
-    """A dark image with bright pixels as bright as ``noise``; None where that is 0 or unknown.
+def raised(frame: NetworkInput, noise: float) -> NetworkInput:
+    """The frame with bright pixels as bright as ``noise``.
 
-    Training had images that noise alone made brighter than 0. Those it made darker are the same
-    views: open sky in clear air.
+    Training had images of open sky that noise made brighter than 0, and none that it made darker.
     """
-    if not noise > 0:
-        return None
     return replace(frame, image=frame.image + (noise - frame.bright))
 
 

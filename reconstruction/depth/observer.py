@@ -136,5 +136,6 @@ def _noise(view: View) -> float:
 
 
 def brightness_noise(view: View) -> float:
-    """Rms noise of an image's mean brightness, if one reading is that of all its pixels."""
-    return float(np.sqrt(view.frame.buckets.variance[0].mean())) / view.image.size
+    """Rms noise of an image's mean, as of a reading of all its pixels; nan if unknown."""
+    buckets = view.frame.buckets
+    return float(np.sqrt(buckets.variance[0][buckets.usable[0]].mean())) / view.image.size

@@ -75,7 +75,8 @@ class Ranges:
     arrivals per bin (dtof).
 
     ``alternatives`` are all possible ranges of a spot, likeliest first, whatever its ``status``;
-    empty for methods that only find one. ``fog`` is None if a method does not estimate it,
+    empty for methods that only find one. Those beyond ``unambiguous_range_m`` have the phases of
+    nearer ones. ``fog`` is None if a method does not estimate it,
     ``visibility`` if the readings and their scale do not show it.
     """
 
@@ -85,6 +86,7 @@ class Ranges:
     background_electrons: Floats
     status: tuple[Status, ...]
     alternatives: tuple[tuple[Alternative, ...], ...] = ()
+    unambiguous_range_m: float = np.inf
     fog: FogOptics | None = None
     visibility: Visibility | None = None
 
@@ -96,12 +98,15 @@ class Ranges:
     def likeliest(self) -> tuple[Floats, Floats]:
         """Ranges and sigmas, each (spots,), also of spots that are not valid.
 
-        Several alternatives are averaged, and sigma includes their spread; nan if there is none.
+        Several alternatives are averaged, and sigma includes their spread, but only those on the
+        likeliest one's side of the unambiguous range; nan if there is none.
         """
         mean, sigma = self.range_m.copy(), self.sigma_m.copy()
         for spot, given in enumerate(self.alternatives):
             if given and not np.isfinite(mean[spot]):
                 ranges_m, sigmas_m, weights = np.array(given).T
+                beyond = ranges_m > self.unambiguous_range_m
+                weights = np.where(beyond == beyond[0], weights, 0.0)
                 weights = weights / weights.sum()
                 mean[spot] = weights @ ranges_m
                 sigma[spot] = np.sqrt(weights @ (sigmas_m**2 + (ranges_m - mean[spot]) ** 2))

@@ -27,7 +27,7 @@ from reconstruction.depth.network_input import (
     Anchors,
     inputs_of,
 )
-from reconstruction.depth.observer import Observer
+from reconstruction.depth.observer import Observer, brightness_noise
 from reconstruction.image import Imaging
 from reconstruction.ranging import FogOptics, measure_ranges
 from spisim.simulation import simulate
@@ -177,32 +177,41 @@ def without_noise(capture):
     return replace(capture, buckets=unknown)
 
 
-def test_a_dark_image_is_as_bright_as_its_noise_may_hide(capture):
-    result, plain = solved(capture, view_of(capture, image=np.full((64, 64), -1.0)))
-    assert plain is None
-    assert np.nanmedian(result.depth_m) == pytest.approx(4.0, rel=0.05)
-    assert result.note == learned.DARK
-
-
-def test_a_dark_image_of_unknown_noise_has_no_map(capture):
-    silent = without_noise(capture)
-    result, _ = solved(silent, view_of(silent, image=np.zeros((64, 64))))
-    assert np.isnan(result.depth_m).all()
-    assert result.free is None
-    assert result.note == "no depth; not learned: the image is dark"
-
-
-@pytest.mark.parametrize("brightness", [None, -1.0])
-def test_open_sky_has_no_depth_but_free_corridors(brightness):
+@pytest.fixture(scope="module")
+def sky():
+    """Nothing within a kilometre."""
     far = worlds.scene(worlds.plane(1e3))
-    sky = simulate(far, changed("fog"), light="surrogate", seed=1).capture
-    dark = {} if brightness is None else {"image": np.full((64, 64), brightness)}
-    view = view_of(sky, **dark)
+    return simulate(far, changed("fog"), light="surrogate", seed=1).capture
+
+
+def without_map(capture, image):
+    result, _ = solved(capture, view_of(capture, image=image))
+    return np.isnan(result.depth_m).all() and result.free is None and result.note
+
+
+@pytest.mark.parametrize("of", ["capture", "sky", "noise"])
+def test_a_dark_image_that_is_no_open_sky_has_no_map(of, capture, sky):
+    """One with echoes, one darker than noise explains, and one of unknown noise."""
+    why = "no depth; not learned: the image is dark"
+    if of == "capture":
+        assert without_map(capture, np.zeros((64, 64))) == why
+    elif of == "sky":
+        noise = brightness_noise(view_of(sky))
+        assert without_map(sky, np.full((64, 64), -2 * learned.DARK_SIGMAS * noise)) == why
+    else:
+        silent = without_noise(sky)
+        assert without_map(silent, np.full((64, 64), -1e-3)) == why
+
+
+@pytest.mark.parametrize("sigmas", [None, -1.0, 0.0])
+def test_open_sky_has_no_depth_but_free_corridors(sigmas, sky):
+    view = view_of(sky)
+    if sigmas is not None:
+        view = replace(view, image=np.full((64, 64), sigmas * brightness_noise(view)))
     assert not view.ranges.valid.any()
     result, _ = solved(sky, view)
     assert np.isnan(result.depth_m).all()
-    assert result.note.startswith("no spot has a range: no depth")
-    assert (learned.DARK in result.note) == (not view.image.max() > 0)
+    assert result.note == f"no spot has a range: no depth; {learned.DARK_NOTE}"
     for free in (result.free, result.free_towards([0.1, 0.0, 1.0])):
         assert free[DISTANCES_M < 5.0].min() > 0.9
     assert np.median(result.no_return) > 0.2

@@ -55,7 +55,7 @@ def test_a_flight_is_mapped_with_memory_by_default(flown):
     assert not still.points_m
 
 
-def ranges_stated(alternatives, frame=None):
+def ranges_stated(capture, alternatives, frame=None):
     """What the memory gets of two spots, one without a target."""
     ranges = SimpleNamespace(
         range_m=np.array([3.0, np.nan]),
@@ -63,22 +63,37 @@ def ranges_stated(alternatives, frame=None):
         status=("ok", "fog"),
         alternatives=alternatives,
     )
-    view = SimpleNamespace(directions=np.eye(2, 3), ranges=ranges)
+    frames = SimpleNamespace(spots=capture.spots)
+    view = SimpleNamespace(directions=np.eye(3)[[2, 2]], ranges=ranges, frame=frames)
     return ranges_of(view, FrameMap(DepthEstimate(np.ones((2, 2))), frame))
 
 
-def test_the_memory_gets_what_a_ranging_method_holds_possible():
+def test_the_memory_gets_what_a_ranging_method_holds_possible(capture):
     some = [Alternative(3.0, 0.01, 0.9), Alternative(13.0, 0.02, 0.1)]
-    result = ranges_stated((some, [Alternative(4.0, 0.1, 1.0)])).possible
+    several = (some, [Alternative(4.0, 0.1, 1.0)])
+    result = ranges_stated(capture, several).possible
     np.testing.assert_array_equal(result.range_m, [[3.0, np.nan], [13.0, np.nan]])
     np.testing.assert_allclose(np.exp(result.log_weight[:, 0]), [0.9, 0.1])
+    # Weights of simultaneous echoes are no probabilities.
+    histograms = SimpleNamespace(spots=None)
+    assert ranges_stated(histograms, several).possible is None
 
 
-def test_of_other_methods_the_strength_of_echoes_says_what_is_possible():
-    frame = SimpleNamespace(log_reflectance=np.full(2, -2.0), max_range_m=10.0)
-    result = ranges_stated(((), ()), frame).possible
+@pytest.mark.parametrize("best_m", [3.0, 13.0])
+def test_of_plain_ranges_the_strength_of_echoes_says_what_is_possible(capture, best_m):
+    """Reflectances are those of the fitted ranges, which may lie elsewhere."""
+    at_3_m = np.log(0.3 * (3 / 13) ** 2 * np.exp(-2 * 0.03 * 10))
+    frame = SimpleNamespace(
+        log_reflectance=np.full(2, at_3_m if best_m == 3 else np.log(0.3)),
+        max_range_m=10.0,
+        extinction_per_m=0.03,
+        best=SimpleNamespace(log_depth=np.log(np.full(2, best_m))),
+    )
+    result = ranges_stated(capture, ((), ()), frame).possible
     np.testing.assert_array_equal(result.range_m[:, 0], [3.0, 13.0, 23.0])
-    assert ranges_stated(((), ())).possible is None
+    expected = np.log(0.1) - 0.5 * ((np.log(0.3) + 1.2) / 0.9) ** 2
+    assert result.log_weight[1, 0] == pytest.approx(expected)
+    assert ranges_stated(capture, ((), ())).possible is None
 
 
 def test_a_frame_of_a_flight_is_that_of_those_before_it(flown):

@@ -23,7 +23,7 @@ MIN_DEPTH_M = 0.05
 class FrameRanges:
     """Ranges of a frame: unit vectors (S, 3), metres and standard deviations (S,), nan for none.
 
-    What ranges are ``possible``, if that is known, is left to the depth map to decide.
+    The depth map decides between the ``possible`` ranges, if these are known.
     """
 
     directions: Floats

@@ -1,10 +1,10 @@
 """Which of a spot's possible ranges is its range: by the depth map, and the strength of its echo.
 
-Ranging that models fog and targets beyond the unambiguous range R states the possible ranges and
-their probabilities. Of other ranging, a surface beyond R seems to lie at r instead of r + k R, and
-therefore to be darker than any: the reflectance that its echo states is too small by (r / (r + k
-R))². The motion of the drone cannot tell: what is seen at r moves like what is there. The depth
-map of the frame has its say, but not the last word, as it rests on the same ranges.
+Ranging in fog states the possible ranges and their probabilities. With plain ranging, a surface
+beyond the unambiguous range R seems to lie at r instead of r + k R, and therefore to be darker than
+any: the reflectance that its echo states is too small by (r / (r + k R))², and in fog by exp(-2
+alpha k R) more. The motion of the drone does not show it: what is seen at r moves like what is
+there. The depth map of the frame has its say, but not the last word: it rests on the same ranges.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ class Expected(NamedTuple):
 
 
 class Possible(NamedTuple):
-    """Possible ranges (K, S) of spots, nan for none, their sigmas and log probabilities."""
+    """Possible ranges (K, S) of spots, their sigmas and log probabilities; nan for none."""
 
     range_m: Floats
     sigma_m: Floats
@@ -52,15 +52,21 @@ class Possible(NamedTuple):
 
     @classmethod
     def wrapped(
-        cls, range_m: Floats, sigma_m: Floats, log_reflectance: Floats, max_range_m: float
+        cls,
+        range_m: Floats,
+        sigma_m: Floats,
+        log_reflectance: Floats,
+        max_range_m: float,
+        extinction_per_m: float = 0.0,
     ) -> Self:
         """Ranges (S,) and what they are beyond ``max_range_m``, from where these repeat.
 
         ``log_reflectance`` (S,) is that of a facing surface at ``range_m``, nan if unknown: then
         the range stays as it is.
         """
-        possible_m = range_m + MULTIPLES * max_range_m
-        log = log_reflectance + 2 * np.log(possible_m / range_m)
+        farther_m = MULTIPLES * max_range_m
+        possible_m = range_m + farther_m
+        log = log_reflectance + 2 * np.log(possible_m / range_m) + 2 * extinction_per_m * farther_m
         weight = MULTIPLES * LOG_PRIOR - 0.5 * ((log - LOG_REFLECTANCE) / SPREAD) ** 2
         alone = np.where(MULTIPLES == 0, 0.0, -np.inf)
         weight = np.where(np.isfinite(log_reflectance), weight, alone)
@@ -69,7 +75,8 @@ class Possible(NamedTuple):
 
 def likeliest(possible: Possible, expected: Expected) -> tuple[Floats, Floats]:
     """Likeliest range of each spot (S,) and its sigma, nan where none is likely enough."""
-    off = np.abs(np.log(possible.range_m) - expected.log_range) / expected.sigma
+    with np.errstate(invalid="ignore", divide="ignore"):  # an echo may lie behind the instrument
+        off = np.abs(np.log(possible.range_m) - expected.log_range) / expected.sigma
     log = possible.log_weight - 0.5 * np.minimum(off, MAX_SIGMAS) ** 2
     log = np.where(np.isfinite(log), log, -np.inf)
     best, spot = log.argmax(axis=0), np.arange(log.shape[1])

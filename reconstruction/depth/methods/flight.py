@@ -11,10 +11,12 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture.motion import pose_at
-from ...ranging import RANGED
+from ...capture.readings.cw import CwSpots
+from ...ranging import RANGED, Ranges
 from ..ahead import Ahead
 from ..memory import FlightMemory, FrameRanges, Possible, Remembered
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
+from ..network_input import NetworkInput
 from ..pixels import pixel_rays
 from .learned import METHOD as LEARNED
 from .learned import FrameMap, decided
@@ -53,19 +55,32 @@ class Flight:
 
 
 def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
-    """Ranges of a frame, and which are possible, where that is known."""
+    """Ranges of a frame, and which are possible: of continuous wave, as the network's input is."""
     assert view.ranges is not None
-    ranges, frame, possible = view.ranges, whole.frame, None
-    if any(ranges.alternatives):
+    ranges, possible = view.ranges, None
+    if any(ranges.alternatives) and isinstance(view.frame.spots, CwSpots):
         decidable = np.isin(ranges.status, DECIDABLE)
         possible = Possible.of(
             [some if may else () for some, may in zip(ranges.alternatives, decidable, strict=True)]
         )
-    elif frame is not None:
-        possible = Possible.wrapped(
-            ranges.range_m, ranges.sigma_m, frame.log_reflectance, frame.max_range_m
-        )
+    elif whole.frame is not None:
+        possible = _wrapped(view, ranges, whole.frame)
     return FrameRanges(view.directions, ranges.range_m, ranges.sigma_m, possible)
+
+
+def _wrapped(view: View, ranges: Ranges, frame: NetworkInput) -> Possible:
+    """Plain ranges and their multiples, by reflectances that are known for the fitted ranges."""
+    extinction_per_m = float(np.nan_to_num(frame.extinction_per_m))
+    best_m = np.exp(frame.best.log_depth) / view.directions[:, 2]
+    nearer = 2 * np.log(ranges.range_m / best_m)
+    nearer += 2 * extinction_per_m * (ranges.range_m - best_m)
+    return Possible.wrapped(
+        ranges.range_m,
+        ranges.sigma_m,
+        frame.log_reflectance + nearer,
+        frame.max_range_m,
+        extinction_per_m,
+    )
 
 
 def stated(remembered: Remembered, whole: FrameMap, rays: Floats) -> DepthEstimate:

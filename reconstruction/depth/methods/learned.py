@@ -30,7 +30,9 @@ from .dense import METHOD as DENSE
 WEIGHTS = Path(__file__).parents[1] / "learned.npz"
 MAX_NO_RETURN = 0.2
 """Probability of no return above which a pixel has no depth: one invented depth costs four lost."""
-DARK = "the image is dark: nothing near returns light, or nothing is lit"
+DARK_SIGMAS = 5.0
+"""Brightness of bright pixels below which an image is dark, in standard deviations of its mean."""
+DARK_NOTE = "no light returns: there is open sky, or something before the lens"
 
 
 class Learned:
@@ -69,10 +71,14 @@ class Learned:
 
 
 class FrameMap(NamedTuple):
-    """Map of a frame with all its pixels, and the input of the network that it is from, if any."""
+    """Map of a frame with all its pixels, and the input of the network that it is from, if any.
+
+    In a ``dark`` frame neither patterns nor lasers return light.
+    """
 
     estimate: DepthEstimate
     frame: NetworkInput | None = None
+    dark: bool = False
 
 
 @dataclass(frozen=True)
@@ -90,6 +96,8 @@ class LearnedSolver:
         whole = self.frame_map(view)
         if whole is None or whole.frame is None:
             return whole and whole.estimate
+        if not whole.frame.ranged and not whole.dark:
+            return without_depth(whole.estimate)
         result = decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
         return result if whole.frame.ranged else without_depth(result)
 
@@ -97,12 +105,12 @@ class LearnedSolver:
         """Predicted map of all pixels, also of those that have no return; None without spots."""
         if view.ranges is None:
             return None
-        frame, note = self._observer(view), None
+        frame, noise = self._observer(view), brightness_noise(view)
+        dark = bool(frame.lost.all()) and abs(frame.bright) < DARK_SIGMAS * noise
         if not frame.bright > 0:
-            lit = raised(frame, brightness_noise(view))
-            if lit is None:
+            if not dark:
                 return Fallback(self._anchored, "the image is dark").frame_map(view)
-            frame, note = lit, DARK
+            frame = raised(frame, noise)
         inputs = inputs_of(frame)
         out_of_distribution = self._network.out_of_distribution(inputs)
         if out_of_distribution is None and self._observer.spots.pointing is not None:
@@ -113,13 +121,14 @@ class LearnedSolver:
             return Fallback(self._anchored, out_of_distribution).frame_map(view)
         prediction = self._network(inputs)
         depth_m = np.exp(prediction.log_depth)
+        note = DARK_NOTE if dark else None
         result = DepthEstimate(depth_m, prediction.sigma, prediction.no_return, note)
         measured = None if self._dense is None or not frame.ranged else self._dense(view)
-        return FrameMap(result if measured is None else fused(result, measured), frame)
+        return FrameMap(result if measured is None else fused(result, measured), frame, dark)
 
 
 def without_depth(result: DepthEstimate) -> DepthEstimate:
-    """A map without any range: its probabilities, and no depth."""
+    """A map without any range: its probabilities alone."""
     unknown = np.full(result.depth_m.shape, np.nan)
     notes = filter(None, ("no spot has a range: no depth", result.note))
     return replace(result, depth_m=unknown, sigma=None, note="; ".join(notes))

@@ -29,6 +29,7 @@ def ranges_of(
     background: Floats,
     fog: FogOptics | None,
     visibility: Visibility | None = None,
+    unambiguous_range_m: float = np.inf,
 ) -> Ranges:
     """The likeliest range of each spot whose status allows one."""
     best = [
@@ -42,6 +43,7 @@ def ranges_of(
         background_electrons=background,
         status=statuses,
         alternatives=tuple(spot.alternatives for spot in spots),
+        unambiguous_range_m=unambiguous_range_m,
         fog=fog,
         visibility=visibility,
     )

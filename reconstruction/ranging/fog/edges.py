@@ -120,7 +120,7 @@ def _two_targets(
     last = np.searchsorted(templates.range_m, templates.unambiguous_m) - 1
     positions = np.arange(first, last, SEARCH)
     a = white @ target[:, positions]
-    y = white @ (readings - backscatter * fog[:, -1])
+    y = white @ (readings - backscatter * fog[:, last])
     near, far = _best_pairs(a, y)
     at = np.stack([positions[near], positions[far]], axis=1).astype(np.float64)
     at, rho, misfit, information = _refined(white @ target, y, at)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from .numerics import RIDGE, cholesky, whitened
-from .target_prior import bright_log_prior, interval_log_prior, surface_log_prior
+from .target_prior import bright_log_prior, twin_log_prior
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -195,11 +195,8 @@ def _refine(
     determinant = np.maximum(inner[0, 0] * inner[1, 1] - ab**2, 1e-300)
     log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     range_m = templates.range_m[0] + STEP_M * at
-    log_weight += interval_log_prior(range_m, templates.unambiguous_m)
     if scaled:
-        nearer = rho * templates.nearer(spot, node, range_m, np.linalg.norm(target, axis=0))
-        log_weight += bright_log_prior(nearer)
-        log_weight += surface_log_prior(rho) - surface_log_prior(nearer)
+        log_weight += _reflectance_log_prior(templates, spot, node, range_m, rho)
     result = Modes(
         spot=spot,
         node=node,
@@ -215,6 +212,25 @@ def _refine(
         misfit=misfit,
     )
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
+
+
+def _reflectance_log_prior(
+    templates: Templates, spot: Indices, node: Indices, range_m: Floats, rho: Floats
+) -> Floats:
+    """Log prior of modes (C,) of reflectance ``rho``.
+
+    Two modes of equal phases have together what the nearer would have alone, all reflectances up to
+    one being alike, and share it as their reflectances are probable.
+    """
+    if not templates.repeats:
+        return bright_log_prior(rho)
+    within, outside = templates.twins(spot, node, range_m)
+    fainter = np.minimum(outside / np.maximum(within, outside), 1)  # 1: too near to be seen
+    beyond = range_m > templates.unambiguous_m
+    nearer, farther = np.where(beyond, (rho * fainter, rho), (rho, rho / fainter))
+    # The likelihood of a fainter target is wider in its reflectance, by the same factor.
+    wider = np.where(beyond, np.log(fainter), 0)
+    return bright_log_prior(nearer) + wider + twin_log_prior(nearer, farther, beyond)
 
 
 def _between(table: Floats, row: Indices, fraction: Floats) -> tuple[Floats, Floats]:

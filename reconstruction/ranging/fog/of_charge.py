@@ -21,7 +21,13 @@ from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
 from .target_prior import INTERVALS
-from .templates import EXTINCTIONS_PER_M, NOMINAL_ELECTRONS_PER_JOULE, Templates, make_templates
+from .templates import (
+    EXTINCTIONS_PER_M,
+    NOMINAL_ELECTRONS_PER_JOULE,
+    STEP_M,
+    Templates,
+    make_templates,
+)
 from .underdetermined import PER_TARGET, underdetermined_solver
 
 DOUBTFUL = 0.1
@@ -43,8 +49,9 @@ def charge_solver(
     if len(combine) == PER_TARGET:
         return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
-    repeats = isinstance(spots, CwSpots) and max_range_m < MAX_FOG_RANGE_M
-    ends_m = max_range_m * (INTERVALS if repeats and scaled else 1)
+    twice_m = INTERVALS * max_range_m
+    repeats = isinstance(spots, CwSpots) and scaled and twice_m <= MAX_FOG_RANGE_M
+    ends_m = twice_m + 2 * STEP_M if repeats else max_range_m
     templates = make_templates(spots, response, ends_m, unambiguous_m=max_range_m)
     rough = templates.rougher(ROUGH)
     noise = chi_squared_limit(len(combine), normal_cdf(-MIN_SIGNAL))
@@ -80,6 +87,7 @@ def charge_solver(
             readings.mean(axis=1),
             estimate.fog.optics(EXTINCTIONS_PER_M),
             visibility_of(estimate.fog, EXTINCTIONS_PER_M) if scaled else None,
+            max_range_m if repeats else np.inf,
         )
         return ranges, estimate.fog
 

@@ -114,7 +114,7 @@ def path_check(spots: Spots) -> Callable[[Spots], OffsetEvidence | None]:
     def find(spots: Spots) -> OffsetEvidence | None:
         assert isinstance(spots, CwSpots | PulsedSpots)
         ranges, fog = solve(spots, prior, None)
-        seen = np.flatnonzero(ranges.valid)
+        seen = np.flatnonzero(ranges.valid & (ranges.range_m < max_range_m))
         if seen.size < 2:
             return None
         readings = spots.electrons(spots.taps[0])

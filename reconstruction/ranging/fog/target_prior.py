@@ -6,7 +6,7 @@ surfaces: by (r / (r + R))², and by the fog between them.
 
 import numpy as np
 
-from ...base.arrays import Floats
+from ...base.arrays import Floats, Mask
 
 REFLECTANCE_MEDIAN = 0.27
 REFLECTANCE_LOG_SIGMA = 0.8
@@ -49,3 +49,24 @@ def interval_log_prior(range_m: Floats, unambiguous_m: float) -> Floats:
     """Log prior probability of the interval in which each range lies."""
     beyond = range_m > unambiguous_m
     return np.asarray(np.where(beyond, np.log(BEYOND), np.log(1 - BEYOND)))
+
+
+def twin_log_prior(nearer: Floats, farther: Floats, beyond: Mask) -> Floats:
+    """Log probability of each target among two with the same phases, an unambiguous range apart.
+
+    Parameters
+    ----------
+    nearer, farther
+        Reflectances (C,) that explain the echo at either range.
+    beyond
+        Which targets (C,) are the farther ones.
+    """
+    near = np.log(1 - BEYOND) + _log_density_of_log(nearer)
+    far = np.log(BEYOND) + _log_density_of_log(farther)
+    return np.asarray(np.where(beyond, far, near) - np.logaddexp(near, far))
+
+
+def _log_density_of_log(reflectance: Floats) -> Floats:
+    """Log prior density of ln reflectance, where however dark a surface is not impossible."""
+    darkest = np.maximum(reflectance, 2 * ODD_FROM)
+    return surface_log_prior(darkest) + np.log(darkest)

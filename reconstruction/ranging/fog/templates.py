@@ -59,17 +59,25 @@ class Templates:
         middle = np.searchsorted(self.range_m, self.unambiguous_m / 2) // PATCH_STEP
         return self.uneven[:, :, middle]
 
-    def nearer(
-        self, spot: NDArray[np.intp], node: NDArray[np.intp], range_m: Floats, strength: Floats
-    ) -> Floats:
-        """Factors (C,) on the reflectance of targets that would let them lie an interval nearer.
+    @property
+    def repeats(self) -> bool:
+        """Whether the tables reach twice the unambiguous range."""
+        return bool(self.range_m[-1] > self.unambiguous_m + STEP_M)
 
-        At most 1, as for ranges within the first interval; ``strength`` is that of the targets.
+    def twins(
+        self, spot: NDArray[np.intp], node: NDArray[np.intp], range_m: Floats
+    ) -> tuple[Floats, Floats]:
+        """Norms of the readings (C,) of unit reflectance at equal phases within and beyond R.
+
+        One of the two is at ``range_m`` (C,), R the unambiguous range.
         """
-        at = np.searchsorted(self.range_m[:-1], range_m - self.unambiguous_m)
-        nearer = np.linalg.norm(self.target[spot, node, :, at], axis=1)
-        beyond = (range_m > self.unambiguous_m) & (strength < nearer)
-        return np.where(beyond, strength / np.where(beyond, nearer, 1), 1.0)
+        near_m = range_m % self.unambiguous_m
+        return tuple(
+            np.linalg.norm(
+                self.target[spot, node, :, np.searchsorted(self.range_m[:-1], each_m)], axis=1
+            )
+            for each_m in (near_m, near_m + self.unambiguous_m)
+        )
 
     def rougher(self, times: float) -> "Templates":
         """The same for fog whose density deviates ``times`` as much."""
