@@ -18,6 +18,8 @@ RANGED: tuple[Status, ...] = ("ok", "weather prior")
 
 MIN_SIGNAL = 3.0
 """Minimum signal of a detected spot, in standard deviations."""
+MIN_BEYOND = 2 / 3
+"""Minimum probability that a target lies beyond the unambiguous range for it to be taken there."""
 MAX_FOG_RANGE_M = 150.0
 """Maximum range of targets in fog: where fog matters, a drone's laser shows none beyond."""
 
@@ -98,15 +100,16 @@ class Ranges:
     def likeliest(self) -> tuple[Floats, Floats]:
         """Ranges and sigmas, each (spots,), also of spots that are not valid.
 
-        Several alternatives are averaged, and sigma includes their spread, but only those on the
-        likeliest one's side of the unambiguous range; nan if there is none.
+        Several alternatives are averaged, and sigma includes their spread; nan if there is none.
+        Of those within and beyond the unambiguous range one side counts: what may be near is.
         """
         mean, sigma = self.range_m.copy(), self.sigma_m.copy()
         for spot, given in enumerate(self.alternatives):
             if given and not np.isfinite(mean[spot]):
                 ranges_m, sigmas_m, weights = np.array(given).T
                 beyond = ranges_m > self.unambiguous_range_m
-                weights = np.where(beyond == beyond[0], weights, 0.0)
+                far = weights[beyond].sum() >= MIN_BEYOND * weights.sum()
+                weights = np.where(beyond == far, weights, 0)
                 weights = weights / weights.sum()
                 mean[spot] = weights @ ranges_m
                 sigma[spot] = np.sqrt(weights @ (sigmas_m**2 + (ranges_m - mean[spot]) ** 2))
