@@ -179,8 +179,8 @@ def _wrong(true_m: float, off_m: float, sigma_m: float, max_m: float) -> str:
             f"measured {abs(off_m):.2f} m too {_way(off_m)}"
         )
     return (
-        f"is measured {abs(off_m):.2f} m too {_way(off_m)}, with a sigma of {sigma_m:.2g} m: fog or "
-        "further echoes bias it"
+        f"is measured {abs(off_m):.2f} m too {_way(off_m)}, with a sigma of {sigma_m:.2g} m: "
+        "fog or further echoes bias it"
     )
 
 

@@ -62,6 +62,18 @@ def test_a_wall_is_where_it_is(capture):
     assert ((result.no_return >= 0) & (result.no_return <= 1)).all()
 
 
+def test_a_dark_wall_is_not_taken_for_a_bright_one_beyond_the_unambiguous_range():
+    """Its ranges are ambiguous: a bright wall ten metres farther would have the same echoes."""
+    dark = worlds.scene(worlds.plane(5.0, 0.05))
+    capture = simulate(dark, changed("fog"), light="surrogate", seed=1).capture
+    view = view_of(capture)
+    assert set(view.ranges.status) == {"ambiguous"}
+    for result in solved(capture, view):
+        assert np.nanmedian(result.depth_m) == pytest.approx(5.0, rel=0.05)
+    free = solved(capture, view)[0].free
+    assert free[DISTANCES_M > 6.0].max() < 0.5
+
+
 @pytest.mark.parametrize(
     ("order", "why"),
     [

@@ -268,6 +268,31 @@ def test_targets_beyond_the_unambiguous_range_are_seldom_taken_for_nearer_ones(
     assert possible > 0.7 * spots
 
 
+@pytest.mark.parametrize(
+    ("weights", "expected_m"),
+    [
+        ((0.6, 0.4, 0.0), 4.0),
+        ((0.3, 0.7, 0.0), 14.0),
+        ((0.4, 0.3, 0.3), 4.0),
+        ((0.45, 0.0, 0.55), 4.0),
+    ],
+)
+def test_the_likeliest_range_is_beyond_the_unambiguous_one_only_if_twice_as_probable(
+    weights: tuple[float, ...], expected_m: float
+) -> None:
+    some = zip((4.0, 14.0, 16.0), weights, strict=True)
+    unknown = np.array([np.nan])
+    result = Ranges(
+        *(4 * [unknown]),
+        status=("ambiguous",),
+        alternatives=(tuple(Alternative(at_m, 0.1, weight) for at_m, weight in some),),
+        unambiguous_range_m=10.0,
+    )
+    range_m, sigma_m = result.likeliest
+    assert range_m[0] == pytest.approx(expected_m)
+    assert sigma_m[0] == pytest.approx(0.1)
+
+
 def test_dark_targets_within_it_are_not_taken_for_brighter_ones_beyond() -> None:
     for result in measure(record(frames=10, reflectances=np.full(4, 0.05), **FOG)):
         assert (np.abs(result.range_m - RANGES) < 0.1)[result.valid].all()

@@ -65,6 +65,17 @@ def test_readings_and_slopes_of_target_and_fog() -> None:
     np.testing.assert_allclose(echo.of_target[:, 2], turned, atol=0.05 * np.abs(turned).max())
 
 
+def test_a_target_beyond_the_unambiguous_range_is_no_offset() -> None:
+    """Its range is known, but the model of echoes ends before it."""
+    instrument = load_instrument("fog")
+    fog = {"extinction_per_m": 0.05, "backscatter_per_sr": 0.04}
+    given = light(instrument, [4.0, 5.0, 6.0, 10.15], frames=20, **fog)
+    spots = instrument.tof.record(given, instrument.spot_optics, np.random.default_rng(3))
+    result = measure_path_offsets(spots)
+    assert not result.significant.any()
+    assert np.abs(np.nan_to_num(result.offset_m)).max() < 0.5
+
+
 @pytest.mark.parametrize("offset_m", [0.2, -0.15])
 def test_an_offset_of_one_spot_is_told(offset_m: float) -> None:
     result = measure_path_offsets(record(offset_m, **DENSE))

@@ -24,8 +24,8 @@ LOG_SIGMA = 0.6
 MIN_RANGE_M = 0.3
 MAX_EXCESS_MISFIT = 40.0
 """Minima worse than the best by more, in chi squared, are dropped: of each spot, extinction and
-unambiguous interval. Equal phases of both may lie differently between searched ranges, and then
-differ by more than that."""
+unambiguous interval. Only at searched ranges is chi squared known, and two minima of equal phases
+lie differently between them."""
 MIN_STRENGTH = 0.3
 """Modes of weaker targets, in standard deviations, count as none."""
 STEPS = 3
