@@ -168,7 +168,7 @@ def _lines(
     for name, ranges in result.rangings.items():
         yield from _range_lines(name, ranges)
     if result.visibility is not None:
-        yield f"visibility (5 % contrast): {result.visibility}"
+        yield f"visibility (2 % contrast): {result.visibility}"
     if not result.rangings and not result.depths:
         yield "no time of flight in this capture: image only, no ranges, no depth map"
     elif not result.depths:

@@ -292,11 +292,11 @@ def test_the_command_reports_it_and_a_recording_pools_it(tmp_path, capsys):
     reported = json.loads(capsys.readouterr().out)["visibility"]
     assert reported == pytest.approx(read_result(tmp_path / "out/result.h5").visibility._asdict())
     assert main(arguments) == 0
-    assert f"visibility (5 % contrast): {Visibility(**reported)}" in capsys.readouterr().out
+    assert f"visibility (2 % contrast): {Visibility(**reported)}" in capsys.readouterr().out
     frames = [each.visibility for each in measure(record(50.0, frames=4))]
     assert evaluate_recording(capture)["visibility"] == pytest.approx(pooled(frames).numbers)
     done = CliRunner().invoke(app, ["evaluate", str(path)])
-    assert f"visibility (5 % contrast): {pooled(frames).visibility_m:.3g} m" in done.output
+    assert f"visibility (2 % contrast): {pooled(frames).visibility_m:.3g} m" in done.output
 
 
 def _diagnostics(result, capture):

@@ -68,7 +68,7 @@ def print_recording(recording: Mapping[str, Any]) -> None:
         median, bound = (
             written(visibility[key], 1, "{:.3g} m") for key in ("visibility_m", "at_least_m")
         )
-        results.print(f"visibility (5 % contrast): {median}, at least {bound}")
+        results.print(f"visibility (2 % contrast): {median}, at least {bound}")
     if recording["frames"] < 2:
         results.print(
             "one frame: noise and spread need at least two of a static scene", style="dim"

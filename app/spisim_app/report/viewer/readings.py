@@ -86,7 +86,7 @@ def _notes(view: View) -> str:
     if ranges is not None and ranges.fog is not None:
         lines.append(f"- fog: extinction {ranges.fog.extinction_per_m:.4g} per metre")
     if ranges is not None and ranges.visibility is not None:
-        lines.append(f"- visibility (5 % contrast): {ranges.visibility}")
+        lines.append(f"- visibility (2 % contrast): {ranges.visibility}")
     if view.truth is not None and view.shot.depth_m is not None:
         error = np.abs(view.shot.depth_m - view.truth.depth_m)
         if np.isfinite(error).any():
