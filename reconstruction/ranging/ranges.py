@@ -101,7 +101,8 @@ class Ranges:
         """Ranges and sigmas, each (spots,), also of spots that are not valid.
 
         Several alternatives are averaged, and sigma includes their spread; nan if there is none.
-        Of those within and beyond the unambiguous range one side counts: what may be near is.
+        Those beyond the unambiguous range count alone if they have `MIN_BEYOND` of the probability,
+        else not at all.
         """
         mean, sigma = self.range_m.copy(), self.sigma_m.copy()
         for spot, given in enumerate(self.alternatives):
