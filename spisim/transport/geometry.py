@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 from reconstruction.base.arrays import Floats
 from spisim.transport.jit import Bool, Float, Hit, Matrix, Object, Point, Ray, Vector
 
+_ENDLESS_M = 1e12
+"""Length of a ray without end; its square is finite in 32 bits."""
+
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
@@ -93,23 +96,45 @@ def direction_to(start: Point, stop: Point) -> tuple[Vector, Float]:
 
 
 class EquiAngular(NamedTuple):
-    """Distances uniform in the angle seen from a point (Kulla & Fajardo, EGSR 2012)."""
+    """Distances uniform in the angle seen from a point (Kulla & Fajardo, EGSR 2012).
+
+    From beside a ray nearly all of it lies at right angles, where 32 bits of an angle leave 1e-4 of
+    its tangent and a GPU's fast cosine less. So an angle is kept as its cosine and sine, and a
+    sample is a turn of at most 90° from the nearer end.
+    """
 
     foot: Float  # distance along the ray to the foot of the point
     height: Float  # of the point above the ray
-    low: Float
-    high: Float
+    near: Vector  # cosine and sine of the angle between height and near end
+    far: Vector
+    span: Float  # angle between the ends
 
     @classmethod
     def about(cls, point: Point, ray: Ray, far: Float, near: Float = 0.0) -> Self:
         offset = point - ray.o
         foot = dr.dot(offset, ray.d)
         height = dr.maximum(dr.norm(offset - foot * ray.d), 1e-6)
-        return cls(foot, height, dr.atan2(near - foot, height), dr.atan2(far - foot, height))
+        far = dr.minimum(far, _ENDLESS_M)
+        first, last = mi.Vector2f(height, near - foot), mi.Vector2f(height, far - foot)
+        span = dr.atan2(height * (far - near), dr.dot(first, last))
+        return cls(foot, height, dr.normalize(first), dr.normalize(last), span)
 
     def sample(self, u: Float) -> Float:
-        return self.foot + self.height * dr.tan(dr.lerp(self.low, self.high, u))
+        from_near = u < 0.5
+        sine, cosine = _sine_and_cosine(self.span * dr.select(from_near, u, 1 - u))
+        end, turn = (dr.select(from_near, *each) for each in ((self.near, self.far), (sine, -sine)))
+        tangent = (end.y * cosine + end.x * turn) / (end.x * cosine - end.y * turn)
+        return self.foot + self.height * tangent
 
     def density(self, distance: Float) -> Float:
-        span = (self.high - self.low) * (self.height**2 + dr.square(distance - self.foot))
-        return self.height / span
+        return self.height / (self.span * (self.height**2 + dr.square(distance - self.foot)))
+
+
+def _sine_and_cosine(angle: Float) -> tuple[Float, Float]:
+    """Of up to 90°, from their series: sines of small angles are as precise as the angles."""
+    square = dr.square(angle)
+    sine, cosine = mi.Float(1), mi.Float(1)
+    for order in range(12, 0, -2):
+        cosine = dr.fma(square * (-1 / (order * (order - 1))), cosine, 1)
+        sine = dr.fma(square * (-1 / (order * (order + 1))), sine, 1)
+    return angle * sine, cosine

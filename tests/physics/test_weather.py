@@ -125,12 +125,13 @@ def bias_m(phasors, distance_m):
 
 
 def phasor_parts(medium, distance_m, overlap_m):
-    """Of the wall and of light scattered once, from a detector in the place of the laser."""
+    """Of the wall and of light scattered once, seen along z from beside the laser; its size."""
     r = np.linspace(overlap_m, distance_m, 100_001)
-    wave = np.exp(2j * WAVE_NUMBER * r - 2 * medium.extinction_per_m * r) / r**2
-    echo = medium.scattering_per_m * medium.backscatter_per_sr * np.trapezoid(wave, r)
-    light = medium.scattering_per_m * medium.backscatter_per_sr * np.trapezoid(np.abs(wave), r)
-    return REFLECTANCE / np.pi * wave[-1], echo, light
+    d = np.hypot(r, TAN_HALF_FIELD * overlap_m)
+    wave = np.exp((1j * WAVE_NUMBER - medium.extinction_per_m) * (r + d)) * r / d**3
+    scattered = medium.scattering_per_m * medium.phase.density(-r / d) * wave
+    target = REFLECTANCE / np.pi * wave[-1] * r[-1] / d[-1]
+    return target, np.trapezoid(scattered, r), np.trapezoid(np.abs(scattered), r)
 
 
 def spot_phasors(medium, distance_m, overlap_m, paths, **options):
