@@ -1,6 +1,7 @@
 """From image, ranges and readings to depth maps: methods, rays and point clouds."""
 
 from .ahead import corridors_of, free_of_estimate
+from .last_view import LastView
 from .method import (
     MAX_RANGE_M,
     Context,
@@ -33,6 +34,7 @@ __all__ = [
     "DepthMethod",
     "DepthSolver",
     "FreeTowards",
+    "LastView",
     "View",
     "check_min_free",
     "corridors_of",

@@ -18,7 +18,7 @@ from ..operators import (
     redundant_combinations,
 )
 from .coefficients import CoefficientDecoder, Coefficients
-from .method import CarryingMethod, ImageMethod, ImageSolver
+from .method import CarryingMethod, ImageMethod, ImageSolver, Moved
 from .methods import image_method
 from .prior import Prior
 
@@ -36,13 +36,18 @@ class Imaging:
         Plans of successive frames, repeated cyclically.
     own
         Unregistered methods by name.
+    moved
+        How images move from the last frame to this one, if that is known.
     """
 
     def __init__(
-        self, *plans: PatternPlan, own: Mapping[str, ImageMethod] = MappingProxyType({})
+        self,
+        *plans: PatternPlan,
+        own: Mapping[str, ImageMethod] = MappingProxyType({}),
+        moved: Moved | None = None,
     ) -> None:
         self._plans = plans
-        self._own = own
+        self._own, self._moved = own, moved
         self._whole: dict[int, CompiledPlan] = {}
         self._fewer: tuple[tuple[int, bytes], CompiledPlan] | None = None
         self._begun: dict[str, ImageMethod] = {}
@@ -78,7 +83,8 @@ class Imaging:
         if name not in self._begun:
             method = self._own[name] if name in self._own else image_method(name)
             if isinstance(method, CarryingMethod):
-                method = method.begin([decoder_for(plan).operator for plan in self._plans])
+                operators = [decoder_for(plan).operator for plan in self._plans]
+                method = method.begin(operators, self._moved)
             self._begun[name] = method
         return self._begun[name]
 

@@ -12,9 +12,12 @@ new readings,
     y ~ N(a m, (1 - a^2 rho) S + r),
 
 where m is the mean and (1 - rho) S the variance given earlier frames, and r the noise variance of
-y. The weights follow a Markov chain; the mixture is approximated by one Gaussian per coefficient
-(generalised pseudo-Bayes of first order: G. A. Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15,
-10 (1970)), with mean m sum(p a) and rho sum(p a^2) in place of rho.
+y. Where poses and depths tell how the last image moves, or all of it but a veil that stays with the
+camera, each speed counts again, as what is left after this change of the mean: poses and depths may
+be wrong. The weights follow a Markov chain; the mixture
+is approximated by one Gaussian per coefficient (generalised pseudo-Bayes of first order: G. A.
+Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15, 10 (1970)), with mean sum(p a m) and rho
+sum(p a^2) in place of rho.
 
 The output are not posterior means, which the prior shrinks towards zero, but values with noise that
 yield these means under the prior: measurements, as any image method expects.
@@ -48,27 +51,40 @@ FORGOTTEN = 1e-6
 
 
 class Memory:
-    """Coefficients of an operator (K, N); ``weights``: probabilities of the speeds and a cut."""
+    """Coefficients of an operator (K, N), of all frames so far."""
 
     def __init__(self, operator: MeasurementOperator, speeds: Sequence[float] = SPEEDS) -> None:
         self.operator = operator
         self._expected, self._left = _expected_and_left(operator, speeds)
         near = FASTER ** np.arange(len(speeds))
         self._predicted = np.append((1 - CUT) * near / near.sum(), CUT)
-        self.weights = self._predicted
+        self._joint = self._predicted[None]
         self._values: NDArray[np.inexact] = np.zeros(operator.shape[0])
         self._precision = np.zeros(operator.shape[0])
         self._age = np.zeros(operator.shape[0])
         self._scale = 0.0
 
-    def take(self, rows: NDArray[np.intp], coefficients: Coefficients) -> Coefficients:
-        """All coefficients (K,) after a frame that measures the ``rows`` (n,)."""
+    @property
+    def weights(self) -> Floats:
+        """Probabilities of the speeds and a cut."""
+        return np.asarray(self._joint.sum(axis=0))
+
+    def take(
+        self,
+        rows: NDArray[np.intp],
+        coefficients: Coefficients,
+        changes: NDArray[np.inexact] | None = None,
+    ) -> Coefficients:
+        """All coefficients (K,) after a frame that measures the ``rows`` (n,).
+
+        ``changes`` (M, K) of all coefficients since the last frame are possible, besides none.
+        """
         length = self.operator.row_length
         seen = coefficients.measured
         rows, values = rows[seen], coefficients.values[seen] / length
         prior, noise = self._scaled(rows, values, (coefficients.noise[seen] / length) ** 2)
         if prior is not None:
-            self._predict(prior, rows, values, noise)
+            self._predict(prior, rows, values, noise, changes)
             self._update(rows, values, noise)
         with np.errstate(divide="ignore"):
             return Coefficients(self._values * length, length / np.sqrt(self._precision))
@@ -91,20 +107,30 @@ class Memory:
         return -1 if self.operator.dc_row is None else self.operator.dc_row
 
     def _predict(
-        self, prior: Floats, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats
+        self,
+        prior: Floats,
+        rows: NDArray[np.intp],
+        values: NDArray[np.inexact],
+        noise: Floats,
+        changes: NDArray[np.inexact] | None = None,
     ) -> None:
-        """Weight the speeds by the new readings, and let the estimate decay accordingly."""
+        """Weight the speeds by the new readings, and let the estimate change accordingly."""
         snr = self._precision * prior
         rho = snr / (1 + snr)
+        means = (rho * self._values)[None]
+        if changes is not None:
+            known = np.where(rho > 0, changes / self.operator.row_length, 0)
+            means = np.concatenate([means, means + known])
         fading = self._left ** (2 * self._age + 1)
         left = fading[:, rows]
         variance = (1 - left**2 * rho[rows]) * prior[rows] + noise
-        error = np.abs(values - left * (rho * self._values)[rows]) ** 2
-        evidence = -(error / variance + np.log(variance)).sum(axis=1) / 2
-        expected = (1 - CHANGE) * self.weights + CHANGE * self._predicted
+        error = np.abs(values - left * means[:, None, rows]) ** 2
+        evidence = -(error / variance + np.log(variance)).sum(axis=-1) / 2
+        shared = self._joint if len(self._joint) == len(means) else self.weights / len(means)
+        expected = (1 - CHANGE) * shared + CHANGE / len(means) * self._predicted
         weights = expected * np.exp(evidence - evidence.max())
-        self.weights = weights / weights.sum()
-        mean = (self.weights @ fading) * rho * self._values
+        self._joint = weights / weights.sum()
+        mean = ((self._joint @ fading) * means).sum(axis=0)
         rho = (self.weights @ fading**2) * rho
         self._age += 1
         rho[rho < FORGOTTEN] = 0

@@ -10,13 +10,13 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt
-from ..pixels import in_view, pixel_of, pixel_rays
+from ..last_view import seen_before
+from ..pixels import in_view, pixel_rays
 
 NEW = 0.15
 """Fraction that the new map has in the average."""
 MAX_SIGMAS = 3.0
 """Maximum difference between average and map, in standard deviations of the map."""
-MIN_DEPTH_M = 0.05
 
 
 class MapMemory:
@@ -37,12 +37,9 @@ class MapMemory:
         self, before: PoseAt, last: Floats, pose: PoseAt, log_depth: Floats, sigma: Floats
     ) -> Floats:
         points_m = self._rays * np.exp(log_depth)[..., None]
-        turn = pose.axes.T @ before.axes
-        local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
-        depth_m = np.maximum(local_m[..., 2], MIN_DEPTH_M)
-        pixel = pixel_of(local_m.reshape(-1, 3), self._optics, last.shape)
+        pixel, local_m = seen_before(before, pose, points_m, self._optics)
         inside = in_view(pixel, last.shape)
-        carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(depth_m)
+        carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(local_m[..., 2])
         agrees = np.abs(carried - log_depth) < MAX_SIGMAS * sigma
         agrees &= inside.reshape(last.shape)
         return np.where(agrees, NEW * log_depth + (1 - NEW) * carried, log_depth)

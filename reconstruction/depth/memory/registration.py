@@ -13,8 +13,9 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture import Optics
+from ..last_view import MIN_DEPTH_M
 from ..pixels import in_view, pixel_of, pixel_rays
-from .maps import MIN_DEPTH_M, sampled
+from .maps import sampled
 
 ROWS = 32
 """Rows of the images that are compared, after a blur by `BLUR` of their pixels."""

@@ -2,20 +2,25 @@
 
 For recordings whose frames are reconstructed in order. If they expose different patterns, the image
 rests on all of these; if they expose the same, on the mean of their readings. After a cut it is
-that of the single frame. See `reconstruction.image.memory`.
+that of the single frame. Where frames have poses, the last image moves as they and the depth map
+say, as far as the readings agree. See `reconstruction.image.memory`.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from ...operators import MeasurementOperator, RowOperator
 from ..coefficients import Coefficients
 from ..memory import Memory
-from ..method import CarryingMethod, Estimate, ImageMethod, ImageSolver
+from ..method import CarryingMethod, Estimate, ImageMethod, ImageSolver, Moved
 from . import image_method
+
+VEIL = 1 / 8
+"""Blur that leaves the veil of fog, which moves with the camera, relative to the longer side."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +34,7 @@ class Recursive:
         """Solver of the inner method, for frames without predecessors."""
         return self._method.compile(operator)
 
-    def begin(self, operators: Sequence[MeasurementOperator]) -> ImageMethod:
+    def begin(self, operators: Sequence[MeasurementOperator], moved: Moved | None) -> ImageMethod:
         """Start the method for one recording; InputError unless the basis is orthogonal."""
         rows = [each for each in operators if isinstance(each, RowOperator)]
         if len(rows) < len(operators):
@@ -37,7 +42,7 @@ class Recursive:
                 "image method 'recursive' needs patterns of an orthogonal basis, such as Hadamard's"
             )
         index = np.unique(np.concatenate([each.index for each in rows]))
-        return _Remembering(self._method, RowOperator(rows[0].basis, index))
+        return _Remembering(self._method, RowOperator(rows[0].basis, index), moved)
 
     @property
     def _method(self) -> ImageMethod:
@@ -54,8 +59,9 @@ class _Remembering:
 
     title = Recursive.title
 
-    def __init__(self, inner: ImageMethod, operator: RowOperator) -> None:
-        self._operator = operator
+    def __init__(self, inner: ImageMethod, operator: RowOperator, moved: Moved | None) -> None:
+        self._operator, self._moved = operator, moved
+        self._image: NDArray[np.inexact] | None = None
         self._memory = Memory(operator)
         self._inner, self._solve = inner, inner.compile(operator)
 
@@ -68,12 +74,26 @@ class _Remembering:
         alone = self._inner.compile(operator)
 
         def solve(coefficients: Coefficients) -> Estimate:
-            given = self._memory.take(rows, coefficients)
+            given = self._memory.take(rows, coefficients, self._changes())
             if (given.measured & others).any():
-                return self._solve(given)
-            return alone(Coefficients(given.values[rows], given.noise[rows]))
+                estimate = self._solve(given)
+            else:
+                estimate = alone(Coefficients(given.values[rows], given.noise[rows]))
+            self._image = estimate.image
+            return estimate
 
         return solve
+
+    def _changes(self) -> NDArray[np.inexact] | None:
+        """Changes (2, K) of the coefficients if the last image moves, or all of it but its veil."""
+        if self._image is None or self._moved is None:
+            return None
+        from scipy.ndimage import gaussian_filter  # slow to load
+
+        veil = gaussian_filter(self._image, VEIL * max(self._image.shape), mode="nearest")
+        images = np.array([self._image, self._image - veil])
+        moved = self._moved(images)
+        return None if moved is None else self._operator.forward(moved - images)
 
 
 METHOD = Recursive()

@@ -1,0 +1,58 @@
+"""What of a frame is seen from the next one, by their poses and a depth map."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..base.arrays import Floats
+from ..capture import Optics
+from ..capture.motion import PoseAt, break_between
+from .method import MAX_RANGE_M
+from .pixels import pixel_of, pixel_rays
+
+MIN_DEPTH_M = 0.05
+"""Depth of points that come to lie beside the camera or behind it."""
+
+
+class LastView:
+    """The last frame of a flight: its pose and its depth map, which also serves for the next."""
+
+    def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
+        self._optics, self._rays = optics, pixel_rays(optics, shape)
+        self._now: PoseAt | None = None
+        self._last: tuple[PoseAt, Floats] | None = None
+
+    def turn_to(self, pose: PoseAt | None) -> None:
+        """Another frame begins, at this pose if it has one."""
+        self._now = pose
+
+    def keep(self, depth_m: NDArray[np.floating] | None) -> None:
+        """The frame's map (H, W); where it has no depth, all is far away."""
+        if depth_m is None:
+            depth_m = np.full(self._rays.shape[:2], MAX_RANGE_M)
+        self._last = self._now and (self._now, np.nan_to_num(depth_m, nan=MAX_RANGE_M))
+
+    def moved(self, images: NDArray[np.inexact]) -> NDArray[np.inexact] | None:
+        """The last frame's images (N, H, W) from here, lit from here; None without both poses."""
+        if self._now is None or self._last is None:
+            return None
+        before, depth_m = self._last
+        if break_between(before, self._now) is not None:
+            return None
+        from scipy.ndimage import map_coordinates  # slow to load
+
+        points_m = self._rays * depth_m[..., None]
+        pixel, local_m = seen_before(before, self._now, points_m, self._optics)
+        nearer = np.linalg.norm(local_m, axis=-1) / np.linalg.norm(points_m, axis=-1)
+        carried = [map_coordinates(each, pixel.T, order=3, mode="nearest") for each in images]
+        return np.reshape(carried, images.shape) * nearer**2
+
+
+def seen_before(
+    before: PoseAt, pose: PoseAt, points_m: Floats, optics: Optics
+) -> tuple[Floats, Floats]:
+    """Points (H, W, 3) of a frame in an earlier one: rows and columns (H W, 2), coordinates."""
+    turn = pose.axes.T @ before.axes
+    local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
+    local_m[..., 2] = np.maximum(local_m[..., 2], MIN_DEPTH_M)
+    height, width = points_m.shape[:2]
+    return pixel_of(local_m.reshape(-1, 3), optics, (height, width)), local_m

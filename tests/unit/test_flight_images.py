@@ -1,0 +1,140 @@
+"""Images along a flight: the last one moved by poses and depths, and what a memory makes of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flights import FRAME_S, OPTICS, SHAPE, pose
+from images import natural_image
+from reconstruction import Reconstructor, make_plan
+from reconstruction.capture import Poses
+from reconstruction.depth import LastView
+from reconstruction.image import Coefficients
+from reconstruction.image.memory import Memory
+from reconstruction.operators import decoder_for
+from videos import METHODS, cycle_of, video
+
+PIXEL = 2 * OPTICS.tan_half_width / SHAPE[1]
+IMAGE = natural_image(64, 3)
+INSIDE = (slice(4, -4), slice(4, -4))
+NOISE = 0.3
+
+
+def moved(now, depth_m=4.0, before=None, image=IMAGE):
+    """An image as it is seen from the next pose."""
+    view = LastView(OPTICS, SHAPE)
+    view.turn_to(pose() if before is None else before)
+    view.keep(None if depth_m is None else np.full(SHAPE, depth_m))
+    view.turn_to(now)
+    (result,) = view.moved(image[None])
+    return result
+
+
+@pytest.mark.parametrize("depth_m", [2.0, 9.0])
+def test_a_shift_by_a_pixel_moves_a_plane_by_one(depth_m):
+    """Nearly as bright: ranges along the rays differ by the shift."""
+    now = pose(1, (PIXEL * depth_m, 0, 0))
+    np.testing.assert_allclose(
+        moved(now, depth_m)[INSIDE], np.roll(IMAGE, -1, axis=1)[INSIDE], rtol=0.01, atol=1e-9
+    )
+    down = moved(pose(1, (0, PIXEL * depth_m, 0)), depth_m)
+    np.testing.assert_allclose(down[INSIDE], np.roll(IMAGE, -1, axis=0)[INSIDE], rtol=0.01)
+
+
+@pytest.mark.parametrize("depth_m", [2.0, None])
+def test_a_turn_moves_what_is_near_and_far_alike(depth_m):
+    now = pose(1, turn_rad=(0, np.arctan(PIXEL), 0))
+    middle = (slice(28, 36), slice(28, 36))
+    np.testing.assert_allclose(
+        moved(now, depth_m)[middle], np.roll(IMAGE, -1, axis=1)[middle], rtol=0.02
+    )
+
+
+def test_what_comes_near_is_brighter():
+    """By the square of the range; the map is that of the frame before."""
+    nearer = moved(pose(1, (0, 0, 0.4)), image=np.ones(SHAPE))
+    assert nearer[32, 32] == pytest.approx((4.4 / 4) ** 2, rel=1e-3)
+
+
+def test_no_depth_is_far_away():
+    still = moved(pose(1, (0.02, 0, 0)), depth_m=None)
+    assert np.abs(still - IMAGE).max() < 0.1 * np.abs(np.roll(IMAGE, -1, axis=1) - IMAGE).max()
+    holes = np.full(SHAPE, 4.0)
+    holes[:, 32:] = np.nan
+    assert np.isfinite(moved(pose(1, (0.1, 0, 0)), holes)).all()
+
+
+@pytest.mark.parametrize(
+    ("before", "now"),
+    [(pose(), None), (pose(1), pose(0)), (pose(), pose(1, (90, 0, 0))), (pose(), pose(2000))],
+)
+def test_without_a_pose_that_follows_nothing_is_known(before, now):
+    view = LastView(OPTICS, SHAPE)
+    view.turn_to(before)
+    assert view.moved(IMAGE[None]) is None
+    view.keep(np.full(SHAPE, 4.0))
+    view.turn_to(now)
+    assert view.moved(IMAGE[None]) is None
+    view.turn_to(None)
+    view.keep(np.full(SHAPE, 4.0))
+    view.turn_to(pose())
+    assert view.moved(IMAGE[None]) is None
+
+
+def pan(frames, pixels):
+    """A wide image that moves by whole pixels."""
+    wide = natural_image(128, 5)
+    return [wide[40:72, t * pixels : t * pixels + 32] for t in range(frames)]
+
+
+def errors(images, changes_of):
+    """Errors of the memory's coefficients of all patterns, after each frame."""
+    cycle = cycle_of((32, 32), 64, 4, polarity="signed")
+    index = np.unique(np.concatenate([decoder_for(plan).index for plan in cycle]))
+    every = decoder_for(make_plan((32, 32), index.size, polarity="signed")).operator
+    memory, rng = Memory(every), np.random.default_rng(2)
+    result = []
+    for number, image in enumerate(images):
+        rows = np.searchsorted(index, decoder_for(cycle[number % 4]).index)
+        read = every.forward(image)[rows] + rng.normal(0, NOISE, rows.size)
+        changes = changes_of(every, images[number - 1], image) if number else None
+        given = memory.take(rows, Coefficients(read, np.full(rows.size, NOISE)), changes)
+        known = np.where(given.measured, given.values, 0)
+        weight = 1 / (1 + given.noise**2)
+        result.append(np.mean((weight * known - every.forward(image)) ** 2))
+    return np.mean(result[4:])
+
+
+def test_a_change_that_is_told_rightly_counts_and_a_wrong_one_does_not():
+    images = pan(16, 2)
+    alone = errors(images, lambda *_: None)
+    right = errors(images, lambda op, last, now: op.forward(now - last)[None])
+    wrong = errors(images, lambda op, last, now: op.forward(last - now)[None])
+    either = errors(images, lambda op, last, now: op.forward(np.array([last - now, now - last])))
+    assert right < 0.01 * alone
+    assert either < 0.01 * alone
+    assert wrong < 1.03 * alone
+    still = errors([images[0]] * 16, lambda op, *_: op.forward(images[1] - images[0])[None])
+    assert still < 1.03 * errors([images[0]] * 16, lambda *_: None)
+
+
+@pytest.mark.parametrize("told", ["rightly", "wrongly"])
+def test_images_of_a_turning_camera(told):
+    """Poses gain where they are right and lose nothing where they are not."""
+    images = pan(16, 2)
+    recording = video(images, cycle_of((32, 32), 64, 4), 1.0)
+    angles = np.arctan(np.arange(16) * 2 * 2 * 0.3 / 32) * (1 if told == "rightly" else -1)
+    turns = np.stack([0 * angles, np.sin(angles / 2), 0 * angles, np.cos(angles / 2)], axis=1)
+    poses = Poses(
+        FRAME_S * (1 + np.arange(16)), np.zeros((16, 3)), turns, np.full((16, 6, 6), np.nan)
+    )
+    optics = replace(OPTICS)
+    with_poses = replace(recording, optics=optics, poses=poses)
+    errors = []
+    for each in (with_poses, replace(recording, optics=optics)):
+        results = Reconstructor(each.setup, image=METHODS[1]).batch(each.batch(0, each.frames))
+        some = zip(results[6:], images[6:], strict=True)
+        errors.append(np.mean([np.mean((result.image - image) ** 2) for result, image in some]))
+    gain_db = 10 * np.log10(errors[1] / errors[0])
+    assert gain_db > 0.5 if told == "rightly" else gain_db > -0.1
