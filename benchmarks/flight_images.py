@@ -83,7 +83,7 @@ def error_db(capture: Capture, method: str, judged: Mask) -> float:
     """Mean error of the images of those ``judged`` frames that have a truth."""
     truth = capture.truth
     assert truth is not None
-    depth = "learned" if capture.poses is not None else ()
+    depth = "flight" if capture.poses is not None else ()
     reconstruct = Reconstructor(capture.setup, image=method, depth=depth)
     errors = []
     for number in range(capture.frames):

@@ -13,11 +13,11 @@ new readings,
 
 where m is the mean and (1 - rho) S the variance given earlier frames, and r the noise variance of
 y. Where poses and depths tell how the last image moves, or all of it but a veil that stays with the
-camera, each speed counts again, as what is left after this change of the mean: poses and depths may
-be wrong. The weights follow a Markov chain; the mixture
-is approximated by one Gaussian per coefficient (generalised pseudo-Bayes of first order: G. A.
-Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15, 10 (1970)), with mean sum(p a m) and rho
-sum(p a^2) in place of rho.
+camera, each speed counts again, as what is left after this change of the mean. A change c of error
+e c makes the mean k (m + c) and rho k rho, with k = rho S / (rho S + e^2 c^2). The weights follow a
+Markov chain; the mixture is approximated by one Gaussian per coefficient (generalised pseudo-Bayes
+of first order: G. A. Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15, 10 (1970)), with mean
+sum(p a m) and sum(p a^2 rho) in place of rho.
 
 The output are not posterior means, which the prior shrinks towards zero, but values with noise that
 yield these means under the prior: measurements, as any image method expects.
@@ -46,6 +46,9 @@ DC_VARIANCE = 100.0
 """Variance of the DC coefficient, relative to the largest variance of the others."""
 MIN_NOISE = 1e-4
 """Minimum rms noise of a coefficient, relative to its spread, as no scene is perfectly still."""
+WRONG = 0.5
+"""Error of a change by poses and depths, relative to it: a single wrong depth map must not stay."""
+TINY = np.finfo(float).tiny
 FORGOTTEN = 1e-6
 """Fraction of a coefficient's variance below which earlier frames are ignored."""
 
@@ -117,13 +120,15 @@ class Memory:
         """Weight the speeds by the new readings, and let the estimate change accordingly."""
         snr = self._precision * prior
         rho = snr / (1 + snr)
-        means = (rho * self._values)[None]
+        means, rhos = (rho * self._values)[None], rho[None]
         if changes is not None:
-            known = np.where(rho > 0, changes / self.operator.row_length, 0)
-            means = np.concatenate([means, means + known])
+            changes = np.where(rho > 0, changes / self.operator.row_length, 0)
+            kept = 1 / (1 + (WRONG * np.abs(changes)) ** 2 / np.maximum(rho * prior, TINY))
+            means = np.concatenate([means, kept * (means + changes)])
+            rhos = np.concatenate([rhos, kept * rho])
         fading = self._left ** (2 * self._age + 1)
         left = fading[:, rows]
-        variance = (1 - left**2 * rho[rows]) * prior[rows] + noise
+        variance = (1 - left**2 * rhos[:, None, rows]) * prior[rows] + noise
         error = np.abs(values - left * means[:, None, rows]) ** 2
         evidence = -(error / variance + np.log(variance)).sum(axis=-1) / 2
         shared = self._joint if len(self._joint) == len(means) else self.weights / len(means)
@@ -131,7 +136,7 @@ class Memory:
         weights = expected * np.exp(evidence - evidence.max())
         self._joint = weights / weights.sum()
         mean = ((self._joint @ fading) * means).sum(axis=0)
-        rho = (self.weights @ fading**2) * rho
+        rho = ((self._joint @ fading**2) * rhos).sum(axis=0)
         self._age += 1
         rho[rho < FORGOTTEN] = 0
         self._values = np.divide(mean, rho, out=np.zeros_like(mean), where=rho > 0)
