@@ -91,15 +91,10 @@ class Reconstructor:
         if weather is not None:
             setup = with_weather(setup, Weather.parsed(weather))
         self.setup, self._min_free = setup, min_free
-        self._rays: Floats | None = None
-        self._range_over_depth: Image | None = None
-        self._last_view, moved = None, None
-        if setup.optics is not None:
-            self._rays = pixel_rays(setup.optics, setup.plan.shape)
-            self._range_over_depth = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
-            self._last_view = LastView(setup.optics, setup.plan.shape)
-            moved = self._last_view.moved
-        self._imaging = Imaging(*setup.plans, own=own_methods("image", image), moved=moved)
+        self._last_view = LastView(setup.optics, setup.plan.shape)
+        self._imaging = Imaging(
+            *setup.plans, own=own_methods("image", image), motion=self._last_view.motion
+        )
         every = self._imaging.of(np.ones(setup.plan.exposures, dtype=bool))
         self._images = image_names(image, every)
         self._rangings, self._refused = ranging_solvers(ranging, setup)
@@ -109,6 +104,11 @@ class Reconstructor:
             name: method.compile(context)
             for name, method in depth_methods(depth, setup, ranged=ranged).items()
         }
+        self._rays: Floats | None = None
+        self._range_over_depth: Image | None = None
+        if setup.optics is not None:
+            self._rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._range_over_depth = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
         logger.info(
             "image methods: %s; ranging methods: %s; depth methods: %s",
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
@@ -174,8 +174,7 @@ class Reconstructor:
     def _frame(self, decoded: "_Decoded") -> Result:
         frame, readings, coefficients, outliers, timings, _ = decoded
         varying = readings.decoder.operator.varying & readings.measured
-        if self._last_view:
-            self._last_view.turn_to(pose_at(frame.poses))
+        self._last_view.turn_to(pose_at(frame.poses))
         notes = _note_of_readings(frame.first, outliers, varying, coefficients)
         images, sigmas = self._images_of(decoded, notes)
         brightness = self._brightness(images, sigmas, readings, frame.spots)
@@ -200,8 +199,7 @@ class Reconstructor:
                 estimate = solve_depth(view)
                 if estimate is not None:
                     maps[name] = checked_depths(f"depth method {name!r}", estimate, self._shape)
-        if self._last_view:
-            self._last_view.keep(next((each.depth_m for each in maps.values()), None))
+        self._last_view.keep(next((each.depth_m for each in maps.values()), None))
         towards = {name: corridors_of(each, self._rays) for name, each in maps.items()}
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)

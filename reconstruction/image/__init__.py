@@ -4,7 +4,7 @@ from .coefficients import CoefficientDecoder, Coefficients, without_shared_error
 from .dictionaries import DICTIONARIES
 from .dictionary import Band, Dictionary, StrongestAtoms
 from .imaging import Imaging, UsableReadings
-from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver, SolverOfMany
+from .method import CarryingMethod, Estimate, ImageMethod, ImageSolver, Motion, SolverOfMany
 from .methods import IMAGE_METHODS, image_method
 from .omp import batch_omp, load_pursuit
 from .prior import Prior, fit_variance
@@ -33,6 +33,7 @@ __all__ = [
     "ImageSolver",
     "Imaging",
     "Layout",
+    "Motion",
     "Prior",
     "SolverOfMany",
     "StrongestAtoms",

@@ -18,7 +18,7 @@ from ..operators import (
     redundant_combinations,
 )
 from .coefficients import CoefficientDecoder, Coefficients
-from .method import CarryingMethod, ImageMethod, ImageSolver, Moved
+from .method import CarryingMethod, ImageMethod, ImageSolver, Motion
 from .methods import image_method
 from .prior import Prior
 
@@ -36,18 +36,18 @@ class Imaging:
         Plans of successive frames, repeated cyclically.
     own
         Unregistered methods by name.
-    moved
-        How images move from the last frame to this one, if that is known.
+    motion
+        How images move from the last frame to this one.
     """
 
     def __init__(
         self,
         *plans: PatternPlan,
         own: Mapping[str, ImageMethod] = MappingProxyType({}),
-        moved: Moved | None = None,
+        motion: Motion = lambda: None,
     ) -> None:
         self._plans = plans
-        self._own, self._moved = own, moved
+        self._own, self._motion = own, motion
         self._whole: dict[int, CompiledPlan] = {}
         self._fewer: tuple[tuple[int, bytes], CompiledPlan] | None = None
         self._begun: dict[str, ImageMethod] = {}
@@ -84,7 +84,7 @@ class Imaging:
             method = self._own[name] if name in self._own else image_method(name)
             if isinstance(method, CarryingMethod):
                 operators = [decoder_for(plan).operator for plan in self._plans]
-                method = method.begin(operators, self._moved)
+                method = method.begin(operators, self._motion)
             self._begun[name] = method
         return self._begun[name]
 

@@ -13,11 +13,12 @@ new readings,
 
 where m is the mean and (1 - rho) S the variance given earlier frames, and r the noise variance of
 y. Where poses and depths tell how the last image moves, or all of it but a veil that stays with the
-camera, each speed counts again, as what is left after this change of the mean. A change c of error
-e c makes the mean k (m + c) and rho k rho, with k = rho S / (rho S + e^2 c^2). The weights follow a
-Markov chain; the mixture is approximated by one Gaussian per coefficient (generalised pseudo-Bayes
-of first order: G. A. Ackerson, K. S. Fu, IEEE Trans. Autom. Control 15, 10 (1970)), with mean
-sum(p a m) and sum(p a^2 rho) in place of rho.
+camera, each speed is also tried on the mean after that change. A change c with error e c makes the
+mean k (m + c) and rho k rho, with k = rho S / (rho S + e^2 c^2). The weights follow a Markov chain,
+in which speeds change sooner than whether changes are right; the mixture is approximated by one
+Gaussian per coefficient (after generalised pseudo-Bayes of first order: G. A. Ackerson, K. S. Fu,
+IEEE Trans. Autom. Control 15, 10 (1970), without the spread of the means), with mean sum(p a m) and
+sum(p a^2 rho) in place of rho.
 
 The output are not posterior means, which the prior shrinks towards zero, but values with noise that
 yield these means under the prior: measurements, as any image method expects.
@@ -34,6 +35,8 @@ from .coefficients import Coefficients
 from .dictionaries.dct import DICTIONARY
 from .prior import fit_scale
 
+Rows = NDArray[np.intp]
+Values = NDArray[np.inexact]
 SPEEDS = (0.0, 0.02, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)
 """Image shifts from frame to frame, in pixels rms along either axis."""
 FASTER = 0.6
@@ -46,41 +49,34 @@ DC_VARIANCE = 100.0
 """Variance of the DC coefficient, relative to the largest variance of the others."""
 MIN_NOISE = 1e-4
 """Minimum rms noise of a coefficient, relative to its spread, as no scene is perfectly still."""
-WRONG = 0.5
-"""Error of a change by poses and depths, relative to it: a single wrong depth map must not stay."""
-TINY = np.finfo(float).tiny
+NONE, OTHER = 0.5, 0.02
+"""Prior probability that changes by poses and depths are wrong, and that this is drawn anew."""
+CHANGE_ERROR = 0.5
+"""Standard deviation of such a change, relative to it; keeps a wrong depth map from lasting."""
 FORGOTTEN = 1e-6
 """Fraction of a coefficient's variance below which earlier frames are ignored."""
 
 
 class Memory:
-    """Coefficients of an operator (K, N), of all frames so far."""
+    """Coefficients of an operator (K, N); ``weights``: probabilities of the speeds and a cut."""
 
     def __init__(self, operator: MeasurementOperator, speeds: Sequence[float] = SPEEDS) -> None:
         self.operator = operator
         self._expected, self._left = _expected_and_left(operator, speeds)
         near = FASTER ** np.arange(len(speeds))
         self._predicted = np.append((1 - CUT) * near / near.sum(), CUT)
-        self._joint = self._predicted[None]
-        self._values: NDArray[np.inexact] = np.zeros(operator.shape[0])
+        self.weights, self._joint = self._predicted, self._predicted[None]
+        self._values: Values = np.zeros(operator.shape[0])
         self._precision = np.zeros(operator.shape[0])
         self._age = np.zeros(operator.shape[0])
         self._scale = 0.0
 
-    @property
-    def weights(self) -> Floats:
-        """Probabilities of the speeds and a cut."""
-        return np.asarray(self._joint.sum(axis=0))
-
     def take(
-        self,
-        rows: NDArray[np.intp],
-        coefficients: Coefficients,
-        changes: NDArray[np.inexact] | None = None,
+        self, rows: Rows, coefficients: Coefficients, changes: Values | None = None
     ) -> Coefficients:
         """All coefficients (K,) after a frame that measures the ``rows`` (n,).
 
-        ``changes`` (M, K) of all coefficients since the last frame are possible, besides none.
+        Besides none, ``changes`` (M, K) of them since the last frame are possible.
         """
         length = self.operator.row_length
         seen = coefficients.measured
@@ -92,11 +88,9 @@ class Memory:
         with np.errstate(divide="ignore"):
             return Coefficients(self._values * length, length / np.sqrt(self._precision))
 
-    def _scaled(
-        self, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats
-    ) -> tuple[Floats | None, Floats]:
+    def _scaled(self, rows: Rows, values: Values, noise: Floats) -> tuple[Floats | None, Floats]:
         """Prior variance (K,) at this image's scale, None if it is flat; positive noise (n,)."""
-        varying = rows != self._dc_row
+        varying = self.operator.varying[rows]
         expected = self._expected[rows[varying]]
         measured = values[varying]
         if not measured.any():
@@ -105,36 +99,31 @@ class Memory:
         self._scale = max(fit_scale(measured, expected, noise[varying]), self._scale / 2)
         return self._expected * self._scale, noise
 
-    @property
-    def _dc_row(self) -> int:
-        return -1 if self.operator.dc_row is None else self.operator.dc_row
-
     def _predict(
-        self,
-        prior: Floats,
-        rows: NDArray[np.intp],
-        values: NDArray[np.inexact],
-        noise: Floats,
-        changes: NDArray[np.inexact] | None = None,
+        self, prior: Floats, rows: Rows, values: Values, noise: Floats, changes: Values | None
     ) -> None:
         """Weight the speeds by the new readings, and let the estimate change accordingly."""
         snr = self._precision * prior
         rho = snr / (1 + snr)
-        means, rhos = (rho * self._values)[None], rho[None]
-        if changes is not None:
-            changes = np.where(rho > 0, changes / self.operator.row_length, 0)
-            kept = 1 / (1 + (WRONG * np.abs(changes)) ** 2 / np.maximum(rho * prior, TINY))
-            means = np.concatenate([means, kept * (means + changes)])
-            rhos = np.concatenate([rhos, kept * rho])
+        if changes is None:  # then they are as right as they were
+            changes = np.zeros((len(self._joint) - 1, len(rho)))
+        elif len(changes) != len(self._joint) - 1:
+            self._joint = _prior_of(len(changes)) * self.weights
+        changes = np.where(rho > 0, changes / self.operator.row_length, 0)
+        size = np.maximum(rho * prior, np.finfo(float).tiny)
+        kept = 1 / (1 + (CHANGE_ERROR * np.abs(changes)) ** 2 / size)
+        means = rho * self._values
+        means, rhos = np.array([means, *(kept * (means + changes))]), np.array([rho, *(kept * rho)])
         fading = self._left ** (2 * self._age + 1)
         left = fading[:, rows]
         variance = (1 - left**2 * rhos[:, None, rows]) * prior[rows] + noise
         error = np.abs(values - left * means[:, None, rows]) ** 2
         evidence = -(error / variance + np.log(variance)).sum(axis=-1) / 2
-        shared = self._joint if len(self._joint) == len(means) else self.weights / len(means)
-        expected = (1 - CHANGE) * shared + CHANGE / len(means) * self._predicted
-        weights = expected * np.exp(evidence - evidence.max())
+        expected = (1 - OTHER) * self._joint + OTHER * _prior_of(len(changes)) * self.weights
+        drawn = expected.sum(axis=1, keepdims=True) * self._predicted
+        weights = ((1 - CHANGE) * expected + CHANGE * drawn) * np.exp(evidence - evidence.max())
         self._joint = weights / weights.sum()
+        self.weights = self._joint.sum(axis=0)
         mean = ((self._joint @ fading) * means).sum(axis=0)
         rho = ((self._joint @ fading**2) * rhos).sum(axis=0)
         self._age += 1
@@ -142,7 +131,7 @@ class Memory:
         self._values = np.divide(mean, rho, out=np.zeros_like(mean), where=rho > 0)
         self._precision = rho / (prior * (1 - rho))
 
-    def _update(self, rows: NDArray[np.intp], values: NDArray[np.inexact], noise: Floats) -> None:
+    def _update(self, rows: Rows, values: Values, noise: Floats) -> None:
         """Precision-weighted mean of estimate and readings."""
         before = self._precision[rows]
         self._precision[rows] = before + 1 / noise
@@ -150,6 +139,12 @@ class Memory:
         valid = before * self._values[rows] + values / noise
         self._values = self._values.astype(valid.dtype)
         self._values[rows] = valid / self._precision[rows]
+
+
+def _prior_of(changes: int) -> Floats:
+    """Probabilities (1 + changes, 1) that none is right, and that each is."""
+    each = np.full((changes, 1), (1 - NONE) / max(changes, 1))
+    return np.concatenate([[[1 - each.sum()]], each])
 
 
 def _expected_and_left(

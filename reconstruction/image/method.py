@@ -52,8 +52,8 @@ class ImageMethod(Protocol):
         """Create the solver of an operator's coefficients; InputError if it cannot be used."""
 
 
-Moved = Callable[[NDArray[Any]], NDArray[Any] | None]
-"""From images (N, H, W) of the last frame to what of them is seen now, None if that is unknown."""
+Motion = Callable[[], Callable[[NDArray[Any]], NDArray[Any]] | None]
+"""How images (N, H, W) of the frame just before this one move, None if that is unknown."""
 
 
 @runtime_checkable
@@ -63,7 +63,7 @@ class CarryingMethod(ImageMethod, Protocol):
     The solver from `compile` carries none.
     """
 
-    def begin(self, operators: Sequence[MeasurementOperator], moved: Moved | None) -> ImageMethod:
+    def begin(self, operators: Sequence[MeasurementOperator], motion: Motion) -> ImageMethod:
         """Start the method for one recording.
 
         Parameters
@@ -71,9 +71,8 @@ class CarryingMethod(ImageMethod, Protocol):
         operators
             Operators of its successive frames, repeated cyclically, for frames whose readings are
             all usable.
-        moved
-            How images move from the last frame to the one that is reconstructed, None if they may
-            move in any way.
+        motion
+            How images move from the last frame to the one that is reconstructed.
 
         Raises
         ------

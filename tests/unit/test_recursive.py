@@ -77,7 +77,7 @@ def test_a_steady_shift_takes_off_the_square_of_its_age():
 
     first, left = reported(), memory._left[0]
     for age in (1, 2, 3):
-        memory._predict(prior, np.zeros(0, dtype=int), no_return, no_return)
+        memory._predict(prior, np.zeros(0, dtype=int), no_return, no_return, None)
         np.testing.assert_allclose(reported(), stays**age * left ** (age**2) * first, rtol=1e-3)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
+from ..last_view import MIN_DEPTH_M
 from ..method import DepthEstimate
 from ..pixels import pixel_of
 from .clock import ClockOffset
@@ -15,8 +16,6 @@ from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory
 from .points import RangeMemory
 from .unwrap import Expected, Possible, likeliest
-
-MIN_DEPTH_M = 0.05
 
 
 @dataclass(frozen=True, eq=False)

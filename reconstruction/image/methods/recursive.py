@@ -16,7 +16,7 @@ from ...base.errors import InputError
 from ...operators import MeasurementOperator, RowOperator
 from ..coefficients import Coefficients
 from ..memory import Memory
-from ..method import CarryingMethod, Estimate, ImageMethod, ImageSolver, Moved
+from ..method import CarryingMethod, Estimate, ImageMethod, ImageSolver, Motion
 from . import image_method
 
 VEIL = 1 / 8
@@ -34,7 +34,7 @@ class Recursive:
         """Solver of the inner method, for frames without predecessors."""
         return self._method.compile(operator)
 
-    def begin(self, operators: Sequence[MeasurementOperator], moved: Moved | None) -> ImageMethod:
+    def begin(self, operators: Sequence[MeasurementOperator], motion: Motion) -> ImageMethod:
         """Start the method for one recording; InputError unless the basis is orthogonal."""
         rows = [each for each in operators if isinstance(each, RowOperator)]
         if len(rows) < len(operators):
@@ -42,7 +42,7 @@ class Recursive:
                 "image method 'recursive' needs patterns of an orthogonal basis, such as Hadamard's"
             )
         index = np.unique(np.concatenate([each.index for each in rows]))
-        return _Remembering(self._method, RowOperator(rows[0].basis, index), moved)
+        return _Remembering(self._method, RowOperator(rows[0].basis, index), motion)
 
     @property
     def _method(self) -> ImageMethod:
@@ -59,8 +59,8 @@ class _Remembering:
 
     title = Recursive.title
 
-    def __init__(self, inner: ImageMethod, operator: RowOperator, moved: Moved | None) -> None:
-        self._operator, self._moved = operator, moved
+    def __init__(self, inner: ImageMethod, operator: RowOperator, motion: Motion) -> None:
+        self._operator, self._motion = operator, motion
         self._image: NDArray[np.inexact] | None = None
         self._memory = Memory(operator)
         self._inner, self._solve = inner, inner.compile(operator)
@@ -74,7 +74,8 @@ class _Remembering:
         alone = self._inner.compile(operator)
 
         def solve(coefficients: Coefficients) -> Estimate:
-            given = self._memory.take(rows, coefficients, self._changes())
+            changes, self._image = self._changes(), None
+            given = self._memory.take(rows, coefficients, changes)
             if (given.measured & others).any():
                 estimate = self._solve(given)
             else:
@@ -85,15 +86,16 @@ class _Remembering:
         return solve
 
     def _changes(self) -> NDArray[np.inexact] | None:
-        """Changes (2, K) of the coefficients if the last image moves, or all of it but its veil."""
-        if self._image is None or self._moved is None:
+        """Changes (2, K) of coefficients if all of the last image moves, or all but a veil."""
+        move = self._motion()
+        if self._image is None or move is None:
             return None
         from scipy.ndimage import gaussian_filter  # slow to load
 
         veil = gaussian_filter(self._image, VEIL * max(self._image.shape), mode="nearest")
         images = np.array([self._image, self._image - veil])
-        moved = self._moved(images)
-        return None if moved is None else self._operator.forward(moved - images)
+        changes = self._operator.forward(move(images) - images)
+        return changes if np.isfinite(changes).all() else None
 
 
 METHOD = Recursive()
