@@ -6,14 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats
 from ..capture import Optics
 from ..capture.motion import PoseAt, break_between
 from .method import MAX_RANGE_M
-from .pixels import pixel_of, pixel_rays
-
-MIN_DEPTH_M = 0.05
-"""Depth of points that come to lie beside the camera or behind it."""
+from .pixels import MIN_DEPTH_M, pixel_rays, seen_before
 
 
 class LastView:
@@ -54,14 +50,3 @@ class LastView:
             return np.reshape(carried, images.shape) * nearer**2
 
         return move
-
-
-def seen_before(
-    before: PoseAt, pose: PoseAt, points_m: Floats, optics: Optics
-) -> tuple[Floats, Floats]:
-    """Points (H, W, 3) of a frame in an earlier one: rows and columns (H W, 2), coordinates."""
-    turn = pose.axes.T @ before.axes
-    local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
-    local_m[..., 2] = np.maximum(local_m[..., 2], MIN_DEPTH_M)
-    height, width = points_m.shape[:2]
-    return pixel_of(local_m.reshape(-1, 3), optics, (height, width)), local_m

@@ -5,6 +5,10 @@ import numpy as np
 from ..base.arrays import Floats, Mask
 from ..base.files import mark
 from ..capture import Optics
+from ..capture.motion import PoseAt
+
+MIN_DEPTH_M = 0.05
+"""Depth of points that come to lie beside the camera or behind it."""
 
 
 def pixel_rays(optics: Optics, shape: tuple[int, int]) -> Floats:
@@ -38,6 +42,17 @@ def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floa
     row = directions[:, 1] / directions[:, 2] / optics.tan_half_height
     column = directions[:, 0] / directions[:, 2] / optics.tan_half_width
     return np.stack([(row + 1) * height / 2 - 0.5, (column + 1) * width / 2 - 0.5], axis=1)
+
+
+def seen_before(
+    before: PoseAt, pose: PoseAt, points_m: Floats, optics: Optics
+) -> tuple[Floats, Floats]:
+    """Points (H, W, 3) of a frame in an earlier one: rows and columns (H W, 2), coordinates."""
+    turn = pose.axes.T @ before.axes
+    local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
+    local_m[..., 2] = np.maximum(local_m[..., 2], MIN_DEPTH_M)
+    height, width = points_m.shape[:2]
+    return pixel_of(local_m.reshape(-1, 3), optics, (height, width)), local_m
 
 
 def in_view(pixels: Floats, shape: tuple[int, ...]) -> Mask:

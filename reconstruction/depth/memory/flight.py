@@ -8,9 +8,8 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
-from ..last_view import MIN_DEPTH_M
 from ..method import DepthEstimate
-from ..pixels import pixel_of
+from ..pixels import MIN_DEPTH_M, pixel_of
 from .clock import ClockOffset
 from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory

@@ -10,8 +10,7 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt
-from ..last_view import seen_before
-from ..pixels import in_view, pixel_rays
+from ..pixels import in_view, pixel_rays, seen_before
 
 NEW = 0.15
 """Fraction that the new map has in the average."""

@@ -13,8 +13,7 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture import Optics
-from ..last_view import MIN_DEPTH_M
-from ..pixels import in_view, pixel_of, pixel_rays
+from ..pixels import MIN_DEPTH_M, in_view, pixel_of, pixel_rays
 from .maps import sampled
 
 ROWS = 32
