@@ -82,7 +82,7 @@ def test_an_object_that_carries_state_is_warmed_up():
     begun = []
     carrying = Grey(name="carrying")
     carrying.title = "carrying"
-    carrying.begin = lambda operators: begun.append(len(operators)) or Grey(7.0)
+    carrying.begin = lambda operators, motion: begun.append(len(operators)) or Grey(7.0)
     capture = full_capture()
     assert warm_up_frames(capture.setup, 1, image=carrying, depth=()) == 1
     assert warm_up_frames(capture.setup, 1, image=Grey(), depth=()) == 0
