@@ -108,7 +108,7 @@ def pan(frames, pixels):
 
 
 def probabilities(images, changes_of):
-    """Of no change and of each that is told, after the last frame."""
+    """Of no change and of each stated one, after the last frame."""
     cycle = cycle_of((32, 32), 64, 4, polarity="signed")
     index = np.unique(np.concatenate([decoder_for(plan).index for plan in cycle]))
     every = decoder_for(make_plan((32, 32), index.size, polarity="signed")).operator
