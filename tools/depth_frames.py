@@ -157,7 +157,7 @@ def to_arrays(displayed: NetworkInput) -> dict[str, Any]:
 
 def from_arrays(reported: dict[str, Any]) -> NetworkInput:
     """The result of `to_arrays`."""
-    names = ("noise", "share", "reach_m", "extinction_per_m", "backscatter_per_m_sr")
+    names = ("noise", "fraction", "max_range_m", "extinction_per_m", "backscatter_per_m_sr")
     return NetworkInput(
         image=reported["image"].astype(np.float64),
         optics=Optics(*reported["slopes"].tolist()),

@@ -18,14 +18,14 @@ from rosidl_runtime_py.utilities import get_message
 
 from reconstruction import InputError
 from reconstruction.exports import Shot
-from reconstruction.exports.ros import (
+from spisim_live import Loop, Reception
+from spisim_live.links import source_at
+from spisim_live.ros.messages import (
     frame_messages,
     map_messages,
     state_message,
     static_messages,
 )
-from spisim_live import Loop, Reception
-from spisim_live.links import source_at
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 

@@ -1,4 +1,4 @@
-"""Exports for other programs: depth images, point clouds, poses, ROS 2."""
+"""Exports for other programs: depth images, point clouds, poses."""
 
 from .export import DEFAULT_EXPORT, EXPORTS, Export, check_export, export_format, write_export
 from .poses import TimestampedPose, read_poses

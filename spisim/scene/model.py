@@ -142,11 +142,11 @@ class Scene:
     lamps: tuple[Lamp, ...] = ()
 
     def _repr_html_(self) -> str:
-        bounds = np.array([thing.mesh.bounds[:, :2] for thing in self.objects])
+        bounds = [thing.mesh.bounds[:, :2] for thing in self.objects]
         drone, ahead = self.drone_pose[:2, 3], self.drone_pose[:2, 2]
-        low = np.minimum(bounds[:, 0].min(axis=0), drone)
-        high = np.maximum(bounds[:, 1].max(axis=0), drone)
-        size = 1.1 * float((high - low).max())
+        corners = np.reshape([*bounds, (drone, drone)], (-1, 2))
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        size = 1.1 * float((high - low).max()) or 1.0
         low, high = (low + high - size) / 2, (low + high + size) / 2
         line = f'stroke-width="{size / 200:.4g}"'
         boxes = [

@@ -30,7 +30,7 @@ class Meshes:
     scene: Object  # mi.Scene
     see_through: bool  # whether any of them lets light straight through
     _shapes: NDArray[np.int64]  # index by Dr.Jit's number of a shape, -1 for other scenes'
-    _first: NDArray[np.int64]  # index of each shape's first triangle
+    _first: NDArray[np.int64]  # index of each shape's first triangle, and number of all
     _starts: NDArray[np.int64]  # index of each object's first triangle, in the order of the shapes
     _objects: NDArray[np.int64]  # indices of the objects in this order
 
@@ -60,7 +60,7 @@ class Meshes:
             scene,
             any(is_null_transmitting(thing.material) for thing in objects),
             shape_of,
-            np.array([starts[first] for first in firsts[:-1]], dtype=np.int64),
+            np.array([starts[first] for first in firsts], dtype=np.int64),
             np.array(starts),
             np.array(in_order, dtype=np.int64),
         )
@@ -104,8 +104,9 @@ class Meshes:
 
     @cached_property
     def _owners(self) -> Int:
-        """Index of the object of each triangle."""
-        return mi.Int32(np.repeat(self._objects, np.diff(self._starts)).astype(np.int32))
+        """Index of the object of each triangle, and one more: what is empty cannot be gathered."""
+        owners = np.repeat(self._objects, np.diff(self._starts))
+        return mi.Int32(np.append(owners, -1).astype(np.int32))
 
 
 #: The most recent meshes, by their first object, with which they expire. Only one set is cached,

@@ -21,9 +21,9 @@ from reconstruction.cli import main
 from reconstruction.depth import pixel_rays
 from reconstruction.exports import Shot, shots_of
 from reconstruction.exports.poses import OPTICAL_IN_BODY
-from reconstruction.exports.ros import STALE, WARN, along, ranging_status, state_message
 from spisim.dataset.poses import placed
 from spisim_live import Counts, Loop, Reception, Sender, State
+from spisim_live.ros.messages import STALE, WARN, along, ranging_status, state_message
 from spisim_live.sinks import sink_to
 from spisim_live.sinks.mcap import McapRecord
 from streams import Clock, Script, film, messages

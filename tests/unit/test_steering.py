@@ -14,7 +14,6 @@ from reconstruction import Reconstructor, read_capture, read_result, write_captu
 from reconstruction.base.errors import InputError
 from reconstruction.capture.schema import between, joined
 from reconstruction.depth import pixel_of
-from reconstruction.exports.ros import frame_messages, static_messages
 from reconstruction.exports.shot import Shot
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import RANGING_METHODS, Alternative, Ranges, measure_ranges
@@ -30,6 +29,7 @@ from spisim.scene import Ambient, Scene
 from spisim.simulation.light import LightSequence, solve, solve_spots, steered_light
 from spisim_app.report.pictures import spot_marks
 from spisim_app.report.space import Space
+from spisim_live.ros.messages import frame_messages, static_messages
 from spisim_live.setups import StreamSetup, frame_payload, setup_payload
 from worlds import ORIGIN, plane
 

@@ -18,7 +18,6 @@ from reconstruction.capture.importers import capture_from_spots
 from reconstruction.capture.schema import between
 from reconstruction.cli import main
 from reconstruction.evaluation import evaluate_recording
-from reconstruction.exports.ros import ranging_status
 from reconstruction.exports.shot import Shot
 from reconstruction.outputs.result_file import result_bytes
 from reconstruction.ranging import Ranges, Visibility, pooled, ranging_method
@@ -31,6 +30,7 @@ from spisim.instrument import Instrument, load_instrument
 from spisim_app.cli import app
 from spisim_app.report.capture import write_report
 from spisim_live.results import Outcome
+from spisim_live.ros.messages import ranging_status
 from spisim_live.sinks.lines import result_report
 
 KOSCHMIEDER = math.log(50)  # extinction times visibility, for a contrast of 2 %

@@ -30,7 +30,7 @@ def sensor_elements(instrument: Instrument, drone_pose: Floats) -> list[Element]
 
     `drone_pose` (4, 4) is world from optical frame. The camera has the projector's field and
     pixels, and each ray a laser's direction, up to its unambiguous range. Topics are those of
-    `reconstruction.exports.ros`.
+    `spisim_live.ros.messages`.
     """
     systems = [
         Element("plugin", filename=f"gz-sim-{file}-system", name=f"gz::sim::systems::{name}")

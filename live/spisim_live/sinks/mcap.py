@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.exports import EXPORTS, Shot, check_export
-from reconstruction.exports.mcap_file import McapFile
-from reconstruction.exports.ros import state_message
 
 from ..results import Outcome, State
+from ..ros.mcap_file import McapFile
+from ..ros.messages import state_message
 from ..setups import StreamSetup
 from .sink import Sink
 

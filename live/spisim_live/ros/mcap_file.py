@@ -6,11 +6,12 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from ..base.errors import InputError
-from ..base.files import mark
-from .export import KIND
-from .ros import Message, frame_messages, map_messages, static_messages
-from .shot import Shot
+from reconstruction.base.errors import InputError
+from reconstruction.base.files import mark
+from reconstruction.exports import Shot
+from reconstruction.exports.export import KIND
+
+from .messages import Message, frame_messages, map_messages, static_messages
 
 LATCHED_QOS = """- history: keep_last
   depth: 1

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ..base.arrays import Floats
-from ..ranging import RANGED
-from .pictures import POINT, organised
-from .poses import OPTICAL_IN_BODY, quaternion_of
-from .shot import Shot
+from reconstruction.base.arrays import Floats
+from reconstruction.exports import Shot
+from reconstruction.exports.pictures import POINT, organised
+from reconstruction.exports.poses import OPTICAL_IN_BODY, quaternion_of
+from reconstruction.ranging import RANGED
 
 BASE, CAMERA, OPTICAL = "base_link", "camera_link", "camera_optical_frame"
 INFRARED = 1

@@ -1,15 +1,15 @@
 """MCAP recording of ROS 2 messages: clouds, images, ranges, frames of reference and diagnostics.
 
-For `ros2 bag play`, Foxglove and other readers of MCAP; see `ros` for the messages.
+For `ros2 bag play`, Foxglove and other readers of MCAP.
 """
 
 from collections.abc import Iterable
 from pathlib import Path
 
-from ...base.errors import InputError
-from ..export import Export
-from ..mcap_file import McapFile, libraries
-from ..shot import Shot
+from reconstruction.base.errors import InputError
+from reconstruction.exports import Export, Shot
+
+from .mcap_file import McapFile, libraries
 
 
 def write_mcap(shots: Iterable[Shot], path: Path) -> None:

@@ -1,0 +1,1 @@
+"""Results for ROS 2: messages, and MCAP files of them."""
