@@ -18,7 +18,7 @@ from scipy.optimize import brentq
 
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import MAX_RANGE_M
-from reconstruction.depth.memory.correction import FITTED
+from reconstruction.depth.completion.correction import FITTED
 
 KIND = "correlated"
 WITHIN = 0.95

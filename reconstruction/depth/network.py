@@ -130,7 +130,7 @@ def of_view(shape: tuple[int, int], optics: Optics, directions: Floats) -> dict[
         "rows": shape[0],
         "columns": shape[1],
         "farthest spot": float(np.abs(positions).max()),
-        "spots off a line": float(extent[1:].sum()),
+        "spots off a line": round(float(extent[1:].sum()), 9),
     }
 
 

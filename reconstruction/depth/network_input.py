@@ -9,9 +9,11 @@ subtracted from the image as far as the fog is known.
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ..base.arrays import Floats, Mask
 from ..base.layers import Channels
@@ -129,6 +131,37 @@ class NetworkInput:
         if not weight.any():
             return float(np.log(USUAL_M))
         return float(weight @ np.nan_to_num(best.log_depth) / weight.sum())
+
+
+def of_spots(frame: NetworkInput, index: NDArray[np.intp]) -> NetworkInput:
+    """The frame with some of its spots."""
+    plain, fitted = (
+        Anchors(each.log_depth[index], each.log_sigma[index])
+        for each in (frame.plain, frame.fitted)
+    )
+    return replace(
+        frame,
+        directions=frame.directions[index],
+        plain=plain,
+        fitted=fitted,
+        lost=frame.lost[index],
+        log_reflectance=frame.log_reflectance[index],
+    )
+
+
+def four_spots(pixel: Floats, weight: Floats, shape: tuple[int, int]) -> NDArray[np.intp]:
+    """Indices of the spots, at pixels (S, 2), next to the middles of the image's quarters.
+
+    All of up to four; of more, those of the greatest ``weight`` (S,), from 0 to 1, first.
+    """
+    chosen: list[int] = []
+    if len(pixel) <= USUAL_SPOTS:
+        return np.arange(len(pixel))
+    for quarter in product((0.25, 0.75), repeat=2):
+        away = np.hypot(*((pixel + 0.5) / np.array(shape) - quarter).T) + 1 - weight
+        away[chosen] = np.inf
+        chosen.append(int(np.argmin(away)))
+    return np.array(chosen)
 
 
 def raised(frame: NetworkInput, noise: float) -> NetworkInput:

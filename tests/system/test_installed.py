@@ -75,9 +75,12 @@ def test_the_wheel_of_the_rig_holds_live_streams_and_their_commands(tmp_path: Pa
     with zipfile.ZipFile(wheel) as packed:
         names = set(packed.namelist())
         (points,) = (name for name in names if name.endswith("entry_points.txt"))
-        assert "live = spisim_live.cli:live" in packed.read(points).decode()
+        entries = packed.read(points).decode()
+    assert "live = spisim_live.cli:live" in entries
+    assert "mcap = spisim_live.ros.mcap:EXPORT" in entries
     assert {
         "reconstruction/py.typed",
+        "reconstruction/depth/completion/kernel.json",
         "reconstruction/image/learned.npz",
         "spisim_live/cli/live.py",
         "spisim_live/py.typed",

@@ -9,7 +9,7 @@ import worlds
 from fourspots import spots_at
 from instruments import changed, some_of
 from reconstruction import Capture, Reconstructor, write_capture
-from reconstruction.capture import Setup
+from reconstruction.capture import Optics, Setup
 from reconstruction.cli import main
 from reconstruction.depth import (
     DISTANCES_M,
@@ -25,6 +25,8 @@ from reconstruction.depth.methods import learned
 from reconstruction.depth.network import FEATURES, DepthNetwork, load
 from reconstruction.depth.network_input import (
     Anchors,
+    NetworkInput,
+    four_spots,
     inputs_of,
 )
 from reconstruction.depth.observer import Observer, brightness_noise
@@ -78,12 +80,12 @@ def test_a_dark_wall_is_not_taken_for_a_bright_one_beyond_the_unambiguous_range(
     ("order", "why"),
     [
         ([0, 1, 2], None),
-        ([0, 1, 2, 3, 0], "trained for at most 4 spots, the recording has 5"),
+        ([0, 1, 2, 3, 0], None),
         ([0, 3], "spots off a line = 0, trained for"),
         ([1], "spots off a line = 0, trained for"),
     ],
 )
-def test_the_network_is_asked_about_three_or_four_spots_alone(capture, order, why):
+def test_the_network_is_asked_about_three_spots_or_more(capture, order, why):
     some = replace(capture, spots=some_of(capture.spots, order), truth=None)
     result, plain = solved(some, view_of(some))
     if why is None:
@@ -297,3 +299,62 @@ def test_the_corridor_is_judged_by_all_depths_and_their_deviations(capture):
     corridor = Corridor(pixel_rays(capture.setup.optics, outcome.depth_m.shape))
     map_m = corridor.nearest_m(np.exp(np.log(outcome.depth_m)))
     assert nearest_obstacle_m(outcome.free, 0.5) == pytest.approx(map_m, rel=0.3)
+
+
+def of_directions(capture, directions):
+    """Spots that all meet the wall, which is 4 m away."""
+    order = np.arange(len(directions)) % 4
+    directions = np.asarray(directions, float) / np.linalg.norm(directions, axis=1, keepdims=True)
+    spots = replace(some_of(capture.spots, order.tolist()), directions=directions)
+    return replace(capture, spots=spots, truth=None)
+
+
+def test_of_many_spots_the_network_sees_four_and_the_others_correct_its_map(capture):
+    x, y = np.meshgrid([-0.12, -0.04, 0.04, 0.12], [-0.12, -0.04, 0.04, 0.12])
+    many = of_directions(capture, np.stack([x.ravel(), y.ravel(), np.ones(16)], axis=1))
+    four = of_directions(capture, many.spots.directions[[0, 3, 12, 15]])
+    maps = [solved(each, view_of(each))[0] for each in (four, many)]
+    assert maps[1].note is None
+    assert np.nanmedian(maps[1].depth_m) == pytest.approx(4.0, rel=0.05)
+    assert np.nanmedian(maps[1].sigma) < np.nanmedian(maps[0].sigma)
+
+
+@pytest.mark.parametrize("lost", [[], [5, 10], [0, 1, 2, 5, 8]])
+def test_the_four_are_those_with_ranges_next_to_the_middles_of_the_quarters(lost):
+    row, column = np.mgrid[:4, :4].reshape(2, -1)
+    pixel = np.stack([16 * row + 7.6 + row % 2, 16 * column + 7.5], axis=1)
+    weight = np.ones(16)
+    weight[lost] = 0
+    result = four_spots(pixel, weight, (64, 64))
+    assert len(set(result.tolist())) == 4
+    assert not set(lost) & set(result.tolist())
+    middles = 16 + 32 * np.array([(0, 0), (0, 1), (1, 0), (1, 1)])
+    assert np.abs(pixel[result] + 0.5 - middles).max() < 17
+
+
+def test_up_to_four_spots_are_all_taken():
+    assert four_spots(np.zeros((3, 2)), np.zeros(3), (64, 64)).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("ranged", "lost"), [(32, 2), (4, 3), (1, 3)])
+def test_of_many_spots_some_without_an_echo_are_among_the_four_but_never_all(ranged, lost):
+    """8 x 8 spots of which those below have ranges, those above do not."""
+    y, x = np.mgrid[0.16:-0.16:8j, -0.16:0.16:8j].reshape(2, -1)
+    directions = np.stack([x, y, np.ones(64)], axis=1)
+    known = np.arange(64) < ranged
+    anchors = Anchors(np.where(known, np.log(5.0), np.nan), np.where(known, 0.01, np.nan))
+    frame = NetworkInput(
+        image=np.ones((64, 64)),
+        optics=Optics(0.18, 0.18),
+        directions=directions / np.linalg.norm(directions, axis=1, keepdims=True),
+        plain=anchors,
+        fitted=anchors,
+        lost=~known,
+        log_reflectance=np.full(64, -1.0),
+        noise=0.03,
+        fraction=0.03,
+        max_range_m=10.0,
+    )
+    few = learned.with_four_spots(frame)
+    assert few.ranged
+    assert few.lost.sum() == lost

@@ -7,16 +7,16 @@ import pytest
 
 from flights import OPTICS, SHAPE, pose, ranges, towards
 from reconstruction.depth import DepthEstimate, pixel_rays
-from reconstruction.depth.memory import FlightMemory, FrameRanges
-from reconstruction.depth.memory.correction import (
+from reconstruction.depth.completion import Seen
+from reconstruction.depth.completion.correction import (
     MAX_ANCHORS,
     MapCorrector,
     fitted_kernel,
     likeness,
     spread_out,
 )
+from reconstruction.depth.memory import FlightMemory, FrameRanges
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
-from reconstruction.depth.memory.points import Seen
 from reconstruction.depth.memory.unwrap import Expected, Possible, likeliest
 from reconstruction.ranging import Alternative
 

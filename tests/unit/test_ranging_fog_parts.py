@@ -15,10 +15,16 @@ from reconstruction.ranging.fog.overlap import overlap, path_lengths
 from reconstruction.ranging.fog.posterior import Posterior, SpotPosterior
 from reconstruction.ranging.fog.roots import RootTables
 from reconstruction.ranging.fog.templates import STEP_M, Templates
+from reconstruction.ranging.fog.underdetermined import ASIDES, GAINS, _likelihood_of_pixel
 from spisim.instrument import load_instrument
 from spisim.simulation.measurement import recorded_optics
 
 RANGE_M = 0.01 + STEP_M * np.arange(800)
+
+
+def test_frames_without_any_possible_target_have_no_likelihood_of_pixels() -> None:
+    none = np.zeros(0)
+    assert _likelihood_of_pixel(none, none, none, none).shape == (GAINS.size * ASIDES.size, 0)
 
 
 def test_a_frame_later_the_fog_is_a_mixture_of_what_drifted_and_of_another() -> None:

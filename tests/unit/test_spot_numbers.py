@@ -136,13 +136,6 @@ def test_any_number_of_spots_makes_a_depth_map_and_a_result_file(capture, tmp_pa
     for depth_m in result.depths.values():
         assert np.isfinite(depth_m).all()
         assert 4.0 < np.median(depth_m) < 5.0
-    if spots > 4:
-        assert (
-            f"trained for at most 4 spots, the recording has {spots}"
-            in (result.notes["depth learned"])
-        )
-        np.testing.assert_array_equal(result.depths["learned"], result.depths["anchored"])
-        assert next(iter(reconstruct(many).depths)) == "anchored"
     path = tmp_path / "result.h5"
     path.write_bytes(result_bytes(result))
     copy = read_result(path).ranges

@@ -5,9 +5,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from reconstruction.exports import EXPORTS, Shot, check_export
+from reconstruction.exports import Shot, check_export
 
 from ..results import Outcome, State
+from ..ros.mcap import EXPORT
 from ..ros.mcap_file import McapFile
 from ..ros.messages import state_message
 from ..setups import StreamSetup
@@ -38,7 +39,7 @@ class McapRecord(Sink):
         self._last_ns = 0
 
     def check(self) -> None:
-        check_export(EXPORTS["mcap"], self._path, self._read, overwrite=self._overwrite)
+        check_export(EXPORT, self._path, self._read, overwrite=self._overwrite)
 
     def result(self, outcome: Outcome) -> None:
         now_ns = self._now_ns()

@@ -8,10 +8,10 @@ import numpy as np
 from ...base.arrays import Floats
 from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
+from ..completion import MapCompletion
 from ..method import DepthEstimate
 from ..pixels import MIN_DEPTH_M, pixel_of
 from .clock import ClockOffset
-from .correction import MapCorrector, fitted_kernel
 from .maps import MapMemory
 from .points import RangeMemory
 from .unwrap import Expected, Possible, likeliest
@@ -48,7 +48,7 @@ class FlightMemory:
 
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
         self._optics, self._shape = optics, shape
-        self._correct = MapCorrector(shape)
+        self._complete = MapCompletion(shape)
         self.clock = ClockOffset(optics, shape)
         self._last: PoseAt | None = None
         self._begin()
@@ -77,7 +77,8 @@ class FlightMemory:
         self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m)
         if log_depth is not None and estimate.sigma is not None:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
-            estimate = self._corrected(pose, estimate, log_depth, estimate.sigma)
+            averaged = replace(estimate, depth_m=np.exp(log_depth))
+            estimate = self._complete(averaged, self.ranges.seen(pose))
         points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
         return Remembered(estimate, points_m, why, self.clock.offset_s)
 
@@ -90,20 +91,6 @@ class FlightMemory:
         expected = Expected(log_range, sigma[row, column])
         range_m, sigma_m = likeliest(ranges.possible, expected)
         return replace(ranges, range_m=range_m, sigma_m=sigma_m)
-
-    def _corrected(
-        self, pose: PoseAt, estimate: DepthEstimate, log_depth: Floats, sigma: Floats
-    ) -> DepthEstimate:
-        by_points = self._correct(log_depth, sigma, self.ranges.seen(pose))
-        if by_points is None:
-            return replace(estimate, depth_m=np.exp(log_depth))
-        no_return = estimate.no_return
-        return replace(
-            estimate,
-            depth_m=np.exp(log_depth + by_points.error),
-            sigma=fitted_kernel().sigma_factor * sigma * np.sqrt(by_points.remaining),
-            no_return=None if no_return is None else no_return * by_points.remaining,
-        )
 
 
 def _log(estimate: DepthEstimate) -> Floats | None:

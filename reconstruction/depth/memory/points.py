@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from ...base.arrays import Floats, Mask
 from ...capture import Optics
 from ...capture.motion import PoseAt
+from ..completion import MAX_LOG_SIGMA, Rows, Seen
 from ..pixels import distances, in_view, pixel_of
 
 MAX_POINTS = 600
 NEAREST_M = 0.1
 """Depth below which a point is not in view."""
-MAX_LOG_SIGMA = 0.3
-"""Relative sigma above which a range is no point."""
 SAME_PIXELS, SAME_SIGMAS = 0.7, 2.0
 """Maximum distance of points that are fused, in pixels and in standard deviations of ln depth."""
 HIDDEN_PIXELS, HIDDEN_LOG = 2.0, 0.1
@@ -35,16 +34,8 @@ NEAR_PIXELS, MAX_PIXELS, MIN_LOG_SIGMA = 0.35, 1.2, 0.02
 """Points near a direction count by exp(-distance), up to a maximum, and by their variance."""
 
 
-class _Rows:
-    """Arrays of one length, of which rows can be taken."""
-
-    def __getitem__(self, which: Mask | NDArray[np.intp]) -> Self:
-        """Some of the rows."""
-        return type(self)(*(getattr(self, each.name)[which] for each in fields(self)))  # type: ignore[arg-type]
-
-
 @dataclass(frozen=True, eq=False)
-class Points(_Rows):
+class Points(Rows):
     """Points (N,) of the world.
 
     ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
@@ -69,21 +60,6 @@ class Points(_Rows):
         """These and others."""
         pairs = ((getattr(self, each.name), getattr(other, each.name)) for each in fields(self))
         return Points(*(np.concatenate(pair) for pair in pairs))
-
-
-@dataclass(frozen=True, eq=False)
-class Seen(_Rows):
-    """Points as a view sees them: their indices (n,), pixels (n, 2), and ln depth.
-
-    ``log_variance`` is that of range and position, ``pixel_variance`` that of the pixel along
-    either axis.
-    """
-
-    index: NDArray[np.intp]
-    pixel: Floats
-    log_depth: Floats
-    log_variance: Floats
-    pixel_variance: Floats
 
 
 class RangeMemory:

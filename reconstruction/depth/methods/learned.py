@@ -19,11 +19,19 @@ from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...capture.spots import USUAL_SPOTS
 from ..ahead import Ahead
+from ..completion import MAX_LOG_SIGMA, MapCompletion, Seen
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
 from ..network import DepthNetwork, load, of_view
-from ..network_input import NetworkInput, inputs_of, of_fraction, raised
+from ..network_input import (
+    NetworkInput,
+    four_spots,
+    inputs_of,
+    of_fraction,
+    of_spots,
+    raised,
+)
 from ..observer import Observer, brightness_noise
-from ..pixels import pixel_rays
+from ..pixels import in_view, pixel_of, pixel_rays
 from .anchored import METHOD as ANCHORED
 from .dense import METHOD as DENSE
 
@@ -32,6 +40,8 @@ MAX_NO_RETURN = 0.2
 """Probability of no return above which a pixel has no depth: one invented depth costs four lost."""
 DARK_SIGMAS = 5.0
 """Brightness of bright pixels below which an image is dark, in standard deviations of its mean."""
+LOST_WEIGHT = 0.8
+"""Weight of a spot without an echo among those that the network may see, 1 of a sure range."""
 DARK_NOTE = "no light returns: there is open sky, or something before the lens"
 
 
@@ -45,18 +55,17 @@ class Learned:
         """Why no frame of a recording is in distribution, None if some may be."""
         if not isinstance(setup.spots, CwSpots):
             return "trained for continuous-wave spots only"
-        if (spots := len(setup.spots.directions)) > USUAL_SPOTS:
-            return f"trained for at most {USUAL_SPOTS} spots, the recording has {spots}"
         assert setup.optics is not None
-        shape = setup.plan.shape
+        shape, directions = setup.plan.shape, setup.spots.directions
+        pixel = pixel_of(directions, setup.optics, shape)
+        four = directions[four_spots(pixel, np.ones(len(pixel)), shape)]
         fraction = of_fraction(setup.plan.exposures / (shape[0] * shape[1]))
         try:
             network = shipped()
         except InputError as error:
             return str(error)
         return network.outside(
-            {"patterns over pixels": fraction}
-            | of_view(shape, setup.optics, setup.spots.directions)
+            {"patterns over pixels": fraction} | of_view(shape, setup.optics, four)
         )
 
     def compile(self, context: Context) -> "LearnedSolver | Fallback":
@@ -66,14 +75,20 @@ class Learned:
             return Fallback(anchored, out_of_distribution)
         dense = None if context.setup.pattern_taps is None else DENSE.compile(context)
         assert context.setup.optics is not None
-        rays = pixel_rays(context.setup.optics, context.setup.plan.shape)
-        return LearnedSolver(shipped(), Observer.of(context.setup), anchored, dense, rays)
+        assert context.setup.spots is not None
+        optics, shape = context.setup.optics, context.setup.plan.shape
+        many = len(context.setup.spots.directions) > USUAL_SPOTS
+        completion = MapCompletion(shape) if many else None
+        rays = pixel_rays(optics, shape)
+        observer = Observer.of(context.setup)
+        return LearnedSolver(shipped(), observer, anchored, dense, completion, rays)
 
 
 class FrameMap(NamedTuple):
-    """Map of a frame with all its pixels, and the input of the network that it is from, if any.
+    """Map of a frame with all its pixels, and the input that it is from, if it is learned.
 
-    In a ``dark`` frame neither patterns nor lasers return light.
+    The input has all spots, of which the network has seen four. In a ``dark`` frame neither
+    patterns nor lasers return light.
     """
 
     estimate: DepthEstimate
@@ -89,6 +104,7 @@ class LearnedSolver:
     _observer: Observer
     _anchored: DepthSolver
     _dense: DepthSolver | None
+    _completion: MapCompletion | None
     _rays: Floats
 
     def __call__(self, view: View) -> DepthEstimate | None:
@@ -98,7 +114,10 @@ class LearnedSolver:
             return whole and whole.estimate
         if not whole.frame.ranged and not whole.dark:
             return without_depth(whole.estimate)
-        result = decided(whole.estimate, Ahead.of(whole.estimate, self._rays, "learned"))
+        result = whole.estimate
+        if self._completion is not None and whole.frame.ranged:
+            result = self._completion(result, seen_by(whole.frame))
+        result = decided(result, Ahead.of(result, self._rays, "learned"))
         return result if whole.frame.ranged else without_depth(result)
 
     def frame_map(self, view: View) -> FrameMap | None:
@@ -111,11 +130,13 @@ class LearnedSolver:
             if not dark:
                 return Fallback(self._anchored, "the image is dark").frame_map(view)
             frame = raised(frame, noise)
-        inputs = inputs_of(frame)
+        few = with_four_spots(frame)
+        inputs = inputs_of(few)
         out_of_distribution = self._network.out_of_distribution(inputs)
-        if out_of_distribution is None and self._observer.spots.pointing is not None:
+        chosen = self._completion is not None or self._observer.spots.pointing is not None
+        if out_of_distribution is None and chosen:
             rows, columns = view.image.shape
-            seen = of_view((rows, columns), frame.optics, frame.directions)
+            seen = of_view((rows, columns), few.optics, few.directions)
             out_of_distribution = self._network.outside(seen)
         if out_of_distribution is not None:
             return Fallback(self._anchored, out_of_distribution).frame_map(view)
@@ -125,6 +146,28 @@ class LearnedSolver:
         result = DepthEstimate(depth_m, prediction.sigma, prediction.no_return, note)
         measured = None if self._dense is None or not frame.ranged else self._dense(view)
         return FrameMap(result if measured is None else fused(result, measured), frame, dark)
+
+
+def with_four_spots(frame: NetworkInput) -> NetworkInput:
+    """The frame with as many spots as the network learned from; those without an echo tell, too."""
+    shape = frame.image.shape
+    pixel = pixel_of(frame.directions, frame.optics, shape)
+    for lost in (LOST_WEIGHT, 0.0):
+        weight = np.where(frame.lost, lost, frame.best.weight)
+        few = of_spots(frame, four_spots(pixel, weight, shape))
+        if few.ranged:
+            break
+    return few
+
+
+def seen_by(frame: NetworkInput) -> Seen:
+    """What all spots of a frame have met."""
+    best, pixel = frame.best, pixel_of(frame.directions, frame.optics, frame.image.shape)
+    with np.errstate(invalid="ignore"):
+        usable = (best.log_sigma < MAX_LOG_SIGMA) & ~frame.lost
+    (index,) = np.nonzero(usable & in_view(pixel, frame.image.shape))
+    log_variance, known = best.log_sigma[index] ** 2, best.log_depth[index]
+    return Seen(index, pixel[index], known, log_variance, np.zeros(len(index)))
 
 
 def without_depth(result: DepthEstimate) -> DepthEstimate:

@@ -220,7 +220,8 @@ def _likelihood_of_pixel(surface: Floats, veil: Floats, electrons: Floats, sigma
     away = electrons - GAINS[:, None, None] * (surface + veil)
     wider = square + away**2 / FREEDOM
     with np.errstate(divide="ignore", invalid="ignore"):
-        likelihood = ((square / wider) ** (FREEDOM / 2) / np.sqrt(wider)).reshape(-1, veil.shape[1])
+        likelihood = (square / wider) ** (FREEDOM / 2) / np.sqrt(wider)
+    likelihood = likelihood.reshape(GAINS.size * ASIDES.size, veil.shape[1])
     return np.where(np.isfinite(likelihood) & (likelihood > 0), likelihood, 1.0)
 
 

@@ -1,4 +1,4 @@
-"""Correction of a depth map by remembered points: a Gaussian process of the map's error.
+"""Correction of a depth map by points: a Gaussian process of the map's error.
 
 ln z = m + e, where m is the map of the frame alone, s its standard deviation, and
 
