@@ -72,6 +72,7 @@ def _attack_all(
     readable: tuple[Path, ...],
     writable: tuple[Path, ...],
 ) -> None:
+    sys.dont_write_bytecode = True  # of modules that the first attack loads
     opened = _watch_files(readable, writable)
     # What the parent holds is not this attack's: no collection of garbage walks it (or copies it).
     gc.freeze()
