@@ -149,7 +149,7 @@ class LearnedSolver:
 
 
 def with_four_spots(frame: NetworkInput) -> NetworkInput:
-    """The frame with as many spots as the network learned from; those without an echo tell, too."""
+    """The frame with as many spots as the network learned from, some of them without an echo."""
     shape = frame.image.shape
     pixel = pixel_of(frame.directions, frame.optics, shape)
     for lost in (LOST_WEIGHT, 0.0):
