@@ -86,11 +86,15 @@ def test_of_plain_ranges_the_strength_of_echoes_says_what_is_possible(capture, b
     frame = SimpleNamespace(
         log_reflectance=np.full(2, at_3_m if best_m == 3 else np.log(0.3)),
         max_range_m=10.0,
+        lost=np.array([False, True]),
         extinction_per_m=0.03,
         best=SimpleNamespace(log_depth=np.log(np.full(2, best_m))),
     )
-    result = ranges_stated(capture, ((), ()), frame).possible
+    stated = ranges_stated(capture, ((), ()), frame)
+    np.testing.assert_array_equal(stated.lost, [False, True])
+    result = stated.possible
     np.testing.assert_array_equal(result.range_m[:, 0], [3.0, 13.0, 23.0])
+    np.testing.assert_array_equal(result.beyond[:, 0], [False, True, True])
     expected = np.log(0.1) - 0.5 * ((np.log(0.3) + 1.2) / 0.9) ** 2
     assert result.log_weight[1, 0] == pytest.approx(expected)
     assert ranges_stated(capture, ((), ())).possible is None

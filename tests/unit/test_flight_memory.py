@@ -17,7 +17,13 @@ from reconstruction.depth.completion.correction import (
 )
 from reconstruction.depth.memory import FlightMemory, FrameRanges
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
-from reconstruction.depth.memory.unwrap import Expected, Possible, likeliest
+from reconstruction.depth.memory.unwrap import (
+    MAX_LIKELIER,
+    Expected,
+    LostSpots,
+    Possible,
+    likeliest,
+)
 from reconstruction.ranging import Alternative
 
 R_M = 10.0
@@ -79,6 +85,66 @@ def test_the_map_decides_between_the_ranges_that_a_method_states(map_m, sigma, t
     np.testing.assert_allclose((range_m[0], sigma_m[0]), taken)
     np.testing.assert_allclose((range_m[1], sigma_m[1]), (3.0, 0.05))  # there is no other
     assert np.isnan([range_m[2], sigma_m[2]]).all()
+
+
+def test_few_echoes_among_lost_spots_are_of_what_is_beyond_the_unambiguous_range():
+    """A dark wall at 8 m, or a usual one at 18 m: 19 in 20 spots met nothing, or none did."""
+    unknown = Expected(np.log([13.0]), np.ones(1))
+    far = Expected(np.log([18.0]), np.array([0.4]))
+    lost, met = np.ones(4, dtype=bool), np.zeros(4, dtype=bool)
+    empty, full = LostSpots(), LostSpots()
+    for number in range(60):
+        in_the_open = empty.take(lost if number % 20 else met)
+        indoors = full.take(met)
+    assert indoors == pytest.approx(1)
+    assert in_the_open == MAX_LIKELIER
+    weak = echo(18.0, 0.45)
+    np.testing.assert_allclose(likeliest(weak, unknown, indoors)[0], [8.0])
+    assert np.isnan(likeliest(weak, far, indoors)[0])
+    np.testing.assert_allclose(likeliest(weak, far, in_the_open)[0], [18.0])
+    bright = echo(8.0, 0.9)
+    np.testing.assert_allclose(likeliest(bright, unknown, in_the_open)[0], [8.0])
+
+
+def test_one_weak_echo_in_the_open_does_not_move_the_map():
+    """Of a flight over what is out of reach: an echo of one frame seems to lie at 8 m."""
+    memory = FlightMemory(OPTICS, SHAPE)
+    far = DepthEstimate(np.full(SHAPE, 16.0), np.full(SHAPE, 1.0), np.full(SHAPE, 0.1))
+    spots, nothing = towards((16, 16), (48, 48)), np.full(2, np.nan)
+    weak = Possible.of([[Alternative(8.0, 0.4, 0.88), Alternative(18.0, 0.4, 0.12)], []], R_M)
+    for number in range(40):
+        lost = FrameRanges(spots, nothing, nothing, Possible.of([[], []], R_M), np.ones(2, bool))
+        once = replace(lost, possible=weak, lost=np.array([False, True]))
+        result = memory.take(pose(number), np.ones(SHAPE), far, once if number == 30 else lost)
+    assert np.median(result.estimate.depth_m) == pytest.approx(16, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("near", "own_m", "sigma", "expected_m"),
+    [
+        (0.5, 8.0, 0.4, 14.0),  # the frame's own map lies between both
+        (0.9, 8.0, 0.4, 8.0),  # in doubt
+        (0.9, 5.0, 0.3, 5.0),  # something may have appeared: as the frame's own map has it
+        (0.95, 5.0, 0.3, 5.0),
+        (0.99, 8.0, 0.4, 4.0),  # its echo is too bright for the wall's distance
+    ],
+)
+def test_what_was_there_decides_unless_something_may_have_appeared(near, own_m, sigma, expected_m):
+    """An echo of 4 or 14 m, where the flight knows a wall at 14 m."""
+    memory, spots = FlightMemory(OPTICS, SHAPE), towards((16, 16), (48, 48))
+    wall_m, nothing = np.full(2, 14.0) / spots[:, 2], np.full(2, np.nan)
+    wall, own = (
+        DepthEstimate(np.full(SHAPE, depth_m), np.full(SHAPE, each))
+        for depth_m, each in ((14.0, 0.3), (own_m, sigma))
+    )
+    for number in range(20):
+        seen = FrameRanges(spots, wall_m, np.full(2, 0.02))
+        memory.take(pose(number), np.ones(SHAPE), wall, seen)
+    either = [Alternative(4.0, 0.02, near), Alternative(14.0, 0.02, 1 - near)]
+    echo_of_both = FrameRanges(spots, nothing, nothing, Possible.of([either, either], R_M))
+    for number in range(20, 30):
+        result = memory.take(pose(number), np.ones(SHAPE), own, echo_of_both)
+    assert result.estimate.depth_m[16, 16] == pytest.approx(expected_m, rel=0.25)
 
 
 def test_a_still_camera_averages_noise_down():

@@ -16,7 +16,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -144,16 +144,34 @@ def _robust(
     covariance: Floats, target: Floats, noise: Floats, kernel: Kernel
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """Inverse (n, n) of the covariance with noise, and its product with the target (n,)."""
-    from scipy.linalg.lapack import spotrf, spotri  # slow to load
-
     weights = np.ones(len(target))
     for _ in range(ROUNDS):
         noisy = (covariance + np.diag((kernel.nugget + noise) / weights)).astype(SINGLE)
-        lower, _ = spotri(spotrf(noisy, lower=1)[0], lower=1)
+        lower = _inverse(noisy)
         inverse = np.tril(lower) + np.tril(lower, -1).T
         solved, precision = inverse @ target.astype(SINGLE), np.diagonal(inverse)
         weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
     return inverse, solved
+
+
+@cache
+def _blas() -> Any:
+    """Controller of those libraries that are loaded by now."""
+    from threadpoolctl import ThreadpoolController
+
+    return ThreadpoolController().select(user_api="blas")
+
+
+def _inverse(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Inverse of a symmetric matrix (n, n), whose lower triangle counts.
+
+    One thread: for so small a matrix two are slower, and wait for each other for up to a second
+    where the machine is busy.
+    """
+    from scipy.linalg.lapack import spotrf, spotri  # slow to load
+
+    with _blas().limit(limits=1):
+        return np.asarray(spotri(spotrf(matrix, lower=1)[0], lower=1)[0])
 
 
 def likeness(apart: Floats, contrast: Floats, kernel: Kernel) -> Floats:

@@ -30,6 +30,9 @@ CARVED_PIXELS, CARVED_SIGMAS, CARVED_LOG = 1.5, 4.0, 0.05
 NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
 """Points next to one that is gone are of the same thing, and gone too."""
 
+BEHIND_PIXELS, BEHIND_LOG = 4.0, 0.2
+"""What may have appeared hides points this close in the image and farther by this much."""
+
 NEAR_PIXELS, MAX_PIXELS, MIN_LOG_SIGMA = 0.35, 1.2, 0.02
 """Points near a direction count by exp(-distance), up to a maximum, and by their variance."""
 
@@ -94,6 +97,16 @@ class RangeMemory:
         kept[fused] = False
         every = self.points[kept] + new
         self.points = every[np.argsort(every.time_s, kind="stable")[-MAX_POINTS:]]
+
+    def forget_behind(self, pose: PoseAt, directions: Floats, range_m: Floats) -> None:
+        """Drop the points behind things at ranges (S,) along unit vectors (S, 3)."""
+        if not len(range_m):
+            return
+        seen = self.seen(pose, hidden=True)
+        close = distances(seen.pixel, pixel_of(directions, self._optics, self._shape))
+        farther = seen.log_depth[:, None] - np.log(range_m * directions[:, 2])
+        behind = ((close < BEHIND_PIXELS) & (farther > BEHIND_LOG)).any(axis=1)
+        self.points = self.points[np.delete(np.arange(len(self.points)), seen.index[behind])]
 
     def along(self, pose: PoseAt, directions: Floats) -> Floats:
         """Ranges (S,) that points near directions (S, 3) suggest, nan where none is near."""

@@ -57,15 +57,17 @@ class Flight:
 def ranges_of(view: View, whole: FrameMap) -> FrameRanges:
     """Ranges of a frame, and which are possible: of continuous wave, as the network's input is."""
     assert view.ranges is not None
-    ranges, possible = view.ranges, None
+    ranges, frame, possible = view.ranges, whole.frame, None
     if any(ranges.alternatives) and isinstance(view.frame.spots, CwSpots):
         decidable = np.isin(ranges.status, DECIDABLE)
         possible = Possible.of(
-            [some if may else () for some, may in zip(ranges.alternatives, decidable, strict=True)]
+            [some if may else () for some, may in zip(ranges.alternatives, decidable, strict=True)],
+            np.inf if frame is None else frame.max_range_m,
         )
-    elif whole.frame is not None:
-        possible = _wrapped(view, ranges, whole.frame)
-    return FrameRanges(view.directions, ranges.range_m, ranges.sigma_m, possible)
+    elif frame is not None:
+        possible = _wrapped(view, ranges, frame)
+    lost = None if frame is None else frame.lost
+    return FrameRanges(view.directions, ranges.range_m, ranges.sigma_m, possible, lost)
 
 
 def _wrapped(view: View, ranges: Ranges, frame: NetworkInput) -> Possible:
