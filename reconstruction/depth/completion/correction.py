@@ -16,6 +16,7 @@ import json
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ CELLS = (40, 32, 28, 24, 20, 16, 12, 8)
 MIN_REMAINING = 0.01
 SINGLE = np.float32
 """Precision of what is computed for every pixel."""
+ONE_THREAD = Lock()
+"""Held while all of the process does linear algebra with one thread."""
 FITTED = Path(__file__).with_name("kernel.json")
 
 
@@ -156,7 +159,7 @@ def _robust(
 
 @cache
 def _blas() -> Any:
-    """Controller of those libraries that are loaded by now."""
+    """Controller of the libraries that are loaded at the first call."""
     from threadpoolctl import ThreadpoolController
 
     return ThreadpoolController().select(user_api="blas")
@@ -170,7 +173,7 @@ def _inverse(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
     """
     from scipy.linalg.lapack import spotrf, spotri  # slow to load
 
-    with _blas().limit(limits=1):
+    with ONE_THREAD, _blas().limit(limits=1):
         return np.asarray(spotri(spotrf(matrix, lower=1)[0], lower=1)[0])
 
 

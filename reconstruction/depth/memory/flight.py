@@ -10,11 +10,11 @@ from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
 from ..completion import MapCompletion
 from ..method import DepthEstimate
-from ..pixels import MIN_DEPTH_M, pixel_of
+from ..pixels import MIN_DEPTH_M, in_view, pixel_of
 from .clock import ClockOffset
 from .maps import MapMemory
 from .points import RangeMemory
-from .unwrap import Expected, LostSpots, Possible, likeliest
+from .unwrap import LostSpots, Possible, likeliest
 
 MIN_SIGMA = 0.1
 """Sigma of ln depth with which the last map decides on ranges, at least."""
@@ -26,8 +26,8 @@ NEARER = 0.8
 class FrameRanges:
     """Ranges of a frame: unit vectors (S, 3), metres and standard deviations (S,), nan for none.
 
-    The flight's last map decides between the ``possible`` ranges, if these are known; ``lost`` (S,)
-    are spots that met nothing.
+    The map of the frame before decides between the ``possible`` ranges, if these are known;
+    ``lost`` (S,) are spots that met nothing.
     """
 
     directions: Floats
@@ -64,7 +64,7 @@ class FlightMemory:
         self.ranges = RangeMemory(self._optics, self._shape)
         self._maps = MapMemory(self._optics, self._shape)
         self._lost = LostSpots()
-        self._last_map: tuple[Floats, Floats] | None = None
+        self._last_map: tuple[PoseAt, Floats, Floats] | None = None
 
     def take(
         self, stated: PoseAt, image: Floats, estimate: DepthEstimate, ranges: FrameRanges
@@ -89,36 +89,69 @@ class FlightMemory:
             averaged = replace(estimate, depth_m=np.exp(log_depth))
             estimate = self._complete(averaged, self.ranges.seen(pose))
             assert estimate.sigma is not None
-            self._last_map = np.log(estimate.depth_m), np.maximum(estimate.sigma, MIN_SIGMA)
+            self._last_map = (
+                pose,
+                np.log(estimate.depth_m),
+                np.maximum(estimate.sigma, MIN_SIGMA),
+            )
         points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
         return Remembered(estimate, points_m, why, self.clock.offset_s)
 
     def _decided(
         self, pose: PoseAt, ranges: FrameRanges, log_depth: Floats, sigma: Floats
     ) -> FrameRanges:
-        """Ranges that the last map decides on, in which these have no say yet.
+        """Choose each spot's range by the map of the frame before, which does not rest on it.
 
-        Where the frame's own map decides for something nearer, something may have appeared: what
-        lies behind is forgotten, and a range as far as that is none.
+        The frame's own map chooses where there is no such map. Where it says that something nearer
+        is likelier, something may have appeared: there is no range; and if it is sure, the points
+        behind are forgotten.
         """
-        likelier = 1.0 if ranges.lost is None else self._lost.take(ranges.lost)
+        likelier = 1.0
+        if ranges.lost is not None:
+            likelier = self._lost.take(ranges.lost, pose.time_s)
         if ranges.possible is None:
             return ranges
-        expected = self._expected(ranges.directions, log_depth, sigma)
-        range_m, sigma_m = likeliest(ranges.possible, expected, likelier)
-        if self._last_map is not None:
-            expected, own_m = self._expected(ranges.directions, *self._last_map), range_m
-            appeared = own_m < NEARER * np.exp(expected.log_range)
-            self.ranges.forget_behind(pose, ranges.directions[appeared], own_m[appeared])
-            range_m, sigma_m = likeliest(ranges.possible, expected, likelier)
-            range_m = np.where(own_m < NEARER * range_m, np.nan, range_m)
+        own = self._own_deviation(ranges, log_depth, sigma)
+        last = self._last_deviation(pose, ranges)
+        last = np.where(np.isnan(last), own, last)
+        range_m, sigma_m = likeliest(ranges.possible, last, likelier)
+        nearer_m, _ = likeliest(ranges.possible, own, likelier, probability=0.5)
+        appeared_m, _ = likeliest(ranges.possible, own, likelier)
+        appeared = np.isfinite(appeared_m) & ~(range_m <= appeared_m / NEARER)
+        self.ranges.forget_behind(pose, ranges.directions[appeared], appeared_m[appeared])
+        doubtful = nearer_m < NEARER * range_m
+        range_m, sigma_m = (np.where(doubtful, np.nan, each) for each in (range_m, sigma_m))
         return replace(ranges, range_m=range_m, sigma_m=sigma_m)
 
-    def _expected(self, directions: Floats, log_depth: Floats, sigma: Floats) -> Expected:
-        """What a map of ln depth (H, W) says of ranges along directions (S, 3)."""
-        pixel = np.round(pixel_of(directions, self._optics, self._shape))
+    def _own_deviation(self, ranges: FrameRanges, log_depth: Floats, sigma: Floats) -> Floats:
+        """Deviation (K, S) of the frame's map from possible ranges, in standard deviations."""
+        assert ranges.possible is not None
+        pixel = np.round(pixel_of(ranges.directions, self._optics, self._shape))
         row, column = np.clip(pixel, 0, np.array(self._shape) - 1).astype(np.intp).T
-        return Expected(log_depth[row, column] - np.log(directions[:, 2]), sigma[row, column])
+        with np.errstate(invalid="ignore", divide="ignore"):  # an echo may lie behind the camera
+            possible = np.log(ranges.possible.range_m * ranges.directions[:, 2])
+        return np.asarray((possible - log_depth[row, column]) / sigma[row, column])
+
+    def _last_deviation(self, pose: PoseAt, ranges: FrameRanges) -> Floats:
+        """That of the last map, where the possible points were then; nan out of its view."""
+        possible = ranges.possible
+        assert possible is not None
+        if self._last_map is None:
+            return np.full(possible.range_m.shape, np.nan)
+        before, log_depth, sigma = self._last_map
+        points_m = possible.range_m[..., None] * ranges.directions
+        points_m = np.where(possible.range_m[..., None] > 0, points_m, np.nan)
+        local_m = points_m @ pose.axes.T + pose.position_m - before.position_m
+        local_m = local_m.reshape(-1, 3) @ before.axes
+        with np.errstate(invalid="ignore", divide="ignore"):
+            pixel = pixel_of(local_m, self._optics, self._shape)
+            there = in_view(pixel, self._shape) & (local_m[:, 2] > MIN_DEPTH_M)
+        row, column = np.round(np.where(there[:, None], pixel, 0)).astype(np.intp).T
+        with np.errstate(invalid="ignore"):
+            off = (np.log(local_m[:, 2]) - log_depth[row, column]) / sigma[row, column]
+        off = np.where(there, off, np.nan).reshape(possible.range_m.shape)
+        seen = np.isfinite(off) | ~np.isfinite(possible.range_m)
+        return np.where(seen.all(axis=0), off, np.nan)
 
 
 def _log(estimate: DepthEstimate) -> Floats | None:

@@ -4,10 +4,10 @@ Ranging in fog states the possible ranges and their probabilities. With plain ra
 beyond the unambiguous range R seems to lie at r instead of r + k R, and therefore to be darker than
 any: the reflectance that its echo states is too small by (r / (r + k R))², and in fog by exp(-2
 alpha k R) more. The motion of the drone does not show it: what is seen at r moves like what is
-there. The depth map of the frame has its say, but not the last word: it rests on the same ranges.
+there. A depth map decides, but no further than `MAX_SIGMAS`.
 
-Surfaces within R seldom are too dark to be met. Where most spots meet nothing, most of the scene is
-out of reach, and the few echoes that come back are rather of that than of something dark and near.
+Surfaces within R seldom are too dark to be met. Where many spots meet nothing, part of the scene is
+out of reach, and an echo may be of that rather than of something dark and near.
 """
 
 from collections.abc import Sequence
@@ -24,20 +24,13 @@ MULTIPLES = np.arange(3)[:, None]
 LOG_PRIOR = np.log(0.1)
 """Of each multiple relative to the one before: most of what is met is near."""
 MAX_SIGMAS = 2.0
-"""Deviation from the map beyond which it speaks no louder."""
+"""Deviation from a map beyond which it speaks no louder."""
 MIN_PROBABILITY = 0.8
 """Of the range that is taken; with less, there is none."""
-FORGETTING = 1 - 1 / 30
-"""Weight of the spots of a frame relative to those of the next."""
-PER_LOST, MAX_LIKELIER = 10.0, 10.0
-"""How much likelier each lost spot of one that is not makes what is beyond R, and the maximum."""
-
-
-class Expected(NamedTuple):
-    """What is expected of ranges (S,): their logarithm by the depth map, and its sigma."""
-
-    log_range: Floats
-    sigma: Floats
+MEMORY_S = 0.25
+"""Time over which lost spots are forgotten."""
+PER_LOST, MAX_LIKELIER = 10.0, 5.0
+"""What is beyond R is likelier by 1 + 2 × (frames lost / other frames), at most 3."""
 
 
 class Possible(NamedTuple):
@@ -86,34 +79,38 @@ class Possible(NamedTuple):
 
 
 class LostSpots:
-    """Fraction of a flight's spots that met nothing lately."""
+    """Numbers of spots, in frames, that met nothing and something lately."""
 
     def __init__(self) -> None:
         self._lost = self._met = 0.0
+        self._time_s = -np.inf
 
-    def take(self, lost: Mask) -> float:
+    def take(self, lost: Mask, time_s: float) -> float:
         """Add the spots (S,) of a frame; how much likelier than usual what is beyond R is."""
-        fraction = float(np.mean(lost))
-        self._lost = FORGETTING * self._lost + fraction
-        self._met = FORGETTING * self._met + 1 - fraction
-        return min(1 + PER_LOST * self._lost / (self._met + 1), MAX_LIKELIER)
+        kept = np.exp((self._time_s - time_s) / MEMORY_S)
+        fraction, self._time_s = float(np.mean(lost)), time_s
+        self._lost = kept * self._lost + fraction
+        self._met = kept * self._met + 1 - fraction
+        return float(min(1 + PER_LOST * self._lost / (self._met + 1), MAX_LIKELIER))
 
 
 def likeliest(
-    possible: Possible, expected: Expected, likelier: float = 1.0
+    possible: Possible,
+    deviation: Floats,
+    likelier: float = 1.0,
+    probability: float = MIN_PROBABILITY,
 ) -> tuple[Floats, Floats]:
-    """Likeliest range of each spot (S,) and its sigma, nan where none is likely enough.
+    """Likeliest range of each spot (S,) and its sigma, nan where it has less than a probability.
 
-    What is beyond the unambiguous range is so much ``likelier`` than usual.
+    ``deviation`` (K, S) is that of a map from the possible ranges, in its standard deviations. What
+    is beyond the unambiguous range is so much ``likelier`` than usual.
     """
-    with np.errstate(invalid="ignore", divide="ignore"):  # an echo may lie behind the instrument
-        off = np.abs(np.log(possible.range_m) - expected.log_range) / expected.sigma
     log = possible.log_weight + np.log(likelier) * possible.beyond
-    log -= 0.5 * np.minimum(off, MAX_SIGMAS) ** 2
+    log = log - 0.5 * np.minimum(np.abs(deviation), MAX_SIGMAS) ** 2
     log = np.where(np.isfinite(log), log, -np.inf)
     best, spot = log.argmax(axis=0), np.arange(log.shape[1])
     with np.errstate(invalid="ignore"):
         share = 1 / np.exp(log - log[best, spot]).sum(axis=0)
-    sure = share >= MIN_PROBABILITY  # not where nothing is possible: nan
+    sure = share >= probability  # not where nothing is possible: nan
     range_m, sigma_m = (np.where(sure, each[best, spot], np.nan) for each in possible[:2])
     return range_m, sigma_m
