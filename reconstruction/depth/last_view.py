@@ -42,7 +42,7 @@ class LastView:
         from scipy.ndimage import map_coordinates  # slow to load
 
         points_m = pixel_rays(self._optics, self._shape) * depth_m[..., None]
-        pixel, local_m = seen_before(before, self._now, points_m, self._optics)
+        pixel, local_m = seen_before(before, self._now, points_m, self._optics, self._shape)
         nearer = np.linalg.norm(local_m, axis=-1) / np.linalg.norm(points_m, axis=-1)
 
         def move(images: NDArray[Any]) -> NDArray[Any]:

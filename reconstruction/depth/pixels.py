@@ -45,14 +45,13 @@ def pixel_of(directions: Floats, optics: Optics, shape: tuple[int, int]) -> Floa
 
 
 def seen_before(
-    before: PoseAt, pose: PoseAt, points_m: Floats, optics: Optics
+    before: PoseAt, pose: PoseAt, points_m: Floats, optics: Optics, shape: tuple[int, int]
 ) -> tuple[Floats, Floats]:
-    """Points (H, W, 3) of a frame in an earlier one: rows and columns (H W, 2), coordinates."""
+    """Points (..., 3) of a frame in an earlier one: rows and columns (N, 2), coordinates."""
     turn = pose.axes.T @ before.axes
     local_m = points_m @ turn + (pose.position_m - before.position_m) @ before.axes
     local_m[..., 2] = np.maximum(local_m[..., 2], MIN_DEPTH_M)
-    height, width = points_m.shape[:2]
-    return pixel_of(local_m.reshape(-1, 3), optics, (height, width)), local_m
+    return pixel_of(local_m.reshape(-1, 3), optics, shape), local_m
 
 
 def in_view(pixels: Floats, shape: tuple[int, ...]) -> Mask:

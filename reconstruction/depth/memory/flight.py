@@ -10,7 +10,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt, break_between
 from ..completion import MapCompletion
 from ..method import DepthEstimate
-from ..pixels import MIN_DEPTH_M, in_view, pixel_of
+from ..pixels import MIN_DEPTH_M, in_view, pixel_of, seen_before
 from .clock import ClockOffset
 from .maps import MapMemory
 from .points import RangeMemory
@@ -139,16 +139,13 @@ class FlightMemory:
         if self._last_map is None:
             return np.full(possible.range_m.shape, np.nan)
         before, log_depth, sigma = self._last_map
-        points_m = possible.range_m[..., None] * ranges.directions
-        points_m = np.where(possible.range_m[..., None] > 0, points_m, np.nan)
-        local_m = points_m @ pose.axes.T + pose.position_m - before.position_m
-        local_m = local_m.reshape(-1, 3) @ before.axes
-        with np.errstate(invalid="ignore", divide="ignore"):
-            pixel = pixel_of(local_m, self._optics, self._shape)
-            there = in_view(pixel, self._shape) & (local_m[:, 2] > MIN_DEPTH_M)
+        in_front_m = np.where(possible.range_m > 0, possible.range_m, np.nan)
+        points_m = in_front_m[..., None] * ranges.directions
+        pixel, local_m = seen_before(before, pose, points_m, self._optics, self._shape)
+        depth_m = local_m[..., 2].ravel()
+        there = in_view(pixel, self._shape) & (depth_m > MIN_DEPTH_M)
         row, column = np.round(np.where(there[:, None], pixel, 0)).astype(np.intp).T
-        with np.errstate(invalid="ignore"):
-            off = (np.log(local_m[:, 2]) - log_depth[row, column]) / sigma[row, column]
+        off = (np.log(depth_m) - log_depth[row, column]) / sigma[row, column]
         off = np.where(there, off, np.nan).reshape(possible.range_m.shape)
         seen = np.isfinite(off) | ~np.isfinite(possible.range_m)
         return np.where(seen.all(axis=0), off, np.nan)

@@ -22,7 +22,8 @@ class MapMemory:
     """Average of ln depth (H, W) over frames."""
 
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
-        self._optics, self._rays = optics, pixel_rays(optics, shape)
+        self._optics, self._shape = optics, shape
+        self._rays = pixel_rays(optics, shape)
         self._last: tuple[PoseAt, Floats] | None = None
 
     def take(self, pose: PoseAt, log_depth: Floats, sigma: Floats) -> Floats:
@@ -36,7 +37,7 @@ class MapMemory:
         self, before: PoseAt, last: Floats, pose: PoseAt, log_depth: Floats, sigma: Floats
     ) -> Floats:
         points_m = self._rays * np.exp(log_depth)[..., None]
-        pixel, local_m = seen_before(before, pose, points_m, self._optics)
+        pixel, local_m = seen_before(before, pose, points_m, self._optics, self._shape)
         inside = in_view(pixel, last.shape)
         carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(local_m[..., 2])
         agrees = np.abs(carried - log_depth) < MAX_SIGMAS * sigma
