@@ -16,7 +16,7 @@ import hashlib
 import json
 import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -58,6 +58,8 @@ WARM = 0.05
 """Share of the steps in which the rate rises."""
 OF_RELATIVE, OF_NO_RETURN = 2.0, 1.0
 """Weights in the loss, besides that of the likelihood."""
+BIASES = 0.0, -1.5, -2.0, -1.0
+"""Of log depth over the start, log of its sigma, logits of nothing and of plain ranges."""
 FARTHEST = 1.5
 """Error of log depth, at most: one pixel does not decide."""
 USUAL = 0.05, 99.95
@@ -81,11 +83,13 @@ class Blocks(nn.ModuleList):
 
 
 class Net(nn.Module):
-    """As `reconstruction.depth.network` evaluates it."""
+    """As `reconstruction.depth.network` evaluates it; ``biases`` are the first outputs."""
 
-    def __init__(self) -> None:
+    def __init__(
+        self, maps: int = MAPS, numbers: int = len(NUMBERS), biases: Sequence[float] = BIASES
+    ) -> None:
         super().__init__()
-        self.enter = nn.Conv2d(4 * MAPS + len(NUMBERS), NARROW, 3, padding=1)
+        self.enter = nn.Conv2d(4 * maps + numbers, NARROW, 3, padding=1)
         self.before = nn.Conv2d(NARROW, NARROW, 3, padding=1)
         self.down = nn.Conv2d(4 * NARROW, MIDDLE, 1)
         self.middle = Blocks(MIDDLE, MIDDLE_BLOCKS)
@@ -95,16 +99,12 @@ class Net(nn.Module):
         self.again = Blocks(MIDDLE, MIDDLE_BLOCKS)
         self.up = nn.Conv2d(MIDDLE, 4 * NARROW, 1)
         self.after = nn.Conv2d(NARROW, NARROW, 3, padding=1)
-        self.leave = nn.Conv2d(NARROW, 4 * 4, 3, padding=1)
+        self.leave = nn.Conv2d(NARROW, 4 * len(biases), 3, padding=1)
         nn.init.zeros_(self.leave.weight)
-        bias = torch.tensor([0.0, -1.5, -2.0, -1.0]).repeat_interleave(4)
-        self.leave.bias = nn.Parameter(bias)
+        self.leave.bias = nn.Parameter(torch.tensor(biases).repeat_interleave(4))
 
     def forward(self, maps: Tensor, numbers: Tensor) -> Tensor:
-        """Log depth over the start, log of its sigma, logits of nothing and of plain ranges.
-
-        (B, 4, H, W).
-        """
+        """Outputs (B, D, H, W) for maps (B, C, H, W) and numbers (B, N)."""
         half = pixel_unshuffle(maps, 2)
         constant = numbers[:, :, None, None].expand(-1, -1, *half.shape[2:])
         retained = torch.relu(self.enter(torch.cat([half, constant], dim=1)))
@@ -239,14 +239,14 @@ def loss_of(out: Tensor, start: Tensor, log_depth: Tensor) -> tuple[Tensor, dict
 
 
 def trained(
-    train: Frames, aside: Frames, steps: int, minutes: float, start: Path | None
+    net: Net,
+    batches: Iterator[list[Tensor]],
+    loss_of_batch: Callable[[Net, list[Tensor]], tuple[Tensor, dict[str, Tensor]]],
+    check: Callable[[nn.Module], Any],
+    steps: int,
+    minutes: float,
 ) -> tuple[Net, int]:
     """The mean of the weights over the last steps, and how many there were."""
-    batches = iter(DataLoader(Batches(train), batch_size=None, num_workers=1, prefetch_factor=8))
-    net = Net()
-    if start is not None:
-        archive = np.load(start)
-        net.load_state_dict({n: torch.from_numpy(archive[n]).float() for n in net.state_dict()})
     net.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     mean = torch.optim.swa_utils.AveragedModel(
         net, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(AVERAGED)
@@ -256,10 +256,7 @@ def trained(
     recent: Counter[str] = Counter()
     while done < 1:
         optimiser.param_groups[0]["lr"] = RATE * rate(done)
-        maps, numbers, first, log_depth = next(batches)
-        with torch.autocast("cpu", torch.bfloat16):
-            out = net(_last(maps), numbers)
-        loss, parts = loss_of(out.float(), first, log_depth)
+        loss, parts = loss_of_batch(net, next(batches))
         optimiser.zero_grad()
         loss.backward()
         nn.utils.clip_grad_norm_(net.parameters(), 1.0)
@@ -274,10 +271,36 @@ def trained(
             print(f"{step} steps, {seconds:.0f} s, {100 * done:.0f} %: {retained}", flush=True)
             recent.clear()
             if step % 2000 == 0:
-                print("  aside", quality(mean.module, aside), flush=True)
+                print("  aside", check(mean.module), flush=True)
     retained_net = mean.module
     assert isinstance(retained_net, Net)
     return retained_net, step
+
+
+def evaluated(net: Net, maps: Tensor, numbers: Tensor) -> Tensor:
+    """Output in 32 bits, evaluated in 16."""
+    with torch.autocast("cpu", torch.bfloat16):
+        out: Tensor = net(maps.contiguous(memory_format=torch.channels_last), numbers)
+    return out.float()
+
+
+def loss_of_batch(net: Net, batch: list[Tensor]) -> tuple[Tensor, dict[str, Tensor]]:
+    """The loss of a batch, and the parts of it."""
+    maps, numbers, start, log_depth = batch
+    return loss_of(evaluated(net, maps, numbers), start, log_depth)
+
+
+def started(start: Path | None, net: Net) -> Net:
+    """A network, with the weights of a file if there is one."""
+    if start is not None:
+        archive = np.load(start)
+        net.load_state_dict({n: torch.from_numpy(archive[n]).float() for n in net.state_dict()})
+    return net
+
+
+def loaded(batches: IterableDataset[list[Tensor]]) -> Iterator[list[Tensor]]:
+    """Batches made by a process of their own."""
+    return iter(DataLoader(batches, batch_size=None, num_workers=1, prefetch_factor=8))
 
 
 def rate(done: float) -> float:
@@ -285,11 +308,6 @@ def rate(done: float) -> float:
     if done < WARM:
         return (done + 1e-3) / WARM
     return float(1 + np.cos(np.pi * (done - WARM) / (1 - WARM))) / 2
-
-
-def _last(maps: Tensor) -> Tensor:
-    """Channels last, which is faster."""
-    return maps.contiguous(memory_format=torch.channels_last)
 
 
 @torch.no_grad()
@@ -300,7 +318,7 @@ def reported(net: nn.Module, frames: Frames) -> tuple[Any, Any, Any, Any]:
         some = range(first, min(first + BATCH, len(frames)))
         pairs = [(inputs_of(frames.displayed[n]), frames.depth_m[n]) for n in some]
         maps, numbers, start, log_depth = stacked(pairs)
-        out = net(_last(maps), numbers)
+        out = net(maps, numbers)
         values = (
             log_depth_of(out, start) - log_depth,
             torch.exp(out[:, 1].clamp(*LOG_SIGMA)),
@@ -378,7 +396,14 @@ def main() -> None:
     files = sorted(asked.folder.glob("*.npz"))
     train, held = split(files)
     print(len(train), {name: len(each) for name, each in held.items()}, Counter(train.family))
-    net, steps = trained(train, held["family"], asked.steps, asked.minutes, asked.start)
+    net, steps = trained(
+        started(asked.start, Net()),
+        loaded(Batches(train)),
+        loss_of_batch,
+        lambda net: quality(net, held["family"]),
+        asked.steps,
+        asked.minutes,
+    )
     start = asked.start and hashlib.sha256(asked.start.read_bytes()).hexdigest()
     reported_of = {
         "steps": steps,

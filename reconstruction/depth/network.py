@@ -55,9 +55,7 @@ class DepthNetwork:
 
     def __call__(self, inputs: Inputs) -> Prediction:
         """Prediction for one frame."""
-        height, width = inputs.start.shape
-        out = self._evaluated(filled(inputs.maps, MULTIPLE), inputs.numbers)
-        out = out[:, :height, :width].astype(np.float64)
+        out = evaluated(self._layers, inputs.maps, inputs.numbers).astype(np.float64)
         log_sigma = np.clip(out[1], *LOG_SIGMA) + self._calibration
         start = inputs.start + logistic(out[3]) * (inputs.plain - inputs.start)
         return Prediction(start + out[0], np.exp(log_sigma), logistic(out[2]))
@@ -74,18 +72,22 @@ class DepthNetwork:
                 return f"{name} = {value}, trained for {' to '.join(limits)}"
         return None
 
-    def _evaluated(self, maps: Channels, numbers: Channels) -> Channels:
-        half, layer = squares_as_channels(maps), self._layers
-        features = positive(layer("enter", half, numbers))
-        features = positive(layer("before", features))
-        quarter = positive(layer("down", squares_as_channels(features)))
-        quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
-        eighth = positive(layer("deeper", squares_as_channels(quarter)))
-        eighth = layer.changed("deep", eighth, DEEP_BLOCKS)
-        quarter = positive(quarter + channels_as_squares(layer("rise", eighth)))
-        quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
-        features = positive(features + channels_as_squares(layer("up", quarter)))
-        return channels_as_squares(layer("leave", positive(layer("after", features))))
+
+def evaluated(layer: Layers, maps: Channels, numbers: Channels | None = None) -> Channels:
+    """Output (D, H, W) of the U-net for maps (C, H, W) and numbers (N,)."""
+    height, width = maps.shape[1:]
+    half = squares_as_channels(filled(maps, MULTIPLE))
+    features = positive(layer("enter", half, numbers))
+    features = positive(layer("before", features))
+    quarter = positive(layer("down", squares_as_channels(features)))
+    quarter = layer.changed("middle", quarter, MIDDLE_BLOCKS)
+    eighth = positive(layer("deeper", squares_as_channels(quarter)))
+    eighth = layer.changed("deep", eighth, DEEP_BLOCKS)
+    quarter = positive(quarter + channels_as_squares(layer("rise", eighth)))
+    quarter = layer.changed("again", quarter, MIDDLE_BLOCKS)
+    features = positive(features + channels_as_squares(layer("up", quarter)))
+    out = channels_as_squares(layer("leave", positive(layer("after", features))))
+    return out[:, :height, :width]
 
 
 def logistic(values: Floats) -> Floats:
@@ -140,10 +142,11 @@ def load(file: Path) -> DepthNetwork:
 
 
 _PAIRS = {"middle": MIDDLE_BLOCKS, "deep": DEEP_BLOCKS, "again": MIDDLE_BLOCKS}
-_AXES = {"limits": 2, "calibration": 1} | axes_of(
+LAYER_AXES = axes_of(
     (
         *("enter", "before", "down", "deeper", "rise", "up", "after", "leave"),
         *(f"{name}.{number}" for name, blocks in _PAIRS.items() for number in range(2 * blocks)),
     )
 )
-"""Arrays of a file, and their numbers of axes."""
+"""Arrays of layers, and their numbers of axes."""
+_AXES = {"limits": 2, "calibration": 1} | LAYER_AXES

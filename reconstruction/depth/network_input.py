@@ -194,7 +194,7 @@ def inputs_of(frame: NetworkInput) -> Inputs:
     in_front = veil(frame, spots)
     hidden = min(in_front, MAX_VEIL * frame.percentiles[0])
     bright, unveiled = (
-        _log(frame.image - each, frame.bright - each) for each in (0.0, max(hidden, 0.0))
+        log_brightness(frame.image - each, frame.bright - each) for each in (0.0, max(hidden, 0.0))
     )
     # Log depth over its mean, if all surfaces reflected like those of the spots.
     by_bright, by_unveiled = (
@@ -387,6 +387,6 @@ def veil(frame: NetworkInput, spots: SpotGeometry) -> float:
     return max(scale * in_fog, 0.0)
 
 
-def _log(image: Floats, bright: float) -> Floats:
+def log_brightness(image: Floats, bright: float) -> Floats:
     """Log brightness relative to bright pixels."""
     return np.log(np.maximum(image, DARKEST * bright) / bright)

@@ -80,7 +80,7 @@ def test_the_wheel_of_the_rig_holds_live_streams_and_their_commands(tmp_path: Pa
     assert "mcap = spisim_live.ros.mcap:EXPORT" in entries
     assert {
         "reconstruction/py.typed",
-        "reconstruction/depth/completion/kernel.json",
+        "reconstruction/depth/completion/fitted.json",
         "reconstruction/image/learned.npz",
         "spisim_live/cli/live.py",
         "spisim_live/py.typed",

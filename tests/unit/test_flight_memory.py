@@ -190,16 +190,21 @@ def measured(depth_m, sigma_m=0.01):
     return FrameRanges(SPOTS, ranges(SPOTS, depth_m), np.full(4, sigma_m))
 
 
-def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere():
-    memory = FlightMemory(OPTICS, SHAPE)
-    memory.take(pose(0), IMAGE, estimate(6.0), measured(5.0))
+@pytest.mark.parametrize(
+    ("no_return", "off", "left"),
+    [(None, 0.02, 0.6), (np.full(SHAPE, 0.1), 0.03, 0.7)],
+    ids=["by the points alone", "and by the network"],
+)
+def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere(no_return, off, left):
+    memory, given = FlightMemory(OPTICS, SHAPE), replace(estimate(6.0), no_return=no_return)
+    memory.take(pose(0), IMAGE, given, measured(5.0))
     nowhere = FrameRanges(SPOTS, np.full(4, np.nan), np.full(4, np.nan))
-    result, points_m, why, _ = memory.take(pose(1, (0.2, 0, 0)), IMAGE, estimate(6.0), nowhere)
+    result, points_m, why, _ = memory.take(pose(1, (0.2, 0, 0)), IMAGE, given, nowhere)
     assert why is None
     column = 16 - round(0.2 / 5 / 0.3 * 32)
-    assert result.depth_m[16, column] == pytest.approx(5.0, rel=0.02)
-    assert result.sigma[16, column] < 0.6 * 0.15
-    assert result.no_return[16, column] < 0.06
+    assert result.depth_m[16, column] == pytest.approx(5.0, rel=off)
+    assert result.sigma[16, column] < left * 0.15
+    assert no_return is None or result.no_return[16, column] < 0.06
     assert 5.5 < result.depth_m[0, 32] < 6.01
     assert points_m[:, 2] == pytest.approx([5] * 4)
 

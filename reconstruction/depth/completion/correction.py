@@ -40,7 +40,7 @@ SINGLE = np.float32
 """Precision of what is computed for every pixel."""
 ONE_THREAD = Lock()
 """Held while all of the process does linear algebra with one thread."""
-FITTED = Path(__file__).with_name("kernel.json")
+FITTED = Path(__file__).with_name("fitted.json")
 
 
 @dataclass(frozen=True)
@@ -63,16 +63,27 @@ class Kernel:
 
 
 @cache
+def fitted() -> dict[str, Any]:
+    """Constants fitted to flights, of the ``kernel`` and of the ``network`` that comes after it."""
+    return dict(json.loads(FITTED.read_text()))
+
+
 def fitted_kernel() -> Kernel:
-    """Constants fitted to flights."""
-    return Kernel(**json.loads(FITTED.read_text())["kernel"])
+    """Those of the kernel."""
+    return Kernel(**fitted()["kernel"])
 
 
 class Correction(NamedTuple):
-    """Mean (H, W) of the map's error of ln depth, and the fraction of its variance that is left."""
+    """Mean (H, W) of the map's error of ln depth, and the fraction of its variance that is left.
+
+    ``points`` are those that it rests on, ``contradiction`` (n,) how much farther each is in ln
+    depth than the others predict.
+    """
 
     error: Floats
     remaining: Floats
+    points: Seen
+    contradiction: Floats
 
 
 class MapCorrector:
@@ -105,7 +116,8 @@ class MapCorrector:
         inverse, solved = _robust(covariance, (seen.log_depth - mean) / spread, noise, kernel)
         to_pixels = self._to_pixels(log_depth, seen.pixel, mean)
         error = (to_pixels @ solved).reshape(self._shape) * sigma
-        return Correction(error, self._remaining(to_pixels, inverse))
+        contradiction = spread * solved / np.diagonal(inverse)
+        return Correction(error, self._remaining(to_pixels, inverse), seen, contradiction)
 
     def _to_pixels(self, log_depth: Floats, pixel: Floats, mean: Floats) -> NDArray[np.float32]:
         """Covariance (N, n) of all pixels with the anchors: `likeness`, in place."""

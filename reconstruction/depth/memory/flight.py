@@ -55,7 +55,7 @@ class FlightMemory:
 
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
         self._optics, self._shape = optics, shape
-        self._complete = MapCompletion(shape)
+        self.complete = MapCompletion(optics, shape)
         self.clock = ClockOffset(optics, shape)
         self._last: PoseAt | None = None
         self._begin()
@@ -87,7 +87,7 @@ class FlightMemory:
         if log_depth is not None and estimate.sigma is not None:
             log_depth = self._maps.take(pose, log_depth, estimate.sigma)
             averaged = replace(estimate, depth_m=np.exp(log_depth))
-            estimate = self._complete(averaged, self.ranges.seen(pose))
+            estimate = self.complete(image, averaged, self.ranges.seen(pose))
             assert estimate.sigma is not None
             self._last_map = (
                 pose,

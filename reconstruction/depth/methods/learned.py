@@ -78,7 +78,7 @@ class Learned:
         assert context.setup.spots is not None
         optics, shape = context.setup.optics, context.setup.plan.shape
         many = len(context.setup.spots.directions) > USUAL_SPOTS
-        completion = MapCompletion(shape) if many else None
+        completion = MapCompletion(optics, shape) if many else None
         rays = pixel_rays(optics, shape)
         observer = Observer.of(context.setup)
         return LearnedSolver(shipped(), observer, anchored, dense, completion, rays)
@@ -116,7 +116,7 @@ class LearnedSolver:
             return without_depth(whole.estimate)
         result = whole.estimate
         if self._completion is not None and whole.frame.ranged:
-            result = self._completion(result, seen_by(whole.frame))
+            result = self._completion(view.image, result, seen_by(whole.frame))
         result = decided(result, Ahead.of(result, self._rays, "learned"))
         return result if whole.frame.ranged else without_depth(result)
 
