@@ -27,11 +27,10 @@ from threadpoolctl import threadpool_limits
 from torch import Tensor
 from torch.utils.data import IterableDataset
 
-from depth_frames import PLAN, from_arrays
+from depth_frames import FAMILY_ASIDE, PLAN, from_arrays
 from depth_network import (
     ASIDE,
     BATCH,
-    FAMILY_ASIDE,
     FARTHEST,
     OF_RELATIVE,
     SEED,
@@ -44,7 +43,7 @@ from depth_network import (
     trained,
 )
 from drawn_points import Known, drawn_points
-from flight_points import Flown, flown_frames
+from flight_points import Flown, flown_frames, kept_aside
 from reconstruction.base.arrays import Floats
 from reconstruction.depth.completion.correction import MapCorrector
 from reconstruction.depth.completion.network import MAPS, VERSION, completion_input
@@ -127,10 +126,9 @@ def completed(frames: Iterable[Flown]) -> Iterator[Sample]:
             yield (*inputs, log_depth, len(points.index))
 
 
-def kept_aside(file: Path) -> bool:
-    """Whether a flight's file is not learned from: other worlds, and one family."""
+def _aside(file: Path) -> bool:
     family, seed = file.stem.split("_")[:2]
-    return seed != "0" or family == FAMILY_ASIDE
+    return kept_aside(family, int(seed))
 
 
 def mirrored(sample: Sample, rng: np.random.Generator) -> Sample:
@@ -252,10 +250,10 @@ def main() -> None:
     }
     frames = [frame for frames in train.values() for frame in frames]
     flights = sorted(asked.flights.glob("*.npz")) if asked.flights else []
-    learned = [file for file in flights if not kept_aside(file)]
+    learned = [file for file in flights if not _aside(file)]
     flown = [frame for file in learned for frame in flown_frames(file)]
     if flown:
-        aside = [frame for file in flights if kept_aside(file) for frame in flown_frames(file)]
+        aside = [frame for file in flights if _aside(file) for frame in flown_frames(file)]
         samples["flights"] = list(completed(aside))
     print(len(frames), len(flown), {name: len(each) for name, each in samples.items()}, flush=True)
     net, steps = trained(

@@ -41,6 +41,8 @@ from spisim.simulation import simulate
 from spisim.transport.backend import use_threads
 
 PLAN = Path(__file__).with_name("learned_depth.yaml")
+FAMILY_ASIDE = "scaffold"
+"""The family that no network learns from."""
 SCENES = 3000
 IMAGE = "edge-preserving"
 """The method of the images that are shown."""

@@ -28,7 +28,7 @@ from torch import Tensor, nn
 from torch.nn.functional import binary_cross_entropy_with_logits, pixel_shuffle, pixel_unshuffle
 from torch.utils.data import DataLoader, IterableDataset
 
-from depth_frames import PLAN, from_arrays
+from depth_frames import FAMILY_ASIDE, PLAN, from_arrays
 from reconstruction.depth.network import (
     DEEP_BLOCKS,
     LOG_SIGMA,
@@ -52,7 +52,6 @@ RATE = 1.2e-3
 NARROW, MIDDLE, WIDE = 24, 48, 80
 """Channels at a half, a quarter and an eighth of the resolution."""
 ASIDE = 20
-FAMILY_ASIDE = "scaffold"
 AVERAGED = 0.998
 WARM = 0.05
 """Share of the steps in which the rate rises."""

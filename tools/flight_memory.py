@@ -20,17 +20,15 @@ from flight_judging import Made, remembered, single_frames
 from flight_sets import POSE_ERRORS, flights, load, with_error
 from scipy.optimize import brentq
 
+from flight_points import SEEDS, kept_aside
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.depth import MAX_RANGE_M
 from reconstruction.depth.completion.correction import FITTED
 
-SEEDS = 0, 1
 KIND = "correlated"
 WITHIN = 0.95
 FROM_S = 0.35
-FAMILY_ASIDE = "scaffold"
-"""Of which no network has seen flights."""
 
 
 def main() -> None:
@@ -45,7 +43,7 @@ def main() -> None:
         stated, made = with_error(capture, POSE_ERRORS[KIND], flight.seed), single_frames(capture)
         if not flight.seed:
             off["kernel"].append(deviations_of(stated, without_network(made)))
-        if flight.seed or flight.family == FAMILY_ASIDE:
+        if kept_aside(flight.family, flight.seed):
             off["network"].append(deviations_of(stated, made))
     fitted = json.loads(FITTED.read_text())
     for name, every in off.items():

@@ -15,6 +15,7 @@ import numpy as np
 from flight_judging import load, ranges_of, single_frames
 from flight_sets import POSE_ERRORS, Flight, flights, with_error
 
+from depth_frames import FAMILY_ASIDE
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture, Optics
 from reconstruction.capture.motion import pose_at
@@ -104,6 +105,11 @@ def _with_poses(capture: Capture, made: Sequence[Any]) -> Iterator[Sequence[Any]
             *(getattr(seen, name) for name in POINTS),
             np.log(np.where(true_m <= MAX_RANGE_M, true_m, np.nan)),
         )
+
+
+def kept_aside(family: str, seed: int) -> bool:
+    """Whether flights through a world are not learned from: other seeds, and one family."""
+    return seed != 0 or family == FAMILY_ASIDE
 
 
 def flown_frames(file: Path) -> Iterator[Flown]:
