@@ -46,7 +46,12 @@ from drawn_points import Known, drawn_points
 from flight_points import Flown, flown_frames, kept_aside
 from reconstruction.base.arrays import Floats
 from reconstruction.depth.completion.correction import MapCorrector
-from reconstruction.depth.completion.network import MAPS, VERSION, completion_input
+from reconstruction.depth.completion.network import (
+    MAPS,
+    VERSION,
+    brightness_of,
+    completion_input,
+)
 from reconstruction.depth.method import DepthEstimate
 from reconstruction.depth.methods.learned import shipped
 from reconstruction.depth.network import LOG_SIGMA
@@ -121,8 +126,9 @@ def completed(frames: Iterable[Flown]) -> Iterator[Sample]:
     for image, rays, estimate, points, log_depth in frames:
         correct = correct or MapCorrector(image.shape)
         correction = correct(np.log(estimate.depth_m), estimate.sigma, points)
-        if correction is not None:
-            inputs = completion_input(image, rays, estimate, correction)
+        brightness = brightness_of(image)
+        if correction is not None and brightness is not None:
+            inputs = completion_input(brightness, rays, estimate, correction)
             yield (*inputs, log_depth, len(points.index))
 
 

@@ -21,7 +21,7 @@ from reconstruction.capture import Capture, Optics
 from reconstruction.capture.motion import pose_at
 from reconstruction.depth import MAX_RANGE_M
 from reconstruction.depth.completion import MapCompletion, Seen
-from reconstruction.depth.kriging import BRIGHT
+from reconstruction.depth.completion.network import brightness_of
 from reconstruction.depth.memory import FlightMemory
 from reconstruction.depth.method import DepthEstimate
 from reconstruction.depth.pixels import pixel_rays
@@ -96,7 +96,7 @@ def _with_poses(capture: Capture, made: Sequence[Any]) -> Iterator[Sequence[Any]
         if watched.given is None or number not in truth.frame:
             continue
         image, estimate, seen = watched.given
-        if estimate.no_return is None or not np.percentile(image, BRIGHT) > 0:
+        if estimate.no_return is None or brightness_of(image) is None:
             continue
         true_m = truth.at(number).depth_m.astype(np.float64)
         yield (

@@ -66,10 +66,8 @@ def break_between(before: PoseAt, pose: PoseAt) -> str | None:
         return f"time {pose.time_s:.6g} s is not after {before.time_s:.6g} s, of the frame before"
     if step_s > MAX_GAP_S:
         return f"{step_s:.3g} s without a pose"
-    from scipy.spatial.transform import Rotation
-
     moved_m = float(np.linalg.norm(pose.position_m - before.position_m))
-    turned_rad = Rotation.from_matrix(before.axes.T @ pose.axes).magnitude()
+    turned_rad = np.arccos(np.clip(((before.axes * pose.axes).sum() - 1) / 2, -1, 1))
     allowed_s = max(step_s, MIN_STEP_S)
     if moved_m > MAX_SPEED_M_S * allowed_s:
         return f"the position jumps by {moved_m:.3g} m in {step_s:.3g} s"

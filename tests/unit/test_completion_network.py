@@ -18,6 +18,7 @@ from reconstruction.depth.completion.network import (
     SCALES_PX,
     SURE,
     WEIGHTS,
+    brightness_of,
     completion_input,
 )
 
@@ -43,7 +44,7 @@ def points(count, shape=SHAPE, sigma=0.01, pixel_variance=0.5):
 def inputs():
     correction = MapCorrector(SHAPE)(np.log(stated().depth_m), stated().sigma, points(40))
     rays = pixel_rays(OPTICS, SHAPE)
-    return correction, completion_input(LIT, rays, stated(), correction)
+    return correction, completion_input(brightness_of(LIT), rays, stated(), correction)
 
 
 def test_the_network_sees_the_corrected_map_its_correction_and_what_is_left(inputs):

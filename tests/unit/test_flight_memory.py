@@ -9,10 +9,11 @@ from flights import OPTICS, SHAPE, pose, ranges, towards
 from reconstruction.depth import DepthEstimate, pixel_rays
 from reconstruction.depth.completion import Seen
 from reconstruction.depth.completion.correction import (
+    COARSE_ROWS,
     MAX_ANCHORS,
     MapCorrector,
+    by_distance,
     fitted_kernel,
-    likeness,
     spread_out,
 )
 from reconstruction.depth.memory import FlightMemory, FrameRanges
@@ -87,23 +88,23 @@ def test_an_exact_point_corrects_the_map_there_and_not_across_an_edge():
     log_depth, sigma = np.full(SHAPE, np.log(4)), np.full(SHAPE, 0.2)
     log_depth[:, 36:] = np.log(16)
     gaussian = replace(KERNEL, freedom=1e9)
-    result = correction(log_depth, sigma, seen([(30, 32)], np.log(4) + 0.1), gaussian)
+    result = correction(log_depth, sigma, seen([(28, 32)], np.log(4) + 0.1), gaussian)
     kept = KERNEL.sharp + KERNEL.smooth
-    assert result.error[30, 32] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
-    assert result.remaining[30, 32] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
+    assert result.error[28, 32] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
+    assert result.remaining[28, 32] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
     four = KERNEL.sharp * np.exp(-4 / KERNEL.sharp_px)
     four += KERNEL.smooth * np.exp(-4 / KERNEL.smooth_px)
     across = np.exp(-(np.log(4) ** 2) / 2 / KERNEL.edge**2)
     assert across < 0.01
-    assert result.error[30, 28] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
-    assert result.error[30, 36] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
-    assert result.remaining[30, 36] > 0.9999
+    assert result.error[28, 28] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
+    assert result.error[28, 36] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
+    assert result.remaining[28, 36] > 0.9999
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (63, 40), (128, 96), (16, 16)])
 def test_the_variance_that_is_left_is_that_of_the_process(shape):
     log_depth, sigma = np.full(shape, np.log(4)), np.full(shape, 0.2)
-    stride = max(shape[0] // 32, 1)
+    stride = max(shape[0] // COARSE_ROWS, 1)
     pixel = np.array([[4 * stride, 2 * stride], [8 * stride, 6 * stride]])
     left = correction(log_depth, sigma, seen(pixel, np.log(4))).remaining
     row, column = stride * np.array([6, 3])
@@ -111,7 +112,7 @@ def test_the_variance_that_is_left_is_that_of_the_process(shape):
     between = 64 / shape[0] * np.hypot(*(pixel[0] - pixel[1]))
 
     def like(apart):
-        return likeness(np.asarray(apart), 0.0, KERNEL)
+        return by_distance(np.asarray(apart), KERNEL)
 
     weight = (KERNEL.freedom + 1) / KERNEL.freedom  # of points that agree
     own = like(0) + (KERNEL.nugget + 1e-8 / 0.2**2) / weight
@@ -119,8 +120,9 @@ def test_the_variance_that_is_left_is_that_of_the_process(shape):
     explained = like(near) @ np.linalg.solve(covariance, like(near))
     assert left[row, column] == pytest.approx(1 - explained / WHOLE, rel=1e-3)
     if stride > 1:
+        part = stride // 2 / stride
         assert left[row, column + stride // 2] == pytest.approx(
-            (left[row, column] + left[row, column + stride]) / 2
+            (1 - part) * left[row, column] + part * left[row, column + stride]
         )
 
 

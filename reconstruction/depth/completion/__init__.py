@@ -10,10 +10,9 @@ import numpy as np
 
 from ...base.arrays import Floats
 from ...capture import Optics
-from ..kriging import BRIGHT
 from ..method import DepthEstimate
 from .correction import MapCorrector, fitted_kernel
-from .network import CompletionNetwork
+from .network import CompletionNetwork, brightness_of
 from .points import MAX_LOG_SIGMA, Rows, Seen
 
 __all__ = ["MAX_LOG_SIGMA", "MapCompletion", "Rows", "Seen"]
@@ -35,8 +34,9 @@ class MapCompletion:
         correction = self._correct(log_depth, estimate.sigma, seen)
         if correction is None:
             return estimate
-        if no_return is not None and np.percentile(image, BRIGHT) > 0:
-            log_depth, sigma = self._network(image, estimate, correction)
+        brightness = None if no_return is None else brightness_of(image)
+        if brightness is not None:
+            log_depth, sigma = self._network(brightness, estimate, correction)
         else:
             log_depth = log_depth + correction.error
             sigma = fitted_kernel().sigma_factor * estimate.sigma * np.sqrt(correction.remaining)

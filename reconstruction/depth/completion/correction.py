@@ -20,10 +20,11 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from ...base.arrays import Floats
-from ..pixels import distances, hats
+from ..pixels import hats
 from .points import Seen
 
 MAX_ANCHORS = 300
@@ -31,13 +32,20 @@ ROUNDS = 2
 """Iterations of the weights."""
 ROWS = 64
 """Rows of the map whose pixels are the unit of length."""
-COARSE_ROWS = 32
+COARSE_ROWS = 16
 """Rows in which the variance that is left is computed; the others are between them."""
 CELLS = (40, 32, 28, 24, 20, 16, 12, 8)
 """Cells along each axis, of which each holds one of too many points."""
 MIN_REMAINING = 0.01
+STEPS = 4
+"""Positions to a pixel that a point's is rounded to: poses know it less well."""
+CHUNK = 64
+"""Points whose covariances with all pixels are computed at a time, to stay in the cache."""
+HALVED = 50
+"""Half of the smallest triangle that is inverted by halves."""
 SINGLE = np.float32
-"""Precision of what is computed for every pixel."""
+"""Precision of covariances."""
+Singles = NDArray[np.float32]
 ONE_THREAD = Lock()
 """Held while all of the process does linear algebra with one thread."""
 FITTED = Path(__file__).with_name("fitted.json")
@@ -87,15 +95,15 @@ class Correction(NamedTuple):
 
 
 class MapCorrector:
-    """Corrects maps (H, W) of one shape; its arrays of pixels by anchors are made once.
+    """Corrects maps (H, W) of one shape; its arrays of anchors by pixels are made once.
 
     Pages of memory that are new cost more than the exponentials that fill them.
     """
 
     def __init__(self, shape: tuple[int, int], kernel: Kernel | None = None) -> None:
-        self._kernel = kernel or fitted_kernel()
-        self._shape, self._unit = shape, ROWS / shape[0]
-        self._likeness, self._other = np.empty((2, shape[0] * shape[1] * MAX_ANCHORS), SINGLE)
+        self._kernel, self._shape = kernel or fitted_kernel(), shape
+        self._by_distance = _ByDistance(self._kernel, shape)
+        self._to_pixels = np.empty((MAX_ANCHORS, shape[0] * shape[1]), SINGLE)
         self._stride = max(shape[0] // COARSE_ROWS, 1)
         self._to_rows, self._to_columns = (
             hats(np.arange(side) / self._stride, -(-side // self._stride)) for side in shape
@@ -106,67 +114,86 @@ class MapCorrector:
         kernel, seen = self._kernel, spread_out(seen, self._shape)
         if not len(seen.index):
             return None
-        row, column = np.clip(np.round(seen.pixel), 0, np.array(self._shape) - 1).astype(np.intp).T
+        within = np.clip(seen.pixel, 0, np.array(self._shape) - 1)
+        row, column = np.round(within).astype(np.intp).T
         mean, spread = log_depth[row, column], sigma[row, column]
         slopes = np.gradient(log_depth)
         squared_slope = slopes[0][row, column] ** 2 + slopes[1][row, column] ** 2
         noise = (seen.log_variance + np.minimum(squared_slope * seen.pixel_variance, 1)) / spread**2
-        apart = self._unit * distances(seen.pixel, seen.pixel)
-        covariance = likeness(apart, mean[:, None] - mean, kernel)
-        inverse, solved = _robust(covariance, (seen.log_depth - mean) / spread, noise, kernel)
-        to_pixels = self._to_pixels(log_depth, seen.pixel, mean)
-        error = (to_pixels @ solved).reshape(self._shape) * sigma
-        contradiction = spread * solved / np.diagonal(inverse)
-        return Correction(error, self._remaining(to_pixels, inverse), seen, contradiction)
+        steps = np.round(STEPS * within).astype(np.intp)
+        covariance = self._by_distance.between(steps)
+        covariance *= _alike(mean, mean, kernel)
+        half, solved = _robust(covariance, (seen.log_depth - mean) / spread, noise, kernel)
+        to_pixels = self._to_pixels[: len(mean)]
+        for some in (slice(n, n + CHUNK) for n in range(0, len(mean), CHUNK)):
+            _alike(mean[some], log_depth.ravel(), kernel, out=to_pixels[some])
+            to_pixels[some] *= self._by_distance.to_pixels(steps[some])
+        error = (solved @ to_pixels).reshape(self._shape) * sigma
+        contradiction = spread * solved / _squares(half)
+        return Correction(error, self._remaining(to_pixels, half), seen, contradiction)
 
-    def _to_pixels(self, log_depth: Floats, pixel: Floats, mean: Floats) -> NDArray[np.float32]:
-        """Covariance (N, n) of all pixels with the anchors: `likeness`, in place."""
-        rows, columns, count = *self._shape, len(mean)
-        apart, contrast = (
-            each[: rows * columns * count].reshape(rows, columns, count)
-            for each in (self._likeness, self._other)
-        )
-        down, along = (
-            (self._unit * (np.arange(side)[:, None] - pixel[:, axis])).astype(SINGLE) ** 2
-            for axis, side in enumerate(self._shape)
-        )
-        np.sqrt(np.add(down[:, None], along, out=apart), out=apart)
-        near, wide = apart, contrast
-        np.multiply(apart, SINGLE(-1 / self._kernel.smooth_px), out=wide)
-        near *= SINGLE(-1 / self._kernel.sharp_px)
-        for part, share in ((near, self._kernel.sharp), (wide, self._kernel.smooth)):
-            np.exp(part, out=part)
-            part *= SINGLE(share)
-        near += wide
-        np.subtract(log_depth.astype(SINGLE)[..., None], mean.astype(SINGLE), out=contrast)
-        contrast *= contrast
-        contrast *= SINGLE(-0.5 / self._kernel.edge**2)
-        near *= np.exp(contrast, out=contrast)
-        return near.reshape(-1, count)
-
-    def _remaining(self, to_pixels: NDArray[np.float32], inverse: NDArray[np.float32]) -> Floats:
+    def _remaining(self, to_pixels: Singles, half: Singles) -> Floats:
         """Fraction of the variance that is left: of some rows and columns, bilinear between."""
+        from scipy.linalg.blas import strmm  # slow to load
+
         kernel, stride = self._kernel, self._stride
-        some = to_pixels.reshape(*self._shape, -1)[::stride, ::stride]
-        coarse = some.reshape(-1, len(inverse))
-        explained = ((coarse @ inverse) * coarse).sum(axis=1).reshape(some.shape[:2])
+        some = to_pixels.reshape(-1, *self._shape)[:, ::stride, ::stride]
+        coarse = some.reshape(len(half), -1)
+        explained = _squares(strmm(1, half, coarse.T, side=1, lower=1, trans_a=1).T)
         whole = kernel.sharp + kernel.smooth + kernel.nugget
-        left = np.clip(1 - explained / whole, MIN_REMAINING, 1)
+        left = np.clip(1 - explained.reshape(some.shape[1:]) / whole, MIN_REMAINING, 1)
         return np.asarray(self._to_rows @ left @ self._to_columns.T)
 
 
+class _ByDistance:
+    """Covariance by distance alone, tabulated: positions are in `STEPS` of a pixel."""
+
+    def __init__(self, kernel: Kernel, shape: tuple[int, int]) -> None:
+        self._middle = STEPS * np.array(shape)
+        down, along = (ROWS / shape[0] / STEPS * np.arange(-side, side) for side in self._middle)
+        self._table = by_distance(np.hypot(down[:, None], along), kernel).astype(SINGLE)
+        rows, columns = shape
+        phases = self._table.reshape(2 * rows, STEPS, 2 * columns, STEPS).transpose(1, 3, 0, 2)
+        self._views = sliding_window_view(np.ascontiguousarray(phases), shape, axis=(2, 3))
+
+    def between(self, steps: NDArray[np.intp]) -> Singles:
+        """Of positions (n, 2) with each other, (n, n)."""
+        number = np.ravel_multi_index(tuple(steps.T), self._table.shape)
+        middle = np.ravel_multi_index(tuple(self._middle), self._table.shape)
+        return self._table.take(number[:, None] - number + middle)
+
+    def to_pixels(self, steps: NDArray[np.intp]) -> Singles:
+        """Of positions (n, 2) with all pixels, (n, H W)."""
+        first = self._middle - steps
+        (row, column), (down, along) = (first // STEPS).T, (first % STEPS).T
+        return np.asarray(self._views[down, along, row, column].reshape(len(steps), -1))
+
+
+def _alike(one: Floats, other: Floats, kernel: Kernel, out: Singles | None = None) -> Singles:
+    """Factor (n, m) of the covariance by the difference of ln depths (n,) and (m,)."""
+    here, there = (each.astype(SINGLE) * SINGLE(0.5**0.5 / kernel.edge) for each in (one, other))
+    out = np.subtract(here[:, None], there, out=out)
+    out *= out
+    return np.asarray(np.exp(np.negative(out, out=out), out=out))
+
+
+def _squares(values: Singles) -> Singles:
+    """Sums (m,) of squares of columns (n, m)."""
+    return np.asarray(np.einsum("ij,ij->j", values, values))
+
+
 def _robust(
-    covariance: Floats, target: Floats, noise: Floats, kernel: Kernel
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Inverse (n, n) of the covariance with noise, and its product with the target (n,)."""
-    weights = np.ones(len(target))
+    covariance: Singles, target: Floats, noise: Floats, kernel: Kernel
+) -> tuple[Singles, Singles]:
+    """Inverse (n, n) of the Cholesky factor of the covariance with noise; its solution (n,)."""
+    known, weights = target.astype(SINGLE), np.ones(len(target))
     for _ in range(ROUNDS):
-        noisy = (covariance + np.diag((kernel.nugget + noise) / weights)).astype(SINGLE)
-        lower = _inverse(noisy)
-        inverse = np.tril(lower) + np.tril(lower, -1).T
-        solved, precision = inverse @ target.astype(SINGLE), np.diagonal(inverse)
-        weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / precision)
-    return inverse, solved
+        own = kernel.sharp + kernel.smooth + (kernel.nugget + noise) / weights
+        np.fill_diagonal(covariance, own)
+        half = _inverse_factor(covariance)
+        solved = (half @ known) @ half
+        weights = (kernel.freedom + 1) / (kernel.freedom + solved**2 / _squares(half))
+    return half, solved.astype(SINGLE)
 
 
 @cache
@@ -177,23 +204,36 @@ def _blas() -> Any:
     return ThreadpoolController().select(user_api="blas")
 
 
-def _inverse(matrix: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Inverse of a symmetric matrix (n, n), whose lower triangle counts.
+def _inverse_factor(matrix: Singles) -> Singles:
+    """Inverse of the lower Cholesky factor of a symmetric matrix (n, n).
 
     One thread: for so small a matrix two are slower, and wait for each other for up to a second
     where the machine is busy.
     """
-    from scipy.linalg.lapack import spotrf, spotri  # slow to load
+    from scipy.linalg.lapack import spotrf  # slow to load
 
     with ONE_THREAD, _blas().limit(limits=1):
-        return np.asarray(spotri(spotrf(matrix, lower=1)[0], lower=1)[0])
+        return _inverse_triangle(spotrf(matrix, lower=1)[0])
 
 
-def likeness(apart: Floats, contrast: Floats, kernel: Kernel) -> Floats:
-    """Correlated part of the covariance, for distances in pixels and differences of the map."""
-    near = kernel.sharp * np.exp(-apart / kernel.sharp_px)
-    near += kernel.smooth * np.exp(-apart / kernel.smooth_px)
-    return np.asarray(near * np.exp(-(contrast**2) / (2 * kernel.edge**2)))
+def _inverse_triangle(lower: Singles) -> Singles:
+    """Inverse of a lower triangle (n, n), by halves: twice as fast as LAPACK's."""
+    from scipy.linalg.lapack import strtri  # slow to load
+
+    half = len(lower) // 2
+    if half < HALVED:
+        return np.asarray(strtri(lower, lower=1)[0])
+    result = np.zeros_like(lower)
+    first, last = (_inverse_triangle(lower[some, some]) for some in (np.s_[:half], np.s_[half:]))
+    result[:half, :half], result[half:, half:] = first, last
+    result[half:, :half] = -last @ lower[half:, :half] @ first
+    return result
+
+
+def by_distance(apart: Floats, kernel: Kernel) -> Floats:
+    """Covariance at distances in pixels, for equal ln depths."""
+    sharp = kernel.sharp * np.exp(-apart / kernel.sharp_px)
+    return np.asarray(sharp + kernel.smooth * np.exp(-apart / kernel.smooth_px))
 
 
 def spread_out(seen: Seen, shape: tuple[int, ...]) -> Seen:

@@ -56,19 +56,25 @@ class CompletionNetwork:
         self._part, self._sigma_factor = (fitted()["network"][k] for k in ("part", "sigma_factor"))
 
     def __call__(
-        self, image: Floats, estimate: DepthEstimate, correction: Correction
+        self, brightness: Floats, estimate: DepthEstimate, correction: Correction
     ) -> tuple[Floats, Floats]:
         """Ln depth and its sigma, (H, W), of an ``estimate`` before its ``correction``."""
-        inputs = completion_input(image, self._rays, estimate, correction)
+        inputs = completion_input(brightness, self._rays, estimate, correction)
         off, log_factor = self._part * evaluated(self._layers, inputs.maps).astype(np.float64)
         sigma = np.exp(np.clip(np.log(inputs.sigma) + log_factor, *LOG_SIGMA))
         return inputs.log_depth + inputs.sigma * off, self._sigma_factor * sigma
 
 
+def brightness_of(image: Floats) -> Floats | None:
+    """Ln brightness (H, W) over that of the bright parts of an image; None if these are dark."""
+    bright = float(np.percentile(image, BRIGHT))
+    return log_brightness(image, bright) if bright > 0 else None
+
+
 def completion_input(
-    image: Floats, rays: Floats, estimate: DepthEstimate, correction: Correction
+    brightness: Floats, rays: Floats, estimate: DepthEstimate, correction: Correction
 ) -> CompletionInput:
-    """What the network sees of an image (H, W), a map of all its pixels and its correction."""
+    """What the network sees of a `brightness_of`, a map of all its pixels and its correction."""
     assert estimate.sigma is not None
     assert estimate.no_return is not None
     log_depth = np.log(estimate.depth_m) + correction.error
@@ -79,7 +85,7 @@ def completion_input(
         np.clip(correction.error, -FARTHEST, FARTHEST),
         np.log(estimate.sigma),
         np.log(sigma),
-        log_brightness(image, float(np.percentile(image, BRIGHT))),
+        brightness,
         estimate.no_return,
         4 * rays[..., 0],
         4 * rays[..., 1],
@@ -98,11 +104,10 @@ def _neighbourhoods(relative: Floats, correction: Correction, mean: float) -> li
     weight = SURE**2 / (SURE**2 + points.log_variance)
     depth, off = points.log_depth - mean, np.clip(correction.contradiction, -1, 1)
     pixel_variance = np.minimum(points.pixel_variance * (ROWS / shape[0]) ** 2, OFF_PIXELS2)
-    moments = weight * np.array(
-        [np.ones_like(depth), depth, depth**2, off, np.abs(off), pixel_variance]
-    )
+    near, wide = [off], [np.abs(off), pixel_variance]
     result = []
-    for scale in SCALES_PX:
+    for scale, of_scale in zip(SCALES_PX, (near, wide), strict=True):
+        moments = weight * np.array([np.ones_like(depth), depth, depth**2, *of_scale])
         density, first, second, *others = _blurred(points, moments, scale * shape[0] / ROWS, shape)
         faded = density + FEW
         inside = density / faded
@@ -112,7 +117,7 @@ def _neighbourhoods(relative: Floats, correction: Correction, mean: float) -> li
             np.log1p(density),
             np.clip(first / faded - relative * inside, -FARTHEST, FARTHEST),
             np.minimum(np.sqrt(variance), FARTHEST),
-            *(each / faded for each in (others[:1] if scale == SCALES_PX[0] else others[1:])),
+            *(each / faded for each in others),
         ]
     return result
 
@@ -120,10 +125,10 @@ def _neighbourhoods(relative: Floats, correction: Correction, mean: float) -> li
 def _blurred(points: Seen, values: Floats, scale_px: float, shape: tuple[int, int]) -> Floats:
     """Sums (K, H, W) of values (K, n) of points about each pixel, by Gaussians."""
     down, along = (
-        np.exp(-((np.arange(side)[:, None] - pixel) ** 2) / (2 * scale_px**2))
+        np.exp(((np.arange(side)[:, None] - pixel) ** 2 / (-2 * scale_px**2)).astype(np.float32))
         for side, pixel in zip(shape, points.pixel.T, strict=True)
     )
-    return np.asarray((down * values[:, None]) @ along.T)
+    return np.asarray((down * values.astype(np.float32)[:, None]) @ along.T)
 
 
 @lru_cache(maxsize=1)

@@ -124,10 +124,13 @@ class RangeMemory:
         seen = self._seen(pose, self.points)
         if hidden or len(seen.index) < 2:
             return seen
-        apart = distances(seen.pixel, seen.pixel)
-        behind = seen.log_depth[:, None] - seen.log_depth
-        covered = np.asarray(((apart < HIDDEN_PIXELS) & (behind > HIDDEN_LOG)).any(axis=1))
-        return seen[~covered]
+        from scipy.spatial import KDTree  # slow to load
+
+        pair = KDTree(seen.pixel).query_pairs(HIDDEN_PIXELS, output_type="ndarray")
+        farther = np.diff(seen.log_depth[pair])[:, 0]
+        visible = np.ones(len(seen.index), dtype=bool)
+        visible[pair[farther > HIDDEN_LOG, 1]] = visible[pair[farther < -HIDDEN_LOG, 0]] = False
+        return seen[visible]
 
     def _seen(self, pose: PoseAt, points: Points) -> Seen:
         local_m = (points.position_m - pose.position_m) @ pose.axes
