@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 from depth_corridor import off, rates
-from flight_judging import SINGLE, WARM_UP_S, JudgedFlight, judge
+from flight_judging import FULL_S, SINGLE, WARM_UP_S, JudgedFlight, judge
 from flight_measured import measured_benchmark
 from flight_sets import MOTIONS, POSE_ERRORS, PRESETS, WEATHERS, Flight, flights
 from intervals import of_figure
@@ -35,6 +35,10 @@ CELL, WITHIN, FRAME_MS = 1.02, (0.92, 0.97), 8.5
 MISSED, RELIABLE = 0.20, 0.05
 STEERED_ABS_REL, LATER_ABS_REL, LATER_S = {"clear": 0.12, "fog": 0.135}, 0.10, 1.49
 STEERED_MISSED, STEERED_FALSE, STEERED_FROM_S = 0.08, 0.10, 0.5
+TRUTHS = {"obstacle_m": "obstacles", "surface_m": "surfaces"}
+"""What may be in the way: see `Judged`."""
+OPERATING_POINTS = (MIN_FREE, 0.75, 0.8, 0.85, 0.9)
+OPERATED = ("fixed spots, clear", "fixed spots, fog", "steered spots, clear", "steered spots, fog")
 Flights = Sequence[JudgedFlight]
 
 
@@ -65,7 +69,9 @@ def main() -> int:
         for flight, result in pool.map(_judged, every):
             print(f"{flight.path.stem}: {'not judged' if result is None else 'judged'}", flush=True)
             judged += [] if result is None else [result]
-    tables, checks = [*by_cell(judged), by_error(judged), corridors(judged)], [*promises(judged)]
+    tables = [*by_cell(judged), by_error(judged), corridors(judged)]
+    tables += [by_operating_point(judged), times(judged)]
+    checks = [*promises(judged)]
     if options.measured is not None:
         more, promised = measured_benchmark(options.measured)
         tables += more
@@ -114,18 +120,49 @@ def by_error(judged: Flights) -> Table:
 
 
 def corridors(judged: Flights) -> Table:
-    """Missed and false obstacles, and reliability."""
+    """Missed and false obstacles, and reliability; of obstacles and of any surface."""
     rows = []
     for name, some in groups(judged).items():
         for kind in (SINGLE, USUAL):
-            missed, false = obstacle_rates(some, kind)
-            rows.append(
-                (name, kind, f"{missed:.3f}", f"{false:.3f}", f"{reliability(some, kind):.3f}")
+            figures = (
+                (*obstacle_rates(some, kind, of), reliability(some, kind, of)) for of in TRUTHS
             )
+            rows.append((name, kind, *(f"{each:.3f}" for some_of in figures for each in some_of)))
     return Table(
         "Obstacles in the corridor: fraction missed, frames with a false alarm, and the mean "
-        "difference of stated probability and frequency that it is free.",
-        ("flights of", "poses", "missed", "false", "reliability"),
+        "difference of stated probability and frequency that it is free. Then the same of the "
+        "first surface in the corridor, be it thinner than an obstacle or out of view.",
+        ("flights of", "poses", *2 * ("missed", "false", "reliability")),
+        rows,
+    )
+
+
+def by_operating_point(judged: Flights) -> Table:
+    """Missed and false by the probability below which an obstacle is stated."""
+    rows = [
+        (name, of.removesuffix("_m"), *(
+            "{:.3f} / {:.3f}".format(*obstacle_rates(some, USUAL, of, STEERED_FROM_S, each))
+            for each in OPERATING_POINTS
+        ))
+        for name, some in groups(judged).items() if name in OPERATED for of in TRUTHS
+    ]  # fmt: skip
+    return Table(
+        f"Missed / false after {STEERED_FROM_S:g} s, by the probability of a free corridor below "
+        "which something is stated.",
+        ("flights of", "what", *(f"{each:g}" for each in OPERATING_POINTS)),
+        rows,
+    )
+
+
+def times(judged: Flights) -> Table:
+    """Processor time by kind of spots."""
+    rows = []
+    for name, some in by_spots(judged).items():
+        ms = [1e3 * each.memory_s for each in some]
+        rows.append((name, f"{len(ms)}", f"{np.median(ms):.1f}", f"{max(ms):.1f}"))
+    return Table(
+        f"Processor time of the memory in a frame after {FULL_S:g} s, ms.",
+        ("flights of", "number", "median", "worst"),
         rows,
     )
 
@@ -145,24 +182,33 @@ def promises(judged: Flights) -> Iterator[Check]:
         figure = of_figure(_away(covered), families)
         name = f"fraction within 2 sigma off {np.mean(WITHIN):g}, {where}"
         yield Check(name, far, (WITHIN[1] - WITHIN[0]) / 2, interval=figure)
-    for name, some in by_name.items():
-        yield Check(f"reliability of the corridor, {name}", reliability(some, USUAL), RELIABLE)
-    if some := by_name.get("fixed spots, fog 50 m"):
-        missed, false = obstacle_rates(some, USUAL)
-        yield Check("obstacles missed, fixed spots, 50 m fog", missed, MISSED)
-        yield Check("false alarms over those of the single frame", false,
-                    obstacle_rates(some, SINGLE)[1])  # fmt: skip
     for air, limit in STEERED_ABS_REL.items():
         if some := by_name.get(f"steered spots, {air}"):
             early = float(np.mean(means(some, USUAL, "abs_rel", STEERED_FROM_S)))
             later = float(np.mean(means(some, USUAL, "abs_rel", LATER_S)))
-            missed, false = obstacle_rates(some, USUAL, STEERED_FROM_S)
             yield Check(f"AbsRel, four steered spots after .5 s, {air}", early, limit)
             yield Check(f"AbsRel, four steered spots after 1.5 s, {air}", later, LATER_ABS_REL)
-            yield Check(f"obstacles missed, four steered spots, {air}", missed, STEERED_MISSED)
-            yield Check(f"false alarms, four steered spots, {air}", false, STEERED_FALSE)
-    memory_ms = 1e3 * float(np.median([each.memory_s for each in judged]))
-    yield Check("processor time of the memory in a frame, ms", memory_ms, FRAME_MS)
+    for of, what in TRUTHS.items():
+        yield from _corridor_promises(by_name, of, what)
+    for name, some in by_spots(judged).items():
+        memory_ms = 1e3 * float(np.median([each.memory_s for each in some]))
+        yield Check(f"processor time of the memory in a frame, {name}, ms", memory_ms, FRAME_MS)
+
+
+def _corridor_promises(by_name: dict[str, Flights], of: str, what: str) -> Iterator[Check]:
+    for name, some in by_name.items():
+        figure = reliability(some, USUAL, of)
+        yield Check(f"reliability of the corridor, {what}, {name}", figure, RELIABLE)
+    if some := by_name.get("fixed spots, fog 50 m"):
+        missed, false = obstacle_rates(some, USUAL, of)
+        usual = obstacle_rates(some, SINGLE, of)[1]
+        yield Check(f"{what} missed, fixed spots, 50 m fog", missed, MISSED)
+        yield Check(f"false alarms over those of the single frame, {what}", false, usual)
+    for air in STEERED_ABS_REL:
+        if some := by_name.get(f"steered spots, {air}"):
+            missed, false = obstacle_rates(some, USUAL, of, STEERED_FROM_S)
+            yield Check(f"{what} missed, four steered spots, {air}", missed, STEERED_MISSED)
+            yield Check(f"false alarms, {what}, four steered spots, {air}", false, STEERED_FALSE)
 
 
 def _ratio_check(name: str, some: Flights, limit: float) -> Check:
@@ -188,13 +234,20 @@ def cells(judged: Flights) -> Iterator[tuple[tuple[str, str, str], Flights]]:
 def groups(judged: Flights) -> dict[str, Flights]:
     """Flights by kind of spots, air and motion."""
     made: dict[str, list[JudgedFlight]] = {}
-    for each in judged:
-        flight = each.flight
-        spots = "steered spots" if flight.preset == STEERED else "fixed spots"
-        air = "clear" if flight.weather == "clear" else "fog"
-        for what in dict.fromkeys((air, flight.weather, flight.motion)):
-            made.setdefault(f"{spots}, {what}", []).append(each)
+    for spots, some in by_spots(judged).items():
+        for each in some:
+            flight = each.flight
+            air = "clear" if flight.weather == "clear" else "fog"
+            for what in dict.fromkeys((air, flight.weather, flight.motion)):
+                made.setdefault(f"{spots}, {what}", []).append(each)
     return dict(sorted(made.items()))
+
+
+def by_spots(judged: Flights) -> dict[str, Flights]:
+    """Flights by kind of spots."""
+    steered = [each for each in judged if each.flight.preset == STEERED]
+    fixed = [each for each in judged if each.flight.preset != STEERED]
+    return {name: s for name, s in {"fixed spots": fixed, "steered spots": steered}.items() if s}
 
 
 def means(some: Flights, kind: str, figure: str, from_s: float = WARM_UP_S) -> Floats:
@@ -212,21 +265,23 @@ def paired(single: Floats, memory: Floats) -> tuple[float, Interval]:
     return figure(np.arange(len(logs))), of_figure(figure, np.arange(len(logs)), positive=True)
 
 
-def _frames(some: Flights, kind: str, from_s: float) -> tuple[Floats, Floats]:
-    """True distances (n,) of obstacles, and stated probabilities (n, K)."""
+def _frames(some: Flights, kind: str, of: str, from_s: float) -> tuple[Floats, Floats]:
+    """True distances (n,), those of `TRUTHS`, and stated probabilities (n, K)."""
     frames = [k for each in some for k in each.frames[kind] if k.time_s >= from_s]
-    return np.array([each.true_m for each in frames]), np.array([each.free for each in frames])
+    return np.array([getattr(each, of) for each in frames]), np.array([k.free for k in frames])
 
 
-def obstacle_rates(some: Flights, kind: str, from_s: float = WARM_UP_S) -> tuple[float, float]:
+def obstacle_rates(
+    some: Flights, kind: str, of: str, from_s: float = WARM_UP_S, min_free: float = MIN_FREE
+) -> tuple[float, float]:
     """Fraction missed, and of frames with a false alarm."""
-    true_m, free = _frames(some, kind, from_s)
-    return rates(true_m, np.array([nearest_obstacle_m(each, MIN_FREE) for each in free]))
+    true_m, free = _frames(some, kind, of, from_s)
+    return rates(true_m, np.array([nearest_obstacle_m(each, min_free) for each in free]))
 
 
-def reliability(some: Flights, kind: str) -> float:
+def reliability(some: Flights, kind: str, of: str) -> float:
     """Mean difference of the stated probability of a free corridor and its frequency."""
-    true_m, stated = _frames(some, kind, WARM_UP_S)
+    true_m, stated = _frames(some, kind, of, WARM_UP_S)
     far = DISTANCES_M >= FROM_M
     free: Mask = ~(true_m[:, None] <= DISTANCES_M)
     return off(stated[:, far], free[:, far])

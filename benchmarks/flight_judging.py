@@ -14,7 +14,7 @@ from reconstruction import Reconstructor
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.capture.motion import pose_at
-from reconstruction.depth import MAX_RANGE_M, Context, DepthEstimate, View, pixel_rays
+from reconstruction.depth import MAX_RANGE_M, Context, Corridor, DepthEstimate, View, pixel_rays
 from reconstruction.depth.ahead import Ahead
 from reconstruction.depth.memory import FlightMemory, Remembered
 from reconstruction.depth.memory.clock import ClockOffset
@@ -24,24 +24,35 @@ from reconstruction.depth.methods.learned import FrameMap
 
 WARM_UP_S = 0.35
 """Frames before that are not judged, unless a figure says from when on."""
+FULL_S = 1.0
+"""From then on a flight has met about as many points as are ever in view."""
 SINGLE = "single frame"
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A frame's map against the truth: mean relative error, fraction within 2 sigma, corridor."""
+    """A frame's map against the truth: mean relative error, fraction within 2 sigma, corridor.
+
+    ``obstacle_m`` is the distance of the nearest thing in the corridor that counts as one, by the
+    depth of the pixels in view; ``surface_m`` that of anything, however thin or out of view. Nan
+    is for none.
+    """
 
     time_s: float
     abs_rel: float
     within: float
-    true_m: float
+    obstacle_m: float
+    surface_m: float
     free: Floats
     deviations: Floats
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedFlight:
-    """Judged frames by kind of pose error, and of the single frame; processor time of a frame."""
+    """Judged frames by kind of pose error, and of the single frame.
+
+    ``memory_s`` is the mean processor time that the memory takes in a frame after `FULL_S`.
+    """
 
     flight: Flight
     frames: Mapping[str, Sequence[Judged]]
@@ -77,12 +88,16 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     """Figures of a flight; None where the learned map suits none of its frames."""
     capture = load(flight)
     made = single_frames(capture)
+    assert capture.poses is not None
+    full = capture.poses.time_s - capture.poses.time_s[0] >= FULL_S
     frames, taken_s = {SINGLE: list(judged(capture, alone(made), made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
-        begun_s = time.process_time()
-        maps = list(remembered(stated, made))
-        taken_s.append((time.process_time() - begun_s) / capture.frames)
+        maps, ended_s = [], [time.process_time()]
+        for each in remembered(stated, made):
+            maps.append(each)
+            ended_s.append(time.process_time())
+        taken_s.append(np.diff(ended_s)[full].mean())
         frames[kind] = list(judged(capture, maps, made))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 
@@ -134,6 +149,7 @@ def judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> I
     assert poses is not None
     assert optics is not None
     rays = pixel_rays(optics, capture.plan.shape)
+    corridor = Corridor(rays)
     for number in truth.frame.tolist():
         with_memory, whole, true = maps[number], made[number][1], truth.at(number)
         if with_memory is None or whole is None or with_memory.estimate.sigma is None:
@@ -149,6 +165,7 @@ def judged(capture: Capture, maps: Sequence[Remembered | None], made: Made) -> I
             float(poses.time_s[number] - poses.time_s[0]),
             float(np.mean(np.abs(np.expm1(off)))),
             float(np.mean(np.abs(deviations) < 2)),
+            corridor.nearest_m(true.depth_m.astype(np.float64)),
             float(true.corridor_m),
             ahead.free(),
             deviations[::16].astype(np.float32),

@@ -13,6 +13,7 @@ weights of Student's t (K. L. Lange, R. J. A. Little, J. M. G. Taylor, J. Am. St
 """
 
 import json
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -27,17 +28,17 @@ from ...base.arrays import Floats
 from ..pixels import hats
 from .points import Seen
 
-MAX_ANCHORS = 300
+MAX_ANCHORS = 180
 ROUNDS = 2
 """Iterations of the weights."""
 ROWS = 64
 """Rows of the map whose pixels are the unit of length."""
 COARSE_ROWS = 16
 """Rows in which the variance that is left is computed; the others are between them."""
-CELLS = (40, 32, 28, 24, 20, 16, 12, 8)
+CELLS = range(40, 7, -1)
 """Cells along each axis, of which each holds one of too many points."""
 MIN_REMAINING = 0.01
-STEPS = 4
+STEPS = 2
 """Positions to a pixel that a point's is rounded to: poses know it less well."""
 CHUNK = 64
 """Points whose covariances with all pixels are computed at a time, to stay in the cache."""
@@ -241,9 +242,11 @@ def spread_out(seen: Seen, shape: tuple[int, ...]) -> Seen:
     if len(seen.index) <= MAX_ANCHORS:
         return seen
     order = np.argsort(seen.log_variance + seen.pixel_variance / ROWS**2, kind="stable")
-    for cells in CELLS:
-        cell = np.floor((seen.pixel[order] + 0.5) * (cells / np.array(shape))).astype(np.intp)
-        _, first = np.unique(cell[:, 0] * cells + cell[:, 1], return_index=True)
-        if len(first) <= MAX_ANCHORS:
-            break
-    return seen[order[first]]
+    place = (seen.pixel[order] + 0.5) / shape
+
+    def first(cells: int) -> NDArray[np.intp]:
+        row, column = (place * cells).astype(np.intp).T
+        return np.unique(row * cells + column, return_index=True)[1]
+
+    fewer = bisect_left(CELLS, True, key=lambda cells: len(first(cells)) <= MAX_ANCHORS)
+    return seen[order[first(CELLS[fewer])]]
