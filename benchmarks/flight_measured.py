@@ -10,13 +10,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
+from range_prediction import RangePrediction
 from scipy.spatial.transform import Rotation, Slerp
 
 from reconstruction.base.arrays import Floats, Mask
 from reconstruction.capture import Optics
 from reconstruction.capture.motion import PoseAt
 from reconstruction.depth.memory.points import RangeMemory
-from reconstruction.depth.memory.prediction import RangePrediction
 from reconstruction.depth.pixels import pixel_rays
 from spisim_paper.checks import Check, Table
 

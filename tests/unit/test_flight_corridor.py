@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from range_prediction import RangePrediction
 
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Optics
@@ -11,7 +12,6 @@ from reconstruction.capture.motion import PoseAt
 from reconstruction.depth import DepthEstimate, nearest_obstacle_m
 from reconstruction.depth.ahead import Ahead
 from reconstruction.depth.memory.points import RangeMemory
-from reconstruction.depth.memory.prediction import RangePrediction
 from reconstruction.depth.obstacle import CorridorPrior
 from reconstruction.depth.pixels import pixel_rays
 

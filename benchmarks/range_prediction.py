@@ -7,9 +7,9 @@ to return, the one with the smallest errors over the last frames.
 
 import numpy as np
 
-from ...base.arrays import Floats
-from ...capture.motion import PoseAt
-from .points import RangeMemory
+from reconstruction.base.arrays import Floats
+from reconstruction.capture.motion import PoseAt
+from reconstruction.depth.memory.points import RangeMemory
 
 RETURNING = np.array([0.0, 0.25, 0.5, 0.75, 1.0])
 """Fractions of a deviation that may return."""
