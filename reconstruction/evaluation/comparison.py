@@ -124,7 +124,7 @@ def compared_flight(comparison: Mapping[str, Any]) -> Comparison:
         for frame in (frames[k] for k in chosen)
     ]
     rows.append(["mean", "", *figures(comparison["mean"]), ""])
-    return Comparison("time", ["image", *heads, "true obstacle"], rows)
+    return Comparison("time", ["image", *heads, "first surface"], rows)
 
 
 def ratio_sentences(comparison: Mapping[str, Any]) -> list[str]:

@@ -13,10 +13,11 @@ from ..depth import MIN_FREE
 from ..diagnostics import NOT_TRACED
 from ..reconstructor import Reconstructor
 from ..result import Result
-from .depths import CLOSE, Figures, number
+from .depths import Figures, number
 from .metrics import evaluate
 
 CONFIDENCE = 0.95
+FIGURES = ("abs_rel", "coverage", "within_2_sigma", "obstacle_missed", "obstacle_false")
 NUMBER = re.compile(r"-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 Metrics = dict[str, Any]
@@ -58,10 +59,9 @@ def evaluate_flight(
     dict
         Plain numbers, ready for JSON; what does not exist is None. ``frames``: their number;
         ``depth_methods``: names, the default one first. ``over_time``, for each frame with a truth:
-        ``frame``, ``time_s``, ``image_nrmse``, ``corridor_m`` (true distance of the nearest
-        obstacle ahead) and, by depth method, ``abs_rel``, ``coverage``, ``within_2_sigma`` (see
-        `depth_metrics`) and ``obstacle_m``. ``mean``: of these over the frames, and the fractions
-        of obstacles that are missed or false by more than 25 % of ``corridor_m``. ``ratio``: for
+        ``frame``, ``time_s``, ``image_nrmse``, ``corridor_m`` (true distance of the first
+        surface ahead, however thin) and, by depth method, `FIGURES` of `depth_metrics` and
+        ``obstacle_m``. ``mean``: of `FIGURES` over the frames that have them. ``ratio``: for
         each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
         its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
         ``notes``: what results say of the default method's depth, as sentences that name frames,
@@ -147,7 +147,7 @@ def _row(recording: Capture, result: Result, metrics: Metrics) -> Metrics:
         "image_nrmse": image.get("nrmse"),
         "corridor_m": number(recording.truth.at(result.frame).corridor_m),
         "depths": {
-            name: {key: figures[key] for key in ("abs_rel", "coverage", "within_2_sigma")}
+            name: {key: figures[key] for key in FIGURES}
             | {"obstacle_m": number(result.obstacles_m.get(name, np.nan))}
             for name, figures in metrics["depths"].items()
         },
@@ -155,24 +155,8 @@ def _row(recording: Capture, result: Result, metrics: Metrics) -> Metrics:
 
 
 def _mean(rows: Sequence[Metrics], name: str) -> Figures:
-    """Means of a depth method over the frames; the obstacle is missed or false, see `CLOSE`."""
-    figures: Figures = {
-        key: _mean_of(row["depths"].get(name, {}).get(key) for row in rows)
-        for key in ("abs_rel", "coverage", "within_2_sigma")
-    }
-    pairs = [
-        [np.nan if each is None else each for each in (row["corridor_m"], obstacle_m)]
-        for row in rows
-        for obstacle_m in [row["depths"].get(name, {}).get("obstacle_m")]
-    ]
-    true_m, stated_m = np.array(pairs).T
-    there, stated = np.isfinite(true_m), np.isfinite(stated_m)
-    error = stated_m / true_m - 1
-    missed, false = there & ~(error <= CLOSE - 1), stated & ~(error >= 1 - CLOSE)
-    return figures | {
-        "obstacle_missed": number(missed.sum() / there.sum()) if there.any() else None,
-        "obstacle_false": number(false.mean()),
-    }
+    """Means of a depth method over the frames."""
+    return {key: _mean_of(row["depths"].get(name, {}).get(key) for row in rows) for key in FIGURES}
 
 
 def _mean_of(values: Iterable[float | None]) -> float | None:

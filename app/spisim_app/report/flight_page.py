@@ -159,7 +159,7 @@ def _error_figure(flight: Sequence[EvaluatedFrame], width_in: float = WIDE_IN) -
         obstacles_m = [frame.result.obstacles_m.get(name, np.nan) for frame in flight]
         corridor.plot(times, obstacles_m, "o-", **curve)
     true_m = [frame.truth.corridor_m for frame in flight]
-    corridor.plot(times, true_m, "--", lw=1.3, color="#4c4c4c", label="true")
+    corridor.plot(times, true_m, "--", lw=1.3, color="#4c4c4c", label="first surface")
     for axes in (depth, corridor):
         axes.set_ylim(bottom=0)
     depth.set_ylabel("relative depth error")
