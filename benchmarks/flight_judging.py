@@ -51,7 +51,9 @@ class Judged:
 class JudgedFlight:
     """Judged frames by kind of pose error, and of the single frame.
 
-    ``memory_s`` is the mean processor time that the memory takes in a frame after `FULL_S`.
+    ``memory_s`` is the processor time that the memory takes in a frame with a map after `FULL_S`:
+    the mean, and of that the least over the kinds, as other programs only add to it. Nan is for no
+    such frame.
     """
 
     flight: Flight
@@ -90,6 +92,7 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
     made = single_frames(capture)
     assert capture.poses is not None
     full = capture.poses.time_s - capture.poses.time_s[0] >= FULL_S
+    full &= [whole is not None for _, whole in made]
     frames, taken_s = {SINGLE: list(judged(capture, alone(made), made))}, []
     for kind in kinds:
         stated = with_error(capture, POSE_ERRORS[kind], flight.seed)
@@ -97,7 +100,7 @@ def judge(flight: Flight, kinds: Sequence[str] = tuple(POSE_ERRORS)) -> JudgedFl
         for each in remembered(stated, made):
             maps.append(each)
             ended_s.append(time.process_time())
-        taken_s.append(np.diff(ended_s)[full].mean())
+        taken_s.append(np.diff(ended_s)[full].mean() if full.any() else np.nan)
         frames[kind] = list(judged(capture, maps, made))
     return JudgedFlight(flight, frames, min(taken_s)) if frames[SINGLE] else None
 

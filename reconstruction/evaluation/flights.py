@@ -60,8 +60,9 @@ def evaluate_flight(
         Plain numbers, ready for JSON; what does not exist is None. ``frames``: their number;
         ``depth_methods``: names, the default one first. ``over_time``, for each frame with a truth:
         ``frame``, ``time_s``, ``image_nrmse``, ``corridor_m`` (true distance of the first
-        surface ahead, however thin) and, by depth method, `FIGURES` of `depth_metrics` and
-        ``obstacle_m``. ``mean``: of `FIGURES` over the frames that have them. ``ratio``: for
+        surface ahead, however thin), and by depth method ``obstacle_m`` and of `depth_metrics`
+        ``abs_rel``, ``coverage``, ``within_2_sigma``, ``obstacle_missed`` and ``obstacle_false``.
+        ``mean``: of the latter over the frames; without a map all is missed. ``ratio``: for
         each other method, the geometric mean over the frames of the default one's ``abs_rel`` over
         its own, with the 95 % interval from ``low`` to ``high`` of independent ``frames``.
         ``notes``: what results say of the default method's depth, as sentences that name frames,
@@ -156,7 +157,14 @@ def _row(recording: Capture, result: Result, metrics: Metrics) -> Metrics:
 
 def _mean(rows: Sequence[Metrics], name: str) -> Figures:
     """Means of a depth method over the frames."""
-    return {key: _mean_of(row["depths"].get(name, {}).get(key) for row in rows) for key in FIGURES}
+    return {key: _mean_of(_given(row, name).get(key) for row in rows) for key in FIGURES}
+
+
+def _given(row: Metrics, name: str) -> Figures:
+    """A depth method's figures of a frame, those of no map if it gave none."""
+    ahead = row["corridor_m"] is not None
+    nothing: Figures = {"obstacle_missed": 1.0 if ahead else None, "obstacle_false": 0.0}
+    return row["depths"].get(name, nothing)
 
 
 def _mean_of(values: Iterable[float | None]) -> float | None:

@@ -11,6 +11,8 @@ from reconstruction.depth.completion import Seen
 from reconstruction.depth.completion.correction import (
     COARSE_ROWS,
     MAX_ANCHORS,
+    MIN_REMAINING,
+    STEPS,
     MapCorrector,
     by_distance,
     fitted_kernel,
@@ -88,17 +90,17 @@ def test_an_exact_point_corrects_the_map_there_and_not_across_an_edge():
     log_depth, sigma = np.full(SHAPE, np.log(4)), np.full(SHAPE, 0.2)
     log_depth[:, 36:] = np.log(16)
     gaussian = replace(KERNEL, freedom=1e9)
-    result = correction(log_depth, sigma, seen([(28, 32)], np.log(4) + 0.1), gaussian)
+    result = correction(log_depth, sigma, seen([(30, 32)], np.log(4) + 0.1), gaussian)
     kept = KERNEL.sharp + KERNEL.smooth
-    assert result.error[28, 32] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
-    assert result.remaining[28, 32] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
+    assert result.error[30, 32] == pytest.approx(0.1 * kept / WHOLE, rel=1e-4)
+    assert result.remaining[30, 32] == pytest.approx(1 - kept**2 / WHOLE**2, rel=1e-4)
     four = KERNEL.sharp * np.exp(-4 / KERNEL.sharp_px)
     four += KERNEL.smooth * np.exp(-4 / KERNEL.smooth_px)
     across = np.exp(-(np.log(4) ** 2) / 2 / KERNEL.edge**2)
     assert across < 0.01
-    assert result.error[28, 28] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
-    assert result.error[28, 36] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
-    assert result.remaining[28, 36] > 0.9999
+    assert result.error[30, 28] == pytest.approx(0.1 * four / WHOLE, rel=1e-4)
+    assert result.error[30, 36] == pytest.approx(0.1 * four * across / WHOLE, rel=1e-4)
+    assert result.remaining[30, 36] > 0.9999
 
 
 @pytest.mark.parametrize("shape", [(64, 64), (63, 40), (128, 96), (16, 16)])
@@ -120,10 +122,39 @@ def test_the_variance_that_is_left_is_that_of_the_process(shape):
     explained = like(near) @ np.linalg.solve(covariance, like(near))
     assert left[row, column] == pytest.approx(1 - explained / WHOLE, rel=1e-3)
     if stride > 1:
-        part = stride // 2 / stride
         assert left[row, column + stride // 2] == pytest.approx(
-            (1 - part) * left[row, column] + part * left[row, column + stride]
+            (left[row, column] + left[row, column + stride]) / 2
         )
+
+
+@pytest.mark.parametrize("shape", [(64, 64), (63, 40), (128, 96), (8, 8)])
+def test_many_points_are_solved_as_by_the_whole_matrix(shape):
+    rng, count, unit = np.random.default_rng(5), 150, 64 / shape[0]
+    log_depth = np.log(4) + 0.3 * rng.standard_normal(shape).cumsum(axis=1) / shape[1] ** 0.5
+    sigma, side = rng.uniform(0.1, 0.3, shape), np.array(shape) - 1
+    steps = round(STEPS * unit)
+    pixel = np.round(steps * rng.uniform(0, side, (count, 2))) / steps
+    points = seen(pixel, np.log(4) + 0.1 * rng.standard_normal(count), log_variance=1e-3)
+    row, column = np.round(pixel).astype(int).T
+    mean, spread = log_depth[row, column], sigma[row, column]
+    rows, columns = np.mgrid[: shape[0], : shape[1]].reshape(2, -1)
+
+    def covariance(down, along, depth):
+        apart = unit * np.hypot(down[:, None] - pixel[:, 0], along[:, None] - pixel[:, 1])
+        contrast = (depth[:, None] - mean) / KERNEL.edge
+        return by_distance(apart, KERNEL) * np.exp(-(contrast**2) / 2)
+
+    noise = KERNEL.nugget + 1e-3 / spread**2
+    whole = covariance(*pixel.T, mean) + np.diag(noise)
+    to_pixels = covariance(rows, columns, log_depth.ravel())
+    weight = (points.log_depth - mean) / spread
+    result = correction(log_depth, sigma, points, replace(KERNEL, freedom=1e9))
+    error = (to_pixels @ np.linalg.solve(whole, weight)).reshape(shape) * sigma
+    np.testing.assert_allclose(result.error, error, atol=3e-4)
+    left = 1 - (to_pixels * np.linalg.solve(whole, to_pixels.T).T).sum(axis=1) / WHOLE
+    some = (slice(None, None, max(shape[0] // COARSE_ROWS, 1)),) * 2
+    left = np.maximum(left.reshape(shape)[some], MIN_REMAINING)
+    np.testing.assert_allclose(result.remaining[some], left, atol=2e-3)
 
 
 def test_a_corrector_keeps_nothing_of_the_map_before():

@@ -28,18 +28,18 @@ from ...base.arrays import Floats
 from ..pixels import hats
 from .points import Seen
 
-MAX_ANCHORS = 180
+MAX_ANCHORS = 160
 ROUNDS = 2
 """Iterations of the weights."""
 ROWS = 64
 """Rows of the map whose pixels are the unit of length."""
-COARSE_ROWS = 16
+COARSE_ROWS = 32
 """Rows in which the variance that is left is computed; the others are between them."""
 CELLS = range(40, 7, -1)
 """Cells along each axis, of which each holds one of too many points."""
 MIN_REMAINING = 0.01
-STEPS = 2
-"""Positions to a pixel that a point's is rounded to: poses know it less well."""
+STEPS = 4
+"""Positions to a unit of length that a point's is rounded to."""
 CHUNK = 64
 """Points whose covariances with all pixels are computed at a time, to stay in the cache."""
 HALVED = 50
@@ -111,30 +111,38 @@ class MapCorrector:
         )
 
     def __call__(self, log_depth: Floats, sigma: Floats, seen: Seen) -> Correction | None:
-        """Error of a map of ln depth, by the points in view; None without any."""
-        kernel, seen = self._kernel, spread_out(seen, self._shape)
+        """Error of a map of ln depth, by the points in view; None without any.
+
+        One thread: for so small matrices two are slower, and wait for each other for up to a second
+        where the machine is busy.
+        """
         if not len(seen.index):
             return None
+        with ONE_THREAD, _blas().limit(limits=1):
+            return self._correction(log_depth, sigma, spread_out(seen, self._shape))
+
+    def _correction(self, log_depth: Floats, sigma: Floats, seen: Seen) -> Correction:
+        kernel = self._kernel
         within = np.clip(seen.pixel, 0, np.array(self._shape) - 1)
         row, column = np.round(within).astype(np.intp).T
         mean, spread = log_depth[row, column], sigma[row, column]
         slopes = np.gradient(log_depth)
         squared_slope = slopes[0][row, column] ** 2 + slopes[1][row, column] ** 2
         noise = (seen.log_variance + np.minimum(squared_slope * seen.pixel_variance, 1)) / spread**2
-        steps = np.round(STEPS * within).astype(np.intp)
-        covariance = self._by_distance.between(steps)
+        places = self._by_distance.places(within)
+        covariance = self._by_distance.between(places)
         covariance *= _alike(mean, mean, kernel)
         half, solved = _robust(covariance, (seen.log_depth - mean) / spread, noise, kernel)
         to_pixels = self._to_pixels[: len(mean)]
         for some in (slice(n, n + CHUNK) for n in range(0, len(mean), CHUNK)):
             _alike(mean[some], log_depth.ravel(), kernel, out=to_pixels[some])
-            to_pixels[some] *= self._by_distance.to_pixels(steps[some])
+            to_pixels[some] *= self._by_distance.to_pixels(places[some])
         error = (solved @ to_pixels).reshape(self._shape) * sigma
         contradiction = spread * solved / _squares(half)
         return Correction(error, self._remaining(to_pixels, half), seen, contradiction)
 
     def _remaining(self, to_pixels: Singles, half: Singles) -> Floats:
-        """Fraction of the variance that is left: of some rows and columns, bilinear between."""
+        """Fraction of the variance that is left: in some rows and columns, bilinear between."""
         from scipy.linalg.blas import strmm  # slow to load
 
         kernel, stride = self._kernel, self._stride
@@ -147,27 +155,33 @@ class MapCorrector:
 
 
 class _ByDistance:
-    """Covariance by distance alone, tabulated: positions are in `STEPS` of a pixel."""
+    """Covariance by distance alone, tabulated in `STEPS`."""
 
     def __init__(self, kernel: Kernel, shape: tuple[int, int]) -> None:
-        self._middle = STEPS * np.array(shape)
-        down, along = (ROWS / shape[0] / STEPS * np.arange(-side, side) for side in self._middle)
+        unit = ROWS / shape[0]
+        self._steps = steps = max(round(STEPS * unit), 1)
+        self._middle = steps * np.array(shape)
+        down, along = (unit / steps * np.arange(-side, side) for side in self._middle)
         self._table = by_distance(np.hypot(down[:, None], along), kernel).astype(SINGLE)
         rows, columns = shape
-        phases = self._table.reshape(2 * rows, STEPS, 2 * columns, STEPS).transpose(1, 3, 0, 2)
+        phases = self._table.reshape(2 * rows, steps, 2 * columns, steps).transpose(1, 3, 0, 2)
         self._views = sliding_window_view(np.ascontiguousarray(phases), shape, axis=(2, 3))
 
-    def between(self, steps: NDArray[np.intp]) -> Singles:
+    def places(self, pixel: Floats) -> NDArray[np.intp]:
+        """Positions (n, 2) of pixels in the table's steps."""
+        return np.round(self._steps * pixel).astype(np.intp)
+
+    def between(self, places: NDArray[np.intp]) -> Singles:
         """Of positions (n, 2) with each other, (n, n)."""
-        number = np.ravel_multi_index(tuple(steps.T), self._table.shape)
+        number = np.ravel_multi_index(tuple(places.T), self._table.shape)
         middle = np.ravel_multi_index(tuple(self._middle), self._table.shape)
         return self._table.take(number[:, None] - number + middle)
 
-    def to_pixels(self, steps: NDArray[np.intp]) -> Singles:
+    def to_pixels(self, places: NDArray[np.intp]) -> Singles:
         """Of positions (n, 2) with all pixels, (n, H W)."""
-        first = self._middle - steps
-        (row, column), (down, along) = (first // STEPS).T, (first % STEPS).T
-        return np.asarray(self._views[down, along, row, column].reshape(len(steps), -1))
+        first = self._middle - places
+        (row, column), (down, along) = (first // self._steps).T, (first % self._steps).T
+        return np.asarray(self._views[down, along, row, column].reshape(len(places), -1))
 
 
 def _alike(one: Floats, other: Floats, kernel: Kernel, out: Singles | None = None) -> Singles:
@@ -206,15 +220,10 @@ def _blas() -> Any:
 
 
 def _inverse_factor(matrix: Singles) -> Singles:
-    """Inverse of the lower Cholesky factor of a symmetric matrix (n, n).
-
-    One thread: for so small a matrix two are slower, and wait for each other for up to a second
-    where the machine is busy.
-    """
+    """Inverse of the lower Cholesky factor of a symmetric matrix (n, n)."""
     from scipy.linalg.lapack import spotrf  # slow to load
 
-    with ONE_THREAD, _blas().limit(limits=1):
-        return _inverse_triangle(spotrf(matrix, lower=1)[0])
+    return _inverse_triangle(spotrf(matrix, lower=1)[0])
 
 
 def _inverse_triangle(lower: Singles) -> Singles:

@@ -74,7 +74,7 @@ def brightness_of(image: Floats) -> Floats | None:
 def completion_input(
     brightness: Floats, rays: Floats, estimate: DepthEstimate, correction: Correction
 ) -> CompletionInput:
-    """What the network sees of a `brightness_of`, a map of all its pixels and its correction."""
+    """What the network sees: ln brightness (H, W), a map of all its pixels, its correction."""
     assert estimate.sigma is not None
     assert estimate.no_return is not None
     log_depth = np.log(estimate.depth_m) + correction.error
