@@ -197,6 +197,26 @@ def test_a_flight_is_compared_frame_by_frame(flown):
     json.dumps(result, allow_nan=False)
 
 
+def test_frames_without_a_map_have_missed_what_is_ahead(flown):
+    class FirstOnly:
+        """A wall in the first frame, and no map of the others."""
+
+        name, needs = "first", ()
+
+        def compile(self, context):
+            true_m = flown.truth.at(0).depth_m
+            left = [DepthEstimate(np.full(true_m.shape, np.nanmin(true_m)))]
+            return lambda view: left.pop() if left else None
+
+    result = evaluate_flight(flown, depth=["nearest", FirstOnly()])
+    of_frames = [row["depths"].get("first") for row in result["over_time"]]
+    assert of_frames[1:] == [None, None]
+    mean, first = result["mean"]["first"], of_frames[0]
+    assert mean["abs_rel"] == first["abs_rel"]
+    assert mean["obstacle_missed"] == pytest.approx((first["obstacle_missed"] + 2) / 3)
+    assert mean["obstacle_false"] == pytest.approx(first["obstacle_false"] / 3)
+
+
 def test_notes_of_a_flight_name_their_frames(capture, flown):
     recorded = flight(capture, FRAMES, missing=[1, 2, 4])
     notes = evaluate_flight(replace(flown, poses=recorded.poses))["notes"]
