@@ -40,5 +40,5 @@ class RangePrediction:
         left = np.abs(now[both] - RETURNING[:, None] * self._last[both])
         self._errors *= FORGETTING
         self._errors += np.minimum(left, MAX_DEVIATION).sum(axis=1)
-        self._last = now
         self.memory.add(pose, self._directions, range_m, sigma_m)
+        self._last = np.log(range_m / self.memory.along(pose, self._directions))

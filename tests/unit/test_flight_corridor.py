@@ -59,6 +59,19 @@ def test_all_of_a_steady_error_returns_and_nothing_of_one_that_alternates(sign, 
     np.testing.assert_allclose(prediction.at(pose()), 4.0 * (range_m / 4.0) ** fraction)
 
 
+def test_a_range_that_wanders_while_the_drone_stands_still_is_the_next_one():
+    prediction, rng = RangePrediction(RangeMemory(OPTICS, SHAPE), UNIT), np.random.default_rng(6)
+    range_m, errors, last = wall(4.0), [], []
+    for frame in range(60):
+        stepped_m = range_m + 0.02 * rng.standard_normal(len(UNIT))
+        if frame > 20:
+            errors.append(np.abs(prediction.at(pose(0.05 * frame)) - stepped_m))
+            last.append(np.abs(range_m - stepped_m))
+        prediction.take(pose(0.05 * frame), stepped_m, np.full(len(UNIT), 0.02))
+        range_m = stepped_m
+    assert np.median(errors) < 1.1 * np.median(last)
+
+
 def test_a_zone_without_a_range_is_predicted_by_its_neighbours_points():
     prediction = RangePrediction(RangeMemory(OPTICS, SHAPE), UNIT)
     range_m = wall(3.0)
