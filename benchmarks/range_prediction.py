@@ -34,11 +34,15 @@ class RangePrediction:
 
     def take(self, pose: PoseAt, range_m: Floats, sigma_m: Floats) -> None:
         """Learn from the ranges (S,) at a pose, nan where there is none, and remember them."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            now = np.log(range_m / self.memory.along(pose, self._directions))
+        now = self._deviation(pose, range_m)
         both = np.isfinite(now) & np.isfinite(self._last)
         left = np.abs(now[both] - RETURNING[:, None] * self._last[both])
         self._errors *= FORGETTING
         self._errors += np.minimum(left, MAX_DEVIATION).sum(axis=1)
         self.memory.add(pose, self._directions, range_m, sigma_m)
-        self._last = np.log(range_m / self.memory.along(pose, self._directions))
+        self._last = self._deviation(pose, range_m)
+
+    def _deviation(self, pose: PoseAt, range_m: Floats) -> Floats:
+        """Of ln ranges (S,) from the points as they are; nan where there is none."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.asarray(np.log(range_m / self.memory.along(pose, self._directions)))
