@@ -1,36 +1,28 @@
 """What benchmarks/depth.py measures on one capture: every depth method, on two kinds of ranges."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from depth_sets import Case
 
-from reconstruction import Capture, Reconstructor, Setup, read_capture
+from reconstruction import Reconstructor, Setup, read_capture
 from reconstruction.base.arrays import Floats
 from reconstruction.chosen_methods import USUAL_IMAGES
 from reconstruction.depth import (
     DEPTH_METHODS,
     DISTANCES_M,
-    Context,
     Corridor,
-    DepthEstimate,
-    DepthMethod,
-    DepthSolver,
-    View,
-    corridors_of,
-    free_of_estimate,
     lacks,
     pixel_rays,
 )
 from reconstruction.depth.kriging import AnchoredPrior
 from reconstruction.depth.methods.anchored import Anchored
 from reconstruction.evaluation import depth_metrics
-from reconstruction.image import Imaging
 
 RANGINGS = ("cw", "fog")
-FROZEN = "anchored, frozen"
+FROZEN = "anchored-frozen"
 CONSTANTS = AnchoredPrior(
     log_depth_sigma=0.4,
     log_reflectance_sigma=0.7,
@@ -65,34 +57,27 @@ class Judged:
         return f"{self.case.group} {self.case.scene}"
 
 
-class Compiled:
-    """What makes image, ranges, and depths by all methods that a setup suits."""
+@dataclass(frozen=True)
+class Frozen(Anchored):
+    """The anchored map of constants that never change."""
 
-    def __init__(self, setup: Setup) -> None:
-        context = Context(setup, Imaging(setup.plan))
-        self._reconstructor = Reconstructor(setup, ranging=RANGINGS, depth=())
-        self._solvers: dict[str, DepthSolver] = {
-            name: method.compile(context) for name, method in methods(setup).items()
-        }
-
-    def __call__(self, capture: Capture) -> Iterator[tuple[Way, DepthSolver, View]]:
-        """Every method on every kind of ranges."""
-        frame = capture.frame(0)
-        result = self._reconstructor(frame)
-        image = result.image.astype(np.float64)
-        for ranging, ranges in result.rangings.items():
-            for method, solve in self._solvers.items():
-                yield (method, ranging), solve, View(image, ranges, frame)
+    name: str = FROZEN
+    prior: AnchoredPrior = CONSTANTS
 
 
-def methods(setup: Setup) -> dict[str, DepthMethod]:
-    """By name: the one that is frozen, and those that are registered and fit."""
-    result: dict[str, DepthMethod] = {FROZEN: Anchored(CONSTANTS)}
-    fit = (name for name in DEPTH_METHODS if not lacks(DEPTH_METHODS[name], setup))
-    return result | {name: DEPTH_METHODS[name] for name in fit}
+def compiled(setup: Setup) -> dict[Way, Reconstructor]:
+    """Every depth method that a setup suits, and the frozen one, on both kinds of ranges."""
+    fit = [name for name in DEPTH_METHODS if not lacks(DEPTH_METHODS[name], setup)]
+    return {
+        (method if isinstance(method, str) else FROZEN, ranging): Reconstructor(
+            setup, image=USUAL_IMAGES[0], ranging=ranging, depth=method
+        )
+        for method in (Frozen(), *fit)
+        for ranging in RANGINGS
+    }
 
 
-COMPILED: dict[str, Compiled] = {}
+COMPILED: dict[str, dict[Way, Reconstructor]] = {}
 """By preset, of which all captures have the same setup."""
 
 
@@ -104,21 +89,20 @@ def judge(case: Case) -> Judged:
     true_m = capture.truth.at(0).depth_m
     rays = pixel_rays(capture.setup.optics, true_m.shape)
     if case.preset not in COMPILED:
-        COMPILED[case.preset] = Compiled(capture.setup)
+        COMPILED[case.preset] = compiled(capture.setup)
     corridor = Corridor(rays)
     figures, stated = {}, {}
-    for way, solve, view in COMPILED[case.preset](capture):
-        result = solve(view) or DepthEstimate(np.full(true_m.shape, np.nan))
-        free = (
-            None if way[0] == FROZEN else free_of_estimate(result, corridors_of(result, rays))
-        )  # its obstacle is the map's
+    unknown = np.full(true_m.shape, np.nan)
+    for way, reconstructor in COMPILED[case.preset].items():
+        result = reconstructor(capture.frame(0))
+        free = None if way[0] == FROZEN else result.free_probability
         figures[way] = depth_metrics(
-            result.depth_m,
+            unknown if result.depth_m is None else result.depth_m,
             true_m,
-            sigma=result.sigma,
+            sigma=result.log_depth_sigma,
             no_return=result.no_return,
             rays=rays,
-            free=free,
+            free=free,  # the obstacle of the frozen map is the map's
         )
         stated[way] = np.zeros(DISTANCES_M.size) if free is None else free
     return Judged(case, figures, stated, corridor.nearest_m(true_m))

@@ -1,6 +1,7 @@
 """From image, ranges and readings to depth maps: methods, rays and point clouds."""
 
-from .ahead import corridors_of, free_of_estimate
+from .ahead import corridors_of
+from .corridor_posterior import CorridorPosterior, SpotsAhead
 from .last_view import LastView
 from .method import (
     MAX_RANGE_M,
@@ -10,11 +11,13 @@ from .method import (
     DepthSolver,
     FreeTowards,
     View,
+    unknown_depth,
 )
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
 from .obstacle import (
     CORRIDOR_M,
     DISTANCES_M,
+    FORWARD,
     MIN_FREE,
     Corridor,
     check_min_free,
@@ -26,20 +29,22 @@ __all__ = [
     "CORRIDOR_M",
     "DEPTH_METHODS",
     "DISTANCES_M",
+    "FORWARD",
     "MAX_RANGE_M",
     "MIN_FREE",
     "Context",
     "Corridor",
+    "CorridorPosterior",
     "DepthEstimate",
     "DepthMethod",
     "DepthSolver",
     "FreeTowards",
     "LastView",
+    "SpotsAhead",
     "View",
     "check_min_free",
     "corridors_of",
     "depth_method",
-    "free_of_estimate",
     "lacks",
     "nearest_obstacle_m",
     "out_of_distribution",
@@ -48,4 +53,5 @@ __all__ = [
     "point_cloud_ply",
     "range_over_depth",
     "suits",
+    "unknown_depth",
 ]

@@ -71,13 +71,17 @@ def corridors_of(estimate: DepthEstimate, rays: Floats | None) -> FreeTowards | 
     """Probability of free corridors in any direction; None if a map has no depths, or rays.
 
     A method that states none has its corridors from its map, with an error model for any method.
+    That along the optical axis is as stated.
     """
-    known = estimate.free_towards is not None
-    if known or rays is None or not np.isfinite(estimate.depth_m).any():
-        return estimate.free_towards
-    return Ahead.of(estimate, rays, "others").free
+    towards = estimate.free_towards
+    if towards is None and rays is not None and np.isfinite(estimate.depth_m).any():
+        towards = Ahead.of(estimate, rays, "others").free
+    if estimate.free is None:
+        return towards
+    ahead, others = estimate.free, towards
 
+    def stated(direction: ArrayLike) -> Floats:
+        forward = np.shape(direction) == (3,) and not np.any(np.asarray(direction)[:2])
+        return others(direction) if others is not None and not forward else ahead
 
-def free_of_estimate(estimate: DepthEstimate, towards: FreeTowards | None) -> Floats | None:
-    """Probability that the corridor along the optical axis is free, as stated or of the map."""
-    return estimate.free if estimate.free is not None or towards is None else towards(FORWARD)
+    return stated

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
 
+import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
@@ -75,6 +76,11 @@ class DepthEstimate:
     free: Floats | None = None
     points_m: Floats | None = None
     free_towards: FreeTowards | None = None
+
+
+def unknown_depth(shape: tuple[int, int]) -> DepthEstimate:
+    """The map (H, W) of a frame without any range."""
+    return DepthEstimate(np.full(shape, np.nan), note="no spot has a range: no depth")
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]

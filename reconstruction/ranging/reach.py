@@ -3,7 +3,10 @@
 import numpy as np
 
 from ..base.arrays import Floats
+from ..base.errors import InputError
 from ..capture import Spots
+from ..capture.readings.dtof import HistogramSpots
+from .first_surface import REACH_M
 from .fog.overlap import NEEDED, overlap
 from .fog.solvers import max_fog_range_m
 
@@ -16,11 +19,19 @@ def blind_below_m(spots: Spots) -> Floats:
 
     The noise that limits a spot's range hides the same target, whatever its reflectance, where the
     overlap of beam and field is as small: in clear air, without any noise being known. nan if the
-    optics are unknown.
+    optics are unknown or contradictory.
     """
     if any(np.isnan(getattr(spots, name)).any() for name in NEEDED):
         return np.full(len(spots.directions), np.nan)
     range_m = np.arange(STEP_M, max_fog_range_m(spots) + STEP_M, STEP_M)
-    weight_sr, _ = overlap(spots, range_m)
+    try:
+        weight_sr, _ = overlap(spots, range_m)
+    except InputError:  # ranging in fog says what is wrong
+        return np.full(len(spots.directions), np.nan)
     first = (weight_sr >= weight_sr[:, -1:]).argmax(axis=1)
     return np.where(first == 0, 0.0, range_m[first])
+
+
+def reach_m(spots: Spots) -> float:
+    """Range beyond which nothing is known of targets: where a histogram ends, or `REACH_M`."""
+    return max_fog_range_m(spots) if isinstance(spots, HistogramSpots) else REACH_M

@@ -1,0 +1,178 @@
+"""Scenes at which an answer is easily confident and wrong: dark, near, thin, beside the spots.
+
+A drone 1.5 m above nothing looks along x. The families that draw whole worlds have none of these,
+and nothing is fitted to them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from reconstruction.base.arrays import Floats
+from spisim.atmosphere import CLEAR, fog
+from spisim.scene import Ambient, Material, Scene, SceneObject, find_material
+
+POSE = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]], dtype=np.float64)
+"""Optical frame (x right, y down, z forward) in a world whose z is up."""
+DARK = ("snow-old", "ice", "water", "abs-black", "rubber-black")
+"""Shipped materials that return least."""
+WALL_M = 20.0
+SKY_KLX = 5.0
+KIND = "moderate-radiation"
+
+
+@dataclass(frozen=True, eq=False)
+class Corner:
+    """A scene, what stands in it, and the distance of the nearest obstacle on the optical axis."""
+
+    scene: Scene
+    kind: str
+    surface: str
+    obstacle_m: float
+    visibility_m: float | None
+
+    @property
+    def air(self) -> str:
+        """Clear, or the visibility."""
+        return "clear" if self.visibility_m is None else f"{self.visibility_m:g} m"
+
+
+def wall(surface: str | float, distance_m: float, visibility_m: float | None) -> Corner:
+    """A wall square to the optical axis, of a shipped material or a diffuse reflectance."""
+    return _corner("wall", surface, distance_m, visibility_m, [_board("wall", surface, distance_m)])
+
+
+def open_sky(visibility_m: float | None) -> Corner:
+    """Nothing but a sky."""
+    return _corner("open sky", "none", np.nan, visibility_m, [])
+
+
+def pole(
+    surface: str | float,
+    distance_m: float,
+    aside_m: float,
+    behind_m: float,
+    visibility_m: float | None,
+) -> Corner:
+    """An upright pole 5 cm thick before a wall."""
+    mesh = trimesh.creation.cylinder(0.025, 3.0)
+    return _before_a_wall("pole", mesh, surface, distance_m, aside_m, behind_m, visibility_m)
+
+
+def person(
+    surface: str | float,
+    distance_m: float,
+    aside_m: float,
+    behind_m: float,
+    visibility_m: float | None,
+) -> Corner:
+    """A body 0.3 m wide, with a head, before a wall: between spots at 5 degrees from 1.8 m on."""
+    body = trimesh.creation.capsule(height=1.1, radius=0.15)
+    body.apply_translation([0, 0, -0.75])
+    head = trimesh.creation.icosphere(radius=0.11)
+    head.apply_translation([0, 0, 0.12])
+    mesh = trimesh.util.concatenate([body, head])
+    return _before_a_wall("person", mesh, surface, distance_m, aside_m, behind_m, visibility_m)
+
+
+def _before_a_wall(
+    kind: str,
+    mesh: trimesh.Trimesh,
+    surface: str | float,
+    distance_m: float,
+    aside_m: float,
+    behind_m: float,
+    visibility_m: float | None,
+) -> Corner:
+    placed = mesh.copy().apply_translation([distance_m, aside_m, 1.5])
+    objects = [
+        SceneObject(kind, placed, _material(surface)),
+        _board("wall", 0.35, distance_m + behind_m),
+    ]
+    return _corner(kind, surface, distance_m, visibility_m, objects)
+
+
+def _corner(
+    kind: str,
+    surface: str | float,
+    obstacle_m: float,
+    visibility_m: float | None,
+    objects: Sequence[SceneObject],
+) -> Corner:
+    scene = Scene(
+        name=kind,
+        objects=tuple(objects),
+        atmosphere=CLEAR if visibility_m is None else fog(visibility_m, KIND),
+        ambient=Ambient(sky_klx=SKY_KLX),
+        drone_pose=POSE,
+    )
+    return Corner(scene, kind, str(surface), obstacle_m, visibility_m)
+
+
+def _board(name: str, surface: str | float, distance_m: float) -> SceneObject:
+    half = WALL_M / 2
+    corners: Floats = np.array(
+        [
+            [x, y, distance_m]
+            for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))
+        ]
+    )
+    mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).apply_transform(POSE)
+    return SceneObject(name, mesh, _material(surface))
+
+
+def _material(surface: str | float) -> Material:
+    if isinstance(surface, str):
+        return find_material(surface)
+    return Material(f"diffuse {surface:.3g}", float(surface), "drawn")
+
+
+def dark_walls() -> Iterator[Corner]:
+    """Walls of the darkest shipped materials in clear air."""
+    for surface in DARK:
+        for distance_m in (2.0, 3.0, 4.0):
+            yield wall(surface, distance_m, None)
+
+
+def walls(count: int, seed: int) -> Iterator[Corner]:
+    """Walls of R .01 to .9 at .3 to 6 m, in clear air and fog of 100, 50 and 20 m."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        reflectance, distance_m = (
+            np.exp(rng.uniform(*np.log(ends))) for ends in ((0.01, 0.9), (0.3, 6.0))
+        )
+        yield wall(float(reflectance), float(distance_m), (None, 100.0, 50.0, 20.0)[number % 4])
+
+
+def near_walls(count: int, seed: int) -> Iterator[Corner]:
+    """Walls against the lens, at .05 to .3 m."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        reflectance = float(np.exp(rng.uniform(np.log(0.03), np.log(0.9))))
+        yield wall(reflectance, float(rng.uniform(0.05, 0.3)), (None, 50.0)[number % 2])
+
+
+def between_spots(count: int, seed: int) -> Iterator[Corner]:
+    """People and poles that no spot of four at five degrees meets."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        reflectance = float(np.exp(rng.uniform(np.log(0.05), np.log(0.8))))
+        behind_m = float(rng.uniform(1.0, 4.0))
+        if number % 2:
+            yield pole(
+                reflectance,
+                float(rng.uniform(1.5, 3.0)),
+                float(rng.uniform(-0.08, 0.08)),
+                behind_m,
+                None,
+            )
+        else:
+            yield person(
+                reflectance,
+                float(rng.uniform(2.2, 5.0)),
+                float(rng.uniform(-0.03, 0.03)),
+                behind_m,
+                None,
+            )
