@@ -3,6 +3,11 @@
 A depth map speaks for that part of the posterior of its spots with which it agrees. For the rest,
 the map anchored on these other ranges does: the spots are taken to err together, each at the same
 quantile of its posterior. A spot's own ray counts wherever it is within the corridor.
+
+Between the spots a thing may stand that no range has met and that an image of few patterns does not
+tell from what is behind: no probability is higher than these leave it, by that part of the
+corridor's cross-section at which nothing has looked. What ranges have met, now or earlier in a
+flight, has been looked at as far as it.
 """
 
 from collections.abc import Iterator
@@ -14,23 +19,33 @@ from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats, Mask
 from ..ranging.first_surface import EDGES_M, FirstSurfaces
+from .agreement import agrees
 from .kriging import BRIGHT, AnchoredImage, LogDepth, fitted_prior
 from .method import DepthEstimate, FreeTowards
-from .obstacle import ANYWHERE, CORRIDOR_M, DISTANCES_M, Corridor, axes_along, corridor_prior
-from .pixels import around, between
+from .obstacle import (
+    ANYWHERE,
+    CORRIDOR_M,
+    DISTANCES_M,
+    Corridor,
+    axes_along,
+    corridor_prior,
+)
 
 LEVELS = (np.arange(16) + 0.5) / 16
 """Quantiles at which the posteriors are taken."""
-MIN_SIGMA = 0.15
-"""Minimum sigma of ln depth at a spot, between the spot and its pixel."""
-MAX_AWAY = 4.0
-"""Deviation beyond which a single spot speaks no louder, as on an edge."""
-AGREE = 2.0
-"""Maximum rms deviation of the spots from a map that agrees with them, in its sigmas."""
 ALIKE = 0.2
 """Difference of ln range below which two levels share a map."""
 SURE = 0.05
 """Relative sigma of the ranges of a level."""
+UNSEEN = 0.12
+"""Probability of a thing between the rays, of those cells of the corridor at which none has looked.
+An assumption on the safe side, not a fit: neither brightness nor contrast tell people and poles
+from what a scene has behind."""
+UNSEEN_FROM_M, UNSEEN_TO_M = 1.0, 2.0
+"""Distances between which it grows: nearer, what is an obstacle fills more than the image's
+resolution and the corridor most of the view."""
+CELLS = 6
+"""Cells across the corridor, each of `OBSTACLE_M2`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,18 +62,17 @@ class SpotsAhead:
         """Ranges (L, S) at `LEVELS`."""
         return self.surfaces.quantiles_m(LEVELS)
 
+    @property
+    def met_m(self) -> Floats:
+        """Points (N, 3) that the spots have probably met; those that met nothing look nowhere."""
+        middle_m = self.levels_m[LEVELS.size // 2]
+        met = np.isfinite(middle_m)
+        return np.asarray(self.directions[met] * middle_m[met, None])
+
     def agree(self, estimate: DepthEstimate) -> Mask:
-        """At which levels (L,) a map agrees with the spots; where none has a range, it does."""
-        log_depth = np.log(np.where(np.isfinite(estimate.depth_m), estimate.depth_m, EDGES_M[-1]))
-        sigma = np.zeros_like(log_depth) if estimate.sigma is None else estimate.sigma
-        sigma = np.where(np.isfinite(sigma), sigma, 0.0)
-        of_map, of_sigma = (between(each, self.pixel) for each in (around(log_depth), sigma))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            log_levels = np.log(self.levels_m * self.directions[:, 2])
-        away = np.abs(log_levels - of_map) / np.hypot(of_sigma, MIN_SIGMA)
-        usable = np.isfinite(log_levels)
-        squares = np.where(usable, np.minimum(away, MAX_AWAY) ** 2, 0).sum(axis=1)
-        return squares <= AGREE**2 * usable.sum(axis=1)
+        """At which levels (L,) a map agrees with the spots."""
+        with np.errstate(divide="ignore"):
+            return agrees(estimate, self.pixel, np.log(self.levels_m * self.directions[:, 2]))
 
     def anchored(self, range_m: Floats) -> LogDepth | None:
         """The map anchored on ranges (S,), infinite where there is none; None without any."""
@@ -93,6 +107,9 @@ class CorridorPosterior:
         self._of_map, self._spots, self._rays = of_map, spots, rays
         agree = spots.agree(estimate) if of_map is not None else np.zeros(LEVELS.size, bool)
         self._agreed = float(agree.mean())
+        self._looked_m = spots.met_m
+        if estimate.points_m is not None:
+            self._looked_m = np.concatenate([self._looked_m, estimate.points_m])
         self._others = tuple(_grouped(spots, ~agree))
 
     def __call__(self, direction: ArrayLike) -> Floats:
@@ -111,7 +128,35 @@ class CorridorPosterior:
             else:
                 sigma = log_depth.sigma()
                 total = total + weight * corridor.free(np.exp(log_depth.mean), prior, sigma)
-        return np.minimum.accumulate(np.minimum(total, self._spots.free(along)))
+        total = np.minimum(total, self._spots.free(along))
+        return np.minimum.accumulate(np.minimum(total, unseen_free(self._looked_m, along)))
+
+
+def unseen_free(looked_m: Floats, direction: Floats) -> Floats:
+    """Probability (K,) that nothing stands where no range has looked, up to `DISTANCES_M`.
+
+    Parameters
+    ----------
+    looked_m : array, (N, 3)
+        Points that ranges have met.
+    direction : array, (3,)
+        Unit vector of the corridor.
+    """
+    across_m, down_m, along_m = (looked_m @ axes_along(direction)).T
+    ahead = along_m > 0
+    part = DISTANCES_M[:, None] / along_m[ahead]  # of the way to each point
+    cells = [
+        np.floor((position_m[ahead] * part / CORRIDOR_M + 0.5) * CELLS).astype(int)
+        for position_m in (across_m, down_m)
+    ]
+    looked = np.zeros((DISTANCES_M.size, CELLS, CELLS), dtype=bool)
+    row, column = cells
+    inside = (part <= 1) & np.all([(each >= 0) & (each < CELLS) for each in cells], axis=0)
+    distance, ray = np.nonzero(inside)
+    looked[distance, row[distance, ray], column[distance, ray]] = True
+    unseen = 1 - looked.mean(axis=(1, 2))
+    grown = np.log(DISTANCES_M / UNSEEN_FROM_M) / np.log(UNSEEN_TO_M / UNSEEN_FROM_M)
+    return np.asarray(1 - UNSEEN * unseen * np.clip(grown, 0, 1))
 
 
 def _grouped(spots: SpotsAhead, chosen: Mask) -> Iterator[tuple[float, LogDepth | None]]:

@@ -66,6 +66,8 @@ class Observer:
         if view.ranges.fog is None:
             plain = view.ranges
             fitted = None if self.fog is None else self.fog(view.frame.spots)
+            if fitted is not None and self.spots.clear_probability == 1:
+                fitted = replace(plain, fog=fitted.fog)  # no fog is to be fitted
         else:
             plain, fitted = own, view.ranges
         fog = None if fitted is None else fitted.fog

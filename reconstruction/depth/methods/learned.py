@@ -18,6 +18,7 @@ from ...base.errors import InputError
 from ...capture import Setup
 from ...capture.readings.cw import CwSpots
 from ...capture.spots import USUAL_SPOTS
+from ..agreement import agrees
 from ..ahead import Ahead
 from ..completion import MAX_LOG_SIGMA, MapCompletion, Seen
 from ..method import Context, DepthEstimate, DepthSolver, Need, View
@@ -42,6 +43,7 @@ DARK_SIGMAS = 5.0
 """Brightness of bright pixels below which an image is dark, in standard deviations of its mean."""
 LOST_WEIGHT = 0.8
 """Weight of a spot without an echo among those that the network may see, 1 of a sure range."""
+CONTRADICTED = "its map contradicts the ranges of the spots"
 DARK_NOTE = "no light returns: there is open sky, or something before the lens"
 
 
@@ -144,8 +146,18 @@ class LearnedSolver:
         depth_m = np.exp(prediction.log_depth)
         note = DARK_NOTE if dark else None
         result = DepthEstimate(depth_m, prediction.sigma, prediction.no_return, note)
+        if self._completion is None and contradicts(result, view, frame):
+            return Fallback(self._anchored, CONTRADICTED).frame_map(view)
         measured = None if self._dense is None or not frame.ranged else self._dense(view)
         return FrameMap(result if measured is None else fused(result, measured), frame, dark)
+
+
+def contradicts(estimate: DepthEstimate, view: View, frame: NetworkInput) -> bool:
+    """Whether a map contradicts the ranges of the frame's spots."""
+    assert view.ranges is not None
+    pixel = pixel_of(frame.directions, frame.optics, frame.image.shape)
+    log_depth = np.log(view.ranges.range_m * frame.directions[:, 2])
+    return not agrees(estimate, pixel, log_depth[None])[0]
 
 
 def with_four_spots(frame: NetworkInput) -> NetworkInput:
