@@ -22,9 +22,9 @@ FORGETTING = 0.9
 """Weight of a frame relative to the next."""
 FIRST_SCALE_M, MIN_SCALE_M = 0.02, 0.001
 """Mean absolute innovation of a zone at first, and at least: ranges are whole millimetres."""
-OUTLIER = 6.0
+OUTLIER = 4.0
 """Innovations of so many scales are another surface's, and count no more than that."""
-ROUGHNESS, SLOPE, FREEDOM = 0.05, 1.0, 4.0
+ROUGHNESS, SLOPE, FREEDOM = 0.05, 0.7, 4.0
 """Neighbours scatter about a plane by this fraction, with Student's t; its slope about none."""
 MAX_LOG_STEP = 0.5
 """A plane or point that would move farther than this in ln depth says nothing about its zone."""
