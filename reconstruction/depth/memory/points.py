@@ -33,9 +33,6 @@ NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
 BEHIND_PIXELS, BEHIND_LOG = 4.0, 0.2
 """What may have appeared hides points this close in the image and farther by this much."""
 
-NEAR_PIXELS, MAX_PIXELS, MIN_LOG_SIGMA = 0.35, 1.2, 0.02
-"""Points near a direction count by exp(-distance), up to a maximum, and by their variance."""
-
 
 @dataclass(frozen=True, eq=False)
 class Points(Rows):
@@ -107,17 +104,6 @@ class RangeMemory:
         farther = seen.log_depth[:, None] - np.log(range_m * directions[:, 2])
         behind = ((close < BEHIND_PIXELS) & (farther > BEHIND_LOG)).any(axis=1)
         self.points = self.points[np.delete(np.arange(len(self.points)), seen.index[behind])]
-
-    def along(self, pose: PoseAt, directions: Floats) -> Floats:
-        """Ranges (S,) that points near directions (S, 3) suggest, nan where none is near."""
-        seen = self.seen(pose)
-        apart = distances(pixel_of(directions, self._optics, self._shape), seen.pixel)
-        weights = np.exp(-apart / NEAR_PIXELS) / (seen.log_variance + MIN_LOG_SIGMA**2)
-        weights *= apart < MAX_PIXELS
-        whole = weights.sum(axis=1)
-        near = whole > 0
-        log_depth = weights @ seen.log_depth / np.where(near, whole, 1)
-        return np.where(near, np.exp(log_depth) / directions[:, 2], np.nan)
 
     def seen(self, pose: PoseAt, *, hidden: bool = False) -> Seen:
         """Points in the view of a pose; those behind others only if ``hidden``."""
