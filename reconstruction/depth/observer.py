@@ -30,7 +30,7 @@ class Observer:
     """Data shared by the frames of a recording; ``fog`` is None if fog cannot be estimated.
 
     ``gain``: amplitude of the first taps, in electrons, if all of a laser's light returned; nan if
-    unknown.
+    unknown. ``fraction``: distinct patterns over pixels.
     """
 
     optics: Optics
@@ -39,6 +39,7 @@ class Observer:
     fog: RangingSolver | None
     gain: float
     max_range_m: float
+    fraction: float
 
     @classmethod
     def of(cls, setup: Setup) -> "Observer":
@@ -54,6 +55,7 @@ class Observer:
             fog=_fog_solver(spots),
             gain=_gain(spots),
             max_range_m=plain.unambiguous_range_m(spots),
+            fraction=setup.plan.sampling_ratio,
         )
 
     def __call__(self, view: View) -> NetworkInput:
@@ -80,7 +82,7 @@ class Observer:
             lost=np.isin(plain.status, LOST),
             log_reflectance=unknown,
             noise=_noise(view),
-            fraction=view.frame.buckets.counts.shape[1] / view.image.size,
+            fraction=self.fraction,
             max_range_m=self.max_range_m,
             extinction_per_m=fog.extinction_per_m,
             backscatter_per_m_sr=fog.backscatter_per_m_sr,

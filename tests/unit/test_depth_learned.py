@@ -31,6 +31,7 @@ from reconstruction.depth.network_input import (
 )
 from reconstruction.depth.observer import Observer, brightness_noise
 from reconstruction.image import Imaging
+from reconstruction.operators import make_plan
 from reconstruction.ranging import FogOptics, measure_ranges
 from spisim.simulation import simulate
 
@@ -158,6 +159,14 @@ def test_what_is_unlike_all_it_learned_from_gets_the_anchored_map(capture, monke
     assert "anchored on the spots, not learned: patterns over pixels = " in result.note
     assert result.no_return is None
     np.testing.assert_array_equal(result.depth_m, plain.depth_m)
+
+
+def test_patterns_are_counted_not_their_exposures(capture):
+    """512 patterns with their complements are 12.5 % of 64 × 64 pixels, not 25 %."""
+    for polarity in ("differential", "single-ended"):
+        setup = replace(capture.setup, plan=make_plan((64, 64), 512, polarity=polarity))
+        assert depth_method("learned", setup).out_of_distribution(setup) is None
+        assert Observer.of(setup).fraction == 1 / 8
 
 
 COLLINEAR = spots_at([[-0.6, 0.1], [-0.2, 0.1], [0.2, 0.1], [0.6, 0.1]])

@@ -59,7 +59,7 @@ class Learned:
         shape, directions = setup.plan.shape, setup.spots.directions
         pixel = pixel_of(directions, setup.optics, shape)
         four = directions[four_spots(pixel, np.ones(len(pixel)), shape)]
-        fraction = of_fraction(setup.plan.exposures / (shape[0] * shape[1]))
+        fraction = of_fraction(setup.plan.sampling_ratio)
         try:
             network = shipped()
         except InputError as error:
