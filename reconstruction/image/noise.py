@@ -38,7 +38,7 @@ class Tails(NamedTuple):
     @property
     def factors(self) -> Floats:
         """Factors (F,), powers of 4."""
-        return 4.0 ** np.arange(self.first, self.last + 1)
+        return 4.0 ** np.arange(self.first, self.last + 1, dtype=np.float64)
 
 
 BY_PATTERN, BY_PLACE = Tails(3.0, -2, 2), Tails(1.0, -6, 3)
