@@ -199,15 +199,17 @@ class CoefficientDecoder:
 
     def _by_spectrum(self, values: NDArray[Any], measured: Mask | None) -> NoiseLevels:
         varying, expected = self._prior.varying, self._prior.expected
+        given = np.ones(expected.size, bool) if measured is None else measured[varying]
         if measured is not None:
-            expected = expected[measured[varying]]
+            expected = expected[given]
             varying = varying & measured
         readings = self._decoder.matrix.shape[1]
         of_one = self._decoder.own_variance(np.ones(readings))[varying]
         length = self._decoder.operator.row_length
         scaled = values[varying] / np.sqrt(of_one)
         contrast = self._contrast(values, measured)
-        return levels_by_spectrum(scaled, expected * length**2 / of_one, contrast)
+        turn = self._prior.localised(given)
+        return levels_by_spectrum(scaled, expected * length**2 / of_one, contrast, turn)
 
     def _contrast(self, values: NDArray[Any], measured: Mask | None) -> float | None:
         """Typical contrast of images with this DC coefficient, None if it is not measured."""

@@ -41,6 +41,11 @@ class Contrasts(NamedTuple):
     probability: Floats
     given: Floats
 
+    @property
+    def of_all(self) -> Floats:
+        """Mean (...) over all spectra."""
+        return np.asarray((self.probability * self.value).sum(axis=(-2, -1)))
+
 
 class Shrunk(NamedTuple):
     """Posterior ``gain`` (K,); the variance is ``by_noise`` + ``between`` * squared measurement."""

@@ -96,7 +96,8 @@ class Posterior(OwnPosterior):
     """Posterior whose mean and variance are averages over contrasts, exponents and noise levels.
 
     This applies to measured components; the rest follows the prior's own exponent, whose mean
-    contrast is ``contrast``. ``mean`` (H, W) is a spectrum.
+    contrast is ``contrast``, or that of all exponents where it is larger: patterns that see few of
+    the low frequencies determine no exponent. ``mean`` (H, W) is a spectrum.
     """
 
     def __init__(
@@ -118,6 +119,7 @@ class Posterior(OwnPosterior):
         self._weights = weights
         left = each.by_noise + each.between * np.abs(self._filled) ** 2
         self._explained = (self.contrast * components.spread - left) * components.inverse**2
+        self._more = float(given.of_all) - self.contrast
 
     @property
     def seen(self) -> NDArray[Any]:
@@ -134,6 +136,8 @@ class Posterior(OwnPosterior):
         prior = components.pixel_variance
         explained = (weights @ components.squared).reshape(prior.shape)
         variance = self.contrast * np.maximum(prior - explained, 0)
+        if self._more > 0:
+            variance += self._more * components.unseen
         if self._lost.shape[1]:
             images = components.field.image(components.spectrum(self._lost.T))
             variance += (np.abs(images) ** 2).sum(axis=0)
@@ -216,9 +220,16 @@ class Components:
         )
         return Posteriors(
             self.spectrum(each.gain * self.inverse * turned),
-            contrast[..., None] * np.maximum(self.pixel_variance - pixels, 0),
+            contrast[..., None] * np.maximum(self.pixel_variance - pixels, 0)
+            + np.maximum(given.of_all - contrast[:, 0], 0)[:, None, None] * self.unseen,
             contrast[:, 0],
         )
+
+    @cached_property
+    def unseen(self) -> Floats:
+        """Variance (H, W) of what no component sees, for contrast 1."""
+        seen = (self.inverse.astype(np.float32) @ self.squared).reshape(self.pixel_variance.shape)
+        return np.maximum(self.pixel_variance - seen, 0)
 
     @cached_property
     def squared(self) -> NDArray[np.float32]:

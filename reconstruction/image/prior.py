@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ..base.arrays import Floats, Mask
 from ..operators import MeasurementOperator
 from .dictionaries.dct import DICTIONARY
+from .localised import Localised
 
 RELATIVE, SPREAD = 0.5, 0.8
 """Median of the rms contrast over the mean and standard deviation of its logarithm, for scenes that
@@ -32,10 +33,16 @@ class Prior:
 
     def __init__(self, operator: MeasurementOperator, sigma: Sigma = DICTIONARY.sigma) -> None:
         height, width = operator.image_shape
+        self._operator = operator
         self.varying = operator.varying
         self.sigma = sigma(operator.image_shape)
         self.atoms = operator.in_atoms(DICTIONARY.atoms(height), DICTIONARY.atoms(width))
         self.expected: Floats = self.atoms.by_row(self.sigma**2)
+
+    @cached_property
+    def localised(self) -> Localised:
+        """Turn of these rows to differences of blocks."""
+        return Localised(self._operator)
 
     @cached_property
     def _fit(self) -> "VarianceFit":

@@ -1,5 +1,7 @@
 """Gaussian images: posterior mean and variance are those of the textbook."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,6 +16,7 @@ from reconstruction.image.posterior import Components
 from reconstruction.operators import decoder_for, make_plan
 
 SHAPE = (8, 16)
+DATA = Path(__file__).parents[1] / "data"
 
 
 @pytest.fixture(scope="module")
@@ -91,8 +94,9 @@ def test_mean_and_variance_are_averages_over_the_textbook_s(field, rows, sigma):
             seen = rows @ tilted
             gain = np.linalg.solve(seen @ rows.T + sigma**2 * np.eye(39), seen).T
             means.append(gain @ measured)
-            # What is not measured has the mean contrast of the prior's own exponent.
-            rest = (posterior.contrast - contrast) * (prior - basis @ parts.spectra)
+            # What is not measured has the contrast of the prior's own exponent, at least.
+            largest = max(posterior.contrast, given.of_all)
+            rest = (largest - contrast) * (prior - basis @ parts.spectra)
             variances.append(in_pixels(field, tilted - gain @ seen + rest))
     weights = given.probability.ravel()
     mean = weights @ means
@@ -164,3 +168,17 @@ def test_least_squares_on_a_grid_is_nearly_that_on_all_pixels(monkeypatch):
     coarse = solver(coefficients)
     assert correlation(coarse.image, exact.image) > 0.995
     np.testing.assert_allclose(coarse.sigma.mean(), exact.sigma.mean(), rtol=0.05)
+
+
+def test_sigma_is_no_less_than_half_the_error_where_patterns_see_columns_alone():
+    """The first patterns of the natural order, of the measured car."""
+    plan = make_plan((32, 32), 31, order="natural", polarity="signed")
+    operator = decoder_for(make_plan((32, 32), order="natural", polarity="signed")).operator
+    readings = np.load(DATA / "car_buckets_201.npy").astype(np.float64)
+    image = operator.min_norm(readings)
+    few = decoder_for(plan).operator
+    estimate = image_method("edge-preserving").compile(few)(
+        Coefficients(readings[:31], np.full(31, 1e-3 * readings[1:31].std()))
+    )
+    error = np.std(estimate.image - image)
+    assert error < 2 * np.sqrt(np.mean(estimate.sigma**2))
