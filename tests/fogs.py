@@ -7,7 +7,7 @@ import numpy as np
 
 from spisim.instrument import Instrument, SpotLight
 
-PATHS = np.arange(2000) * 0.0125
+PATHS = np.arange(4000) * 0.0125
 STEP_M = 0.001
 FIRST_M = 0.05
 

@@ -1,6 +1,6 @@
 """Ranges as every ranging method gives them, and when a spot counts as detected."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -77,7 +77,9 @@ class Ranges:
     arrivals per bin (dtof).
 
     ``alternatives`` are all possible ranges of a spot, likeliest first, whatever its ``status``;
-    empty for methods that only find one. Those beyond ``unambiguous_range_m`` have the phases of
+    empty for methods that only find one. The weights of a spot sum to 1: they are probabilities if
+    there is a target at all within reach. ``nothing`` is the probability that there is none, nan if
+    the method does not state it. Alternatives beyond ``unambiguous_range_m`` have the phases of
     nearer ones. ``fog`` is None if a method does not estimate it,
     ``visibility`` if the readings and their scale do not show it.
     """
@@ -88,6 +90,7 @@ class Ranges:
     background_electrons: Floats
     status: tuple[Status, ...]
     alternatives: tuple[tuple[Alternative, ...], ...] = ()
+    nothing: Floats = field(default_factory=lambda: np.empty(0))
     unambiguous_range_m: float = np.inf
     fog: FogOptics | None = None
     visibility: Visibility | None = None
@@ -95,6 +98,8 @@ class Ranges:
     def __post_init__(self) -> None:
         if not self.alternatives:
             object.__setattr__(self, "alternatives", ((),) * len(self.status))
+        if not self.nothing.size:
+            object.__setattr__(self, "nothing", np.full(len(self.status), np.nan))
 
     @property
     def likeliest(self) -> tuple[Floats, Floats]:

@@ -11,10 +11,12 @@ from .modes import LOG_SIGMA
 from .numerics import normal_cdf
 from .posterior import Posterior, SpotPosterior
 
-MIN_PROBABILITY = 0.9
-"""Minimum probability of a known range,"""
+MIN_PROBABILITY = 0.98
+"""Minimum probability of a known range: any other, or no target, have 2 % together at most."""
+MIN_WITHIN = 0.9
+"""Minimum probability that it is within"""
 TOLERANCE_M = 0.3
-"""within this tolerance."""
+"""this tolerance, by its sigma."""
 GUESSED_FRACTION = 0.5
 """Backscattering is a guess if its sigma exceeds this fraction of the prior's,"""
 MAX_GUESSED_GROWTH = 1.15
@@ -43,6 +45,12 @@ def ranges_of(
         background_electrons=background,
         status=statuses,
         alternatives=tuple(spot.alternatives for spot in spots),
+        nothing=np.array(
+            [
+                np.nan if status == "saturated" else max(1 - spot.target, 0.0)
+                for spot, status in zip(spots, statuses, strict=True)
+            ]
+        ),
         unambiguous_range_m=unambiguous_range_m,
         fog=fog,
         visibility=visibility,
@@ -66,8 +74,7 @@ def _status(spot: SpotPosterior, guessed: bool) -> Status:
     likeliest = spot.alternatives[0]
     if guessed and likeliest.sigma_m > MAX_GUESSED_GROWTH * spot.noise_m:
         return "fog"
+    if spot.echoes == 1 and spot.target * likeliest.weight < MIN_PROBABILITY:
+        return "ambiguous"
     within = 2 * normal_cdf(TOLERANCE_M / likeliest.sigma_m) - 1
-    probability = 1.0 if spot.echoes > 1 else likeliest.weight
-    if probability * within >= MIN_PROBABILITY:
-        return "ok"
-    return "ambiguous" if probability < MIN_PROBABILITY else "fog"
+    return "ok" if within >= MIN_WITHIN else "fog"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from .numerics import RIDGE, cholesky, whitened
-from .target_prior import bright_log_prior, twin_log_prior
+from .target_prior import interval_log_prior, surface_log_prior
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -111,7 +111,9 @@ def _without_target(
     residual = y - beta * g
     misfit = (residual**2).sum(axis=0)
     root = np.log(np.diagonal(lower)).sum(axis=1)  # of the determinant
-    log_weight = np.log(EMPTY * templates.unambiguous_m) - misfit / 2 - root
+    odds = EMPTY / (1 - EMPTY)
+    # Over ranges and reflectances a target's likelihood integrates to 2 pi / determinant^(1/2).
+    log_weight = np.log(odds * templates.unambiguous_m / (2 * np.pi)) - misfit / 2 - root
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
 
@@ -196,7 +198,7 @@ def _refine(
     log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     range_m = templates.range_m[0] + STEP_M * at
     if scaled:
-        log_weight += _reflectance_log_prior(templates, spot, node, range_m, rho)
+        log_weight += _target_log_prior(templates, range_m, rho)
     result = Modes(
         spot=spot,
         node=node,
@@ -214,23 +216,12 @@ def _refine(
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
 
 
-def _reflectance_log_prior(
-    templates: Templates, spot: Indices, node: Indices, range_m: Floats, rho: Floats
-) -> Floats:
-    """Log prior of modes (C,) of reflectance ``rho``.
-
-    Two modes of equal phases have together what the nearer would have alone, all reflectances up to
-    one being alike, and share it as their reflectances are probable.
-    """
-    if not templates.repeats:
-        return bright_log_prior(rho)
-    within, outside = templates.twins(spot, node, range_m)
-    fainter = np.minimum(outside / np.maximum(within, outside), 1)  # 1: too near to be seen
-    beyond = range_m > templates.unambiguous_m
-    nearer, farther = np.where(beyond, (rho * fainter, rho), (rho, rho / fainter))
-    # The likelihood of a fainter target is wider in its reflectance, by the same factor.
-    wider = np.where(beyond, np.log(fainter), 0)
-    return bright_log_prior(nearer) + wider + twin_log_prior(nearer, farther, beyond)
+def _target_log_prior(templates: Templates, range_m: Floats, rho: Floats) -> Floats:
+    """Log prior of modes (C,) of reflectance ``rho``."""
+    result = surface_log_prior(rho)
+    if templates.repeats:
+        result += interval_log_prior(range_m, templates.unambiguous_m)
+    return result
 
 
 def _between(table: Floats, row: Indices, fraction: Floats) -> tuple[Floats, Floats]:
