@@ -9,7 +9,7 @@ from fogs import light
 from reconstruction.capture.schema import between
 from reconstruction.ranging import Ranges, ranging_method
 from reconstruction.ranging.fog.answer import MIN_PROBABILITY
-from reconstruction.ranging.fog.target_prior import BEYOND, surface_log_prior
+from reconstruction.ranging.fog.target_prior import BEYOND, even_log_prior, surface_log_prior
 from spisim.instrument import load_instrument
 
 FOG = load_instrument("fog")
@@ -93,10 +93,11 @@ def test_that_nothing_is_there_has_a_probability() -> None:
     assert result.nothing[[1, 2]].min() > 0.3
 
 
-def test_reflectances_have_a_density() -> None:
-    """Surfaces, as dark as water and ice, and a rest of anything; its logarithm integrates to 1."""
-    log = np.linspace(np.log(1e-4), np.log(1e2), 200_001)
-    density = np.exp(surface_log_prior(np.exp(log)) + log)
+@pytest.mark.parametrize("log_prior", [surface_log_prior, even_log_prior])
+def test_reflectances_have_a_density(log_prior) -> None:
+    """Its logarithm integrates to 1, with some for surfaces as dark as water and ice."""
+    log = np.linspace(np.log(1e-5), np.log(1e3), 200_001)
+    density = np.exp(log_prior(np.exp(log)) + log)
     assert np.trapezoid(density, log) == pytest.approx(1, abs=1e-3)
     below = np.exp(log) < 0.03
     assert 0.05 < np.trapezoid(density[below], log[below]) < 0.15

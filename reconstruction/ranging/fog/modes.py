@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from .numerics import RIDGE, cholesky, whitened
-from .target_prior import interval_log_prior, surface_log_prior
+from .target_prior import even_log_prior, interval_log_prior
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -218,7 +218,7 @@ def _refine(
 
 def _target_log_prior(templates: Templates, range_m: Floats, rho: Floats) -> Floats:
     """Log prior of modes (C,) of reflectance ``rho``."""
-    result = surface_log_prior(rho)
+    result = even_log_prior(rho)
     if templates.repeats:
         result += interval_log_prior(range_m, templates.unambiguous_m)
     return result

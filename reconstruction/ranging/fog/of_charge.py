@@ -11,7 +11,7 @@ from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
-from ..ranges import MAX_FOG_RANGE_M, MIN_SIGNAL, Ranges
+from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
 from .answer import TOLERANCE_M, ranges_of, statuses
 from .edges import UNLIKELY, disagreement, odd_spots, with_edges
@@ -20,7 +20,7 @@ from .fog_visibility import visibility_of
 from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior, posterior
-from .target_prior import INTERVALS
+from .target_prior import INTERVALS, REACH_M
 from .templates import (
     EXTINCTIONS_PER_M,
     NOMINAL_ELECTRONS_PER_JOULE,
@@ -50,7 +50,7 @@ def charge_solver(
         return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     twice_m = INTERVALS * max_range_m
-    repeats = isinstance(spots, CwSpots) and scaled and twice_m <= MAX_FOG_RANGE_M
+    repeats = isinstance(spots, CwSpots) and scaled and twice_m <= REACH_M
     ends_m = twice_m + 2 * STEP_M if repeats else max_range_m
     templates = make_templates(spots, response, ends_m, unambiguous_m=max_range_m)
     rough = templates.rougher(ROUGH)
