@@ -63,7 +63,8 @@ def with_edges(
         spot = others.spots[number]
         return _wider(spot, n) if number in odd else spot
 
-    return Posterior(tuple(map(revised, range(len(given.spots)))), others.fog)
+    spots = tuple(map(revised, range(len(given.spots))))
+    return Posterior(spots, others.fog, others.log_evidence)
 
 
 def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
