@@ -19,6 +19,8 @@ ROUGH = 4.0
 """Deviation of the density along the beams of an uneven fog, over the usual one."""
 UNEVEN = 0.2
 """Prior probability of uneven fog."""
+EDGE = 0.1
+"""Prior probability that a spot is on an edge."""
 STANDS_OUT = 20.0
 """Minimum strength of targets in uneven fog, in standard deviations; weaker ones may be fog."""
 
@@ -34,13 +36,14 @@ def averaged(
 ) -> tuple[SpotPosterior, ...]:
     """Posterior of the spots from that of an even fog, and the modes in rough fog.
 
-    Spots on ``edges``, which neither model explains, remain as they are and do not count.
+    Spots on ``edges`` remain as they are: in even fog two targets explain them as well as uneven
+    fog does, but edges are rare.
     """
     numbers = [number for number in range(len(even.spots)) if number not in edges]
     own = {n: posterior(rough.only(rough.spot == n), prior, n + 1) for n in numbers}
-    uneven = probability_of_uneven(
-        sum(each.log_evidence for each in own.values()) - even.log_evidence
-    )
+    log_own = sum(each.log_evidence for each in own.values())
+    log_even = even.log_evidence + len(edges) * np.log(EDGE)
+    uneven = probability_of_uneven(log_own - log_even)
     return tuple(
         _mixed(spot, own[number].spots[number], uneven) if number in own else spot
         for number, spot in enumerate(even.spots)
