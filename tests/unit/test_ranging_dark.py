@@ -62,8 +62,9 @@ def test_weights_are_frequencies() -> None:
     pairs = [
         (each.weight, abs(each.range_m - true_m) < 0.1 + 3 * each.sigma_m)
         for ranges, all_m in drawn()
-        for some, true_m in zip(ranges.alternatives, all_m, strict=True)
+        for some, status, true_m in zip(ranges.alternatives, ranges.status, all_m, strict=True)
         for each in some
+        if status != "weak"
     ]
     weight, right = np.array(pairs, dtype=float).T
     for least, most in ((0.01, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 0.98), (0.98, 1.01)):
@@ -75,7 +76,7 @@ def test_weights_are_frequencies() -> None:
 
 def test_what_is_ok_has_no_likely_alternative() -> None:
     result = [ranges for ranges, _ in drawn()]
-    assert sum(each.status.count("ok") for each in result) > 0.3 * 4 * len(result)
+    assert sum(each.status.count("ok") for each in result) > 0.6 * 4 * len(result)
     for ranges in result:
         for status, some, nothing in zip(
             ranges.status, ranges.alternatives, ranges.nothing, strict=True
