@@ -8,11 +8,11 @@ once, so that hundreds of fogs take a minute. `benchmarks/ranging.py` has all or
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from intervals import of_fraction
 from options import benchmark_options, finish
-from yardstick import processor
 
 from reconstruction.base.arrays import Floats, Mask
 from reconstruction.capture.schema import between
@@ -21,6 +21,7 @@ from reconstruction.ranging.fog.overlap import overlap, path_lengths
 from spisim.instrument import Instrument, SpotLight, load_instrument
 from spisim_paper.checks import Check, Table, surroundings
 
+DOCS = Path(__file__).parents[1] / "docs" / "results" / "ranging.md"
 PRESETS = "fog", "paper"
 KINDS = "even", "bank before two", "bank before all", "patches"
 FRAMES, QUICK_FRAMES = 400, 20
@@ -180,11 +181,10 @@ def _deposit(bins: Floats, path_m: Floats, amount: Floats) -> None:
 
 def main() -> int:
     """Measure and print; the exit status is 1 if a promise is broken."""
-    options = benchmark_options(__doc__, f"{QUICK_FRAMES} frames of each kind", None)
+    options = benchmark_options(__doc__, f"{QUICK_FRAMES} frames of each kind", DOCS)
     around = surroundings(("spisim", "numpy"))
-    processor().look()
     records = even_and_uneven(options.quick)
-    return finish(options, None, "benchmark", around, [table(records)], list(range_checks(records)))
+    return finish(options, DOCS, "uneven", around, [table(records)], list(range_checks(records)))
 
 
 if __name__ == "__main__":
