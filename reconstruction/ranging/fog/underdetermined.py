@@ -72,6 +72,8 @@ then covers every fog within two units of log likelihood of the best (support; A
 Likelihood, 1972),"""
 MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
+IN_COMMON = 0.25
+"""Weight of the other spots' log likelihood in it, as they may have another fog."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
 FULL_EVIDENCE = 4
@@ -122,8 +124,8 @@ def underdetermined_solver(
         supported = np.zeros(support.shape, dtype=bool)
         if guessed:
             plausibility = support - NODES**2 / 2 + prior.log_ratio(CLEAR)[:, None]
-            supported = plausibility >= plausibility.max() - SUPPORT
-        supporting = supported[roots.node, roots.draw]
+            supported = plausibility >= plausibility.max(axis=(1, 2), keepdims=True) - SUPPORT
+        supporting = supported[roots.spot, roots.node, roots.draw]
         estimate = Posterior(
             tuple(
                 replace(each, uneven=uneven)
@@ -156,8 +158,9 @@ def _weights(
     prior: FogState,
     brightness: Brightness | None,
 ) -> tuple[Floats, Floats, Floats, float]:
-    """Posterior (K, B) of shared fogs, of each root (C,) within its spot, log likelihood (K, B).
+    """Posterior (K, B) of shared fogs, of each root (C,) within its spot, and support of fogs.
 
+    The support is a log likelihood (spots, K, B), to which other spots contribute in part.
     Without a target a spot has the echo of fog alone, and its pixel the veil. Spots may have fogs
     of their own, with the probability that is returned, too.
     """
@@ -190,7 +193,8 @@ def _weights(
     by_spot += peak.reshape(len(log_empty), -1)
     counted = np.sqrt(FULL_EVIDENCE / max(int(usable.sum()), FULL_EVIDENCE))
     evidence = counted * by_spot[:, usable].sum(axis=1)
-    support = evidence.max(axis=0).reshape(fogs)
+    others = evidence[:, None] - counted * by_spot * usable[:, None]
+    support = (by_spot + IN_COMMON * others).max(axis=0).reshape(-1, *fogs)
     log_prior = np.log(light_prior)[:, None] + np.log(
         np.maximum(prior.probability, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
     ).T.ravel()  # fmt: skip
