@@ -101,4 +101,4 @@ def test_reflectances_have_a_density(log_prior) -> None:
     density = np.exp(log_prior(np.exp(log)) + log)
     assert np.trapezoid(density, log) == pytest.approx(1, abs=1e-3)
     below = np.exp(log) < 0.03
-    assert 0.05 < np.trapezoid(density[below], log[below]) < 0.15
+    assert 0.05 < np.trapezoid(density[below], log[below]) < 0.2

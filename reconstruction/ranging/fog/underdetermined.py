@@ -72,7 +72,7 @@ then covers every fog within two units of log likelihood of the best (support; A
 Likelihood, 1972),"""
 MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
-IN_COMMON = 0.25
+IN_COMMON = 0.5
 """Weight of the other spots' log likelihood in it, as they may have another fog."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""

@@ -45,12 +45,12 @@ def averaged(
     log_even = even.log_evidence + len(edges) * np.log(EDGE)
     uneven = probability_of_uneven(log_own - log_even)
     return tuple(
-        _mixed(spot, own[number].spots[number], uneven) if number in own else spot
+        mixed(spot, own[number].spots[number], uneven) if number in own else spot
         for number, spot in enumerate(even.spots)
     )
 
 
-def _mixed(even: SpotPosterior, own: SpotPosterior, uneven: float) -> SpotPosterior:
+def mixed(even: SpotPosterior, own: SpotPosterior, uneven: float) -> SpotPosterior:
     """Mixture of two posteriors, the second with the probability ``uneven``."""
     parts = ((even, 1 - uneven), (own, uneven))
     rows = [
