@@ -34,6 +34,7 @@ NO_RANGE = {
     "too close": "is too close: its path is no longer than the baseline from laser to detector",
     "weak": "is too weak to separate from noise and fog",
     "fog": "is lost in fog: its range is too uncertain",
+    "uneven fog": "is lost in uneven fog: the spots do not share one",
     "ambiguous": "is ambiguous (several ranges explain it, or none does)",
 }
 

@@ -13,6 +13,8 @@ from .ranges import MIN_SIGNAL, Ranges
 
 MIN_DIFFERENCE_M = 0.05
 """Smaller range differences may come from calibration."""
+MAX_CLEAR_BACKSCATTER = 4e-4
+"""Backscattering in 1 / (m sr) beyond which air is not clear: of 400 m of visibility."""
 LISTED = 4
 """Maximum number of spots that a warning lists."""
 
@@ -22,10 +24,21 @@ def range_consistency(rangings: Mapping[str, Ranges], spots: Spots) -> dict[str,
 
     Checks methods that assume a single echo. Their ranges are doubtful if a method that models
     other light disagrees, or if the ranges of single frequencies disagree, by more than MIN_SIGNAL
-    standard deviations and MIN_DIFFERENCE_M. A single frequency alone shows nothing.
+    standard deviations and MIN_DIFFERENCE_M. A single frequency alone shows nothing. Also warns of
+    fog in weather that is stated clear.
     """
     result = {}
     for name, ranges in rangings.items():
+        fog = ranges.fog
+        if (
+            spots.clear_probability == 1
+            and fog is not None
+            and fog.backscatter_per_m_sr > MAX_CLEAR_BACKSCATTER
+        ):
+            result[name] = (
+                "the weather is stated clear, but the readings hold the echo of fog "
+                f"(backscattering {fog.backscatter_per_m_sr:.2g} per metre and steradian)"
+            )
         if _models_other_light(ranges):
             continue
         others = {other: each for other, each in rangings.items() if _models_other_light(each)}

@@ -11,7 +11,15 @@ from ..capture import Spots
 from .visibility import Visibility
 
 Status = Literal[
-    "ok", "saturated", "no signal", "too close", "ambiguous", "fog", "weak", "weather prior"
+    "ok",
+    "saturated",
+    "no signal",
+    "too close",
+    "ambiguous",
+    "fog",
+    "weak",
+    "weather prior",
+    "uneven fog",
 ]
 RANGED: tuple[Status, ...] = ("ok", "weather prior")
 """Statuses with a range: from the readings alone, or with a prior of the weather."""
@@ -70,7 +78,8 @@ class Ranges:
     `reconstruction.ranging.fog.underdetermined`). Otherwise both are nan: "saturated", "no signal",
     "too close" (the path is not longer than from laser to detector), "ambiguous" (contradictory
     frequencies, a pulse outside windows or bins, several likely ranges), "weak" (a target that may
-    be noise or fog) or "fog" (too uncertain in fog).
+    be noise or fog), "fog" (too uncertain in fog) or "uneven fog" (the same, as the spots' fogs
+    differ).
 
     ``signal_electrons`` and ``background_electrons`` are A and B of a tap of the first frequency
     (cw), the whole pulse and the background of a window (pulsed), or pulse arrivals and background

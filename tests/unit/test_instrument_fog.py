@@ -18,7 +18,7 @@ from spisim.instrument.model import PRESETS
 
 def test_each_frequency_has_its_own_time() -> None:
     tof = changed("fog", tof__periods=[1000, 8000, 64_000]).tof
-    times_s = [1000 / 15e6, 8000 / 60e6, 64_000 / 240e6]
+    times_s = [1000 / 20e6, 8000 / 95e6, 64_000 / 220e6]
     assert tof.frame_time_s == pytest.approx(sum(times_s))
     for frequency_hz, time_s in zip(tof.modulation.frequencies_hz, times_s, strict=True):
         assert tof.light_time_s(frequency_hz) == pytest.approx(time_s)
@@ -28,7 +28,7 @@ def test_each_frequency_has_its_own_time() -> None:
 def test_one_number_of_periods_is_that_of_every_frequency() -> None:
     one, each = (changed("fog", tof__periods=periods).tof for periods in (9000, [9000] * 3))
     assert one.frame_time_s == pytest.approx(each.frame_time_s)
-    assert one.frame_time_s == pytest.approx(9000 * (1 / 15e6 + 1 / 60e6 + 1 / 240e6))
+    assert one.frame_time_s == pytest.approx(9000 * (1 / 20e6 + 1 / 95e6 + 1 / 220e6))
 
 
 def test_taps_and_photodiodes_in_turn_multiply_the_time() -> None:

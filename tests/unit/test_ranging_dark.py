@@ -9,7 +9,7 @@ from fogs import light
 from reconstruction.capture.schema import between
 from reconstruction.ranging import Ranges, ranging_method
 from reconstruction.ranging.fog.answer import MIN_PROBABILITY
-from reconstruction.ranging.fog.target_prior import BEYOND, surface_log_prior
+from reconstruction.ranging.fog.target_prior import BEYOND, even_log_prior, surface_log_prior
 from spisim.instrument import load_instrument
 
 FOG = load_instrument("fog")
@@ -62,8 +62,9 @@ def test_weights_are_frequencies() -> None:
     pairs = [
         (each.weight, abs(each.range_m - true_m) < 0.1 + 3 * each.sigma_m)
         for ranges, all_m in drawn()
-        for some, true_m in zip(ranges.alternatives, all_m, strict=True)
+        for some, status, true_m in zip(ranges.alternatives, ranges.status, all_m, strict=True)
         for each in some
+        if status != "weak"
     ]
     weight, right = np.array(pairs, dtype=float).T
     for least, most in ((0.01, 1 / 3), (1 / 3, 2 / 3), (2 / 3, 0.98), (0.98, 1.01)):
@@ -75,7 +76,7 @@ def test_weights_are_frequencies() -> None:
 
 def test_what_is_ok_has_no_likely_alternative() -> None:
     result = [ranges for ranges, _ in drawn()]
-    assert sum(each.status.count("ok") for each in result) > 0.3 * 4 * len(result)
+    assert sum(each.status.count("ok") for each in result) > 0.6 * 4 * len(result)
     for ranges in result:
         for status, some, nothing in zip(
             ranges.status, ranges.alternatives, ranges.nothing, strict=True
@@ -93,10 +94,11 @@ def test_that_nothing_is_there_has_a_probability() -> None:
     assert result.nothing[[1, 2]].min() > 0.3
 
 
-def test_reflectances_have_a_density() -> None:
-    """Surfaces, as dark as water and ice, and a rest of anything; its logarithm integrates to 1."""
-    log = np.linspace(np.log(1e-4), np.log(1e2), 200_001)
-    density = np.exp(surface_log_prior(np.exp(log)) + log)
+@pytest.mark.parametrize("log_prior", [surface_log_prior, even_log_prior])
+def test_reflectances_have_a_density(log_prior) -> None:
+    """Its logarithm integrates to 1, with some for surfaces as dark as water and ice."""
+    log = np.linspace(np.log(1e-5), np.log(1e3), 200_001)
+    density = np.exp(log_prior(np.exp(log)) + log)
     assert np.trapezoid(density, log) == pytest.approx(1, abs=1e-3)
     below = np.exp(log) < 0.03
-    assert 0.05 < np.trapezoid(density[below], log[below]) < 0.15
+    assert 0.05 < np.trapezoid(density[below], log[below]) < 0.2

@@ -238,9 +238,9 @@ def test_what_is_beyond_the_common_wrap_of_all_frequencies_looks_nearer() -> Non
     (plain,) = measure(spots, "cw")
     true_m = np.array([1.5, 2.2, 4.0, 6.0])
     np.testing.assert_allclose(plain.range_m, true_m % repeats_m, atol=0.01)
-    assert (np.abs(result.range_m - true_m) < 0.01)[:2].all()
-    possible_m = np.array([each.range_m for each in result.alternatives[2]])
-    assert np.abs(possible_m - true_m[2]).min() < 0.01
+    for spot, at_m in enumerate(true_m % repeats_m):
+        possible_m = np.array([each.range_m for each in result.alternatives[spot]])
+        assert np.abs(possible_m - at_m).min() < 0.01
 
 
 @pytest.mark.parametrize("extinction_per_m", [0.0, 0.03])

@@ -78,8 +78,8 @@ def test_a_target_beyond_the_unambiguous_range_is_no_offset() -> None:
 
 @pytest.mark.parametrize("offset_m", [0.2, -0.15])
 def test_an_offset_of_one_spot_is_told(offset_m: float) -> None:
-    result = measure_path_offsets(record(offset_m, **DENSE))
-    assert result.frames == 30
+    result = measure_path_offsets(record(offset_m, frames=80, **DENSE))
+    assert result.frames == 80
     assert result.significant.tolist() == [False, True, False, False]
     assert (np.abs(result.offset_m - [0, offset_m, 0, 0]) < 3.5 * result.sigma_m).all()
     assert result.sigma_m.max() < 0.04

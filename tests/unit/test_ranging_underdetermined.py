@@ -86,7 +86,7 @@ def within(result: list[tuple[np.ndarray, Ranges]], sigmas: float) -> float:
 def test_sigma_holds_what_the_readings_leave_open_of_the_fog() -> None:
     cases = drawn(60, 3)
     fitted, plain = ([(case[0], case[n]) for case in cases] for n in (1, 2))
-    assert 0.64 < within(fitted, 1) < 0.9
+    assert 0.64 < within(fitted, 1) < 0.93  # sigma covers fog that differs between spots, too
     assert within(fitted, 2) > 0.92
     assert within(fitted, 3) > 0.99
     assert within(plain, 2) < 0.7
@@ -223,10 +223,10 @@ def test_without_a_radiometric_scale_sigma_is_wider() -> None:
     bright = Brightness(np.full(4, 1e4), np.full(4, 10.0))
     unscaled = replace(spots, electrons_per_joule=np.nan)
     scaled, free, seen = measure(spots), measure(unscaled), measure(unscaled, optics, bright)
-    both = scaled.valid & free.valid
-    assert both.any()
-    assert (free.sigma_m > 0.9 * scaled.sigma_m)[both].all()
-    np.testing.assert_array_equal(free.range_m, seen.range_m)
+    assert scaled.valid.any()
+    assert not free.valid.any()  # a target a wrap farther is not too bright
+    assert (free.likeliest[1] > 0.9 * scaled.likeliest[1])[scaled.valid].all()
+    assert free.alternatives == seen.alternatives
 
 
 def test_visibilities_beyond_the_grid_are_at_its_ends() -> None:

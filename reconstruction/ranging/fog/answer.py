@@ -21,6 +21,8 @@ GUESSED_FRACTION = 0.5
 """Backscattering is a guess if its sigma exceeds this fraction of the prior's,"""
 MAX_GUESSED_GROWTH = 1.15
 """and ranges whose sigma grows by more than this factor depend on the guess."""
+LIKELY_UNEVEN = 0.5
+"""Probability of uneven fog above which it is stated as the reason for no range."""
 
 UNKNOWN = Alternative(np.nan, np.nan, np.nan)
 
@@ -61,9 +63,15 @@ def statuses(estimate: Posterior, saturated: Mask, dark: Mask) -> tuple[Status, 
     """Status of each spot; ``dark`` (spots,) marks spots whose readings are just noise."""
     guessed = estimate.fog.log_backscatter_sigma > GUESSED_FRACTION * LOG_SIGMA
     return tuple(
-        "saturated" if full else "weak" if noise else _status(spot, guessed)
+        "saturated" if full else "weak" if noise else unless_uneven(_status(spot, guessed), spot)
         for spot, full, noise in zip(estimate.spots, saturated, dark, strict=True)
     )
+
+
+def unless_uneven(status: Status, spot: SpotPosterior) -> Status:
+    """The status, or that the fog is uneven where this leaves no range."""
+    lost = status in ("ambiguous", "fog") and not spot.on_edge
+    return "uneven fog" if lost and spot.uneven > LIKELY_UNEVEN else status
 
 
 def _status(spot: SpotPosterior, guessed: bool) -> Status:

@@ -15,13 +15,15 @@ from .fog_state import FogState
 from .modes import MAX_STEP_M, MIN_RANGE_M, Indices, Modes
 from .numerics import chi_squared_above, chi_squared_limit, inverse, solved
 from .posterior import Posterior, SpotPosterior, joined, posterior
-from .target_prior import bright_log_prior
+from .target_prior import even_log_prior
 from .templates import SEARCH, STEP_M, Templates
 
 UNLIKELY = 1e-3
 """Misfits less probable than this need another explanation."""
 MIN_GAIN = 12.0
 """Minimum reduction of chi squared by a second target."""
+MAX_EDGE_M = 12.0
+"""Maximum range of two targets: the pairs are as many as the square of the ranges."""
 MIN_SEPARATION_M = 0.05
 """Two targets closer to each other count as one."""
 PAIRS = 24
@@ -61,7 +63,8 @@ def with_edges(
         spot = others.spots[number]
         return _wider(spot, n) if number in odd else spot
 
-    return Posterior(tuple(map(revised, range(len(given.spots)))), others.fog)
+    spots = tuple(map(revised, range(len(given.spots))))
+    return Posterior(spots, others.fog, others.log_evidence)
 
 
 def _without(spots: list[int], modes: Modes, prior: FogState, given: Posterior) -> Posterior:
@@ -117,7 +120,7 @@ def _two_targets(
     noise = covariance + backscatter**2 * templates.typical_uneven[spot, node]
     white = np.linalg.inv(np.linalg.cholesky(noise))
     first = np.searchsorted(templates.range_m, MIN_RANGE_M)
-    last = np.searchsorted(templates.range_m, templates.unambiguous_m) - 1
+    last = np.searchsorted(templates.range_m, min(templates.unambiguous_m, MAX_EDGE_M)) - 1
     positions = np.arange(first, last, SEARCH)
     a = white @ target[:, positions]
     y = white @ (readings - backscatter * fog[:, last])
@@ -134,7 +137,7 @@ def _two_targets(
         each[retained] for each in (at, rho, misfit, information, variance)
     )
     log_weight = -(misfit + np.linalg.slogdet(information)[1]) / 2
-    log_weight += bright_log_prior(rho).sum(axis=1)
+    log_weight += even_log_prior(rho).sum(axis=1)
     weight = np.exp(log_weight - log_weight.max())
     fraction = weight[:, None] * rho / rho.sum(axis=1, keepdims=True)
     range_m = templates.range_m[0] + STEP_M * at

@@ -85,7 +85,7 @@ class FogState:
         """Logarithm of the probability (K, B) of each cell of a backscattering grid (B,)."""
         log = np.log(backscatter)
         away = (log - self.log_median[:, None]) / self.log_sigma[:, None]
-        cells = np.log(np.gradient(log)) - np.log(self.log_sigma)[:, None]
+        cells = np.log(np.gradient(log)) - np.log(np.sqrt(2 * np.pi) * self.log_sigma)[:, None]
         return np.asarray(np.log(self.probability)[:, None] + cells - away**2 / 2)
 
     def update(self, weight: Floats, backscatter: Floats) -> Self:

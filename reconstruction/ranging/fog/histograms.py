@@ -16,7 +16,7 @@ from ..histogram import coates
 from .modes import EMPTY, MAX_EXCESS_MISFIT, MIN_RANGE_M, MIN_STRENGTH, Indices, Modes
 from .numerics import inverse, solved
 from .overlap import overlap
-from .target_prior import bright_log_prior
+from .target_prior import even_log_prior
 from .templates import EXTINCTIONS_PER_M
 
 STEP_M = 0.005
@@ -223,7 +223,7 @@ def _refine(
     across = solved(inner, cross)
     log_weight = likelihood - np.linalg.slogdet(inner)[1] / 2 + 1.5 * np.log(2 * np.pi)
     if scaled:
-        log_weight += bright_log_prior(rho)
+        log_weight += even_log_prior(rho)
     strength = rho / np.sqrt(inverse(regular)[:, 1, 1])
     result = Modes(
         spot=spot,

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from ...base.arrays import Floats, Mask
 from .numerics import RIDGE, cholesky, whitened
-from .target_prior import interval_log_prior, surface_log_prior
+from .target_prior import even_log_prior, range_log_prior
 from .templates import PATCH_STEP, SEARCH, STEP_M, Templates
 
 Indices = NDArray[np.intp]
@@ -113,7 +113,7 @@ def _without_target(
     root = np.log(np.diagonal(lower)).sum(axis=1)  # of the determinant
     odds = EMPTY / (1 - EMPTY)
     # Over ranges and reflectances a target's likelihood integrates to 2 pi / determinant^(1/2).
-    log_weight = np.log(odds * templates.unambiguous_m / (2 * np.pi)) - misfit / 2 - root
+    log_weight = np.log(odds / (2 * np.pi)) - misfit / 2 - root
     slope, curvature = (g * residual).sum(axis=0), (g * g).sum(axis=0)
     return Modes.of_fog(spot, node, beta, log_weight, slope, curvature, misfit=misfit)
 
@@ -197,8 +197,9 @@ def _refine(
     determinant = np.maximum(inner[0, 0] * inner[1, 1] - ab**2, 1e-300)
     log_weight = -(misfit + np.log(determinant)) / 2 - np.log(np.diagonal(lower)).sum(axis=1)
     range_m = templates.range_m[0] + STEP_M * at
+    log_weight += range_log_prior(range_m)
     if scaled:
-        log_weight += _target_log_prior(templates, range_m, rho)
+        log_weight += even_log_prior(rho)
     result = Modes(
         spot=spot,
         node=node,
@@ -214,14 +215,6 @@ def _refine(
         misfit=misfit,
     )
     return result.only((strength > MIN_STRENGTH) & (at > 1) & (at < max_index))
-
-
-def _target_log_prior(templates: Templates, range_m: Floats, rho: Floats) -> Floats:
-    """Log prior of modes (C,) of reflectance ``rho``."""
-    result = surface_log_prior(rho)
-    if templates.repeats:
-        result += interval_log_prior(range_m, templates.unambiguous_m)
-    return result
 
 
 def _between(table: Floats, row: Indices, fraction: Floats) -> tuple[Floats, Floats]:

@@ -11,33 +11,31 @@ from ...capture import Optics, Spots
 from ...capture.readings.cw import CwSpots
 from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
-from ..ranges import MAX_FOG_RANGE_M, MIN_SIGNAL, Ranges
+from ..ranges import MIN_SIGNAL, Ranges
 from ..weather import weather_of
-from .answer import TOLERANCE_M, ranges_of, statuses
-from .edges import UNLIKELY, disagreement, odd_spots, with_edges
+from .answer import ranges_of, statuses
+from .edges import with_edges
 from .fog_state import FogSolver, FogState
 from .fog_visibility import visibility_of
 from .modes import find_modes
 from .numerics import chi_squared_limit, normal_cdf
-from .posterior import Posterior, SpotPosterior, posterior
-from .target_prior import INTERVALS
+from .posterior import Posterior, posterior
+from .target_prior import INTERVALS, REACH_M
 from .templates import (
     EXTINCTIONS_PER_M,
     NOMINAL_ELECTRONS_PER_JOULE,
     STEP_M,
-    Templates,
     make_templates,
 )
 from .underdetermined import PER_TARGET, underdetermined_solver
+from .uneven import ROUGH, averaged
 
-DOUBTFUL = 0.1
-"""Probability of the spots' disagreement on the fog, below which"""
-ROUGH = 4.0
-"""uneven fog with this many times the usual deviation is tried, as at the end of a bank."""
-STANDS_OUT = 20.0
-"""Minimum strength of targets in such fog, in standard deviations; weaker ones may be fog."""
-MAX_ODD = 0.5
-"""Maximum fraction of the spots that are on edges at once."""
+MAX_ON_EDGES = 0.5
+"""Maximum fraction of the spots that are on edges at once; more are fog that differs."""
+CLEAR = 0.5
+"""Probability of clear air above which,"""
+MAX_CLEAR_MISFIT = 10.0
+"""and misfit of every spot below which, the fog is not tried for being uneven."""
 
 
 def charge_solver(
@@ -50,7 +48,7 @@ def charge_solver(
         return underdetermined_solver(spots, optics, combine, response, max_range_m)
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     twice_m = INTERVALS * max_range_m
-    repeats = isinstance(spots, CwSpots) and scaled and twice_m <= MAX_FOG_RANGE_M
+    repeats = isinstance(spots, CwSpots) and scaled and twice_m <= REACH_M
     ends_m = twice_m + 2 * STEP_M if repeats else max_range_m
     templates = make_templates(spots, response, ends_m, unambiguous_m=max_range_m)
     rough = templates.rougher(ROUGH)
@@ -68,19 +66,15 @@ def charge_solver(
         chi_squared = (echoes * np.linalg.solve(covariance, echoes[..., None])[..., 0]).sum(axis=1)
         dark = chi_squared < noise
 
-        def fit(templates: Templates) -> tuple[Posterior, Posterior]:
-            modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
-            estimate = posterior(modes, prior, len(echoes))
-            return estimate, with_edges(estimate, modes, prior, templates, echoes, covariance)
-
-        single, estimate = fit(templates)
-        chance = disagreement(single, len(combine))
-        if chance < DOUBTFUL:
-            _, other = fit(rough)
-            if chance < UNLIKELY:
-                estimate = _of_a_bank(other, estimate, odd_spots(single, len(combine)))
-            else:
-                estimate = _unless_rough(estimate, other)
+        modes = find_modes(templates, echoes, covariance, ~saturated, scaled)
+        even = posterior(modes, prior, len(echoes))
+        estimate = with_edges(even, modes, prior, templates, echoes, covariance)
+        edges = [number for number, each in enumerate(estimate.spots) if each.on_edge]
+        if len(edges) > MAX_ON_EDGES * len(echoes):
+            estimate, edges = even, []
+        if not _is_clear(estimate):
+            uneven = find_modes(rough, echoes, covariance, ~saturated, scaled)
+            estimate = replace(estimate, spots=averaged(estimate, uneven, prior, edges))
         ranges = ranges_of(
             estimate.spots,
             statuses(estimate, saturated, dark),
@@ -94,29 +88,10 @@ def charge_solver(
     return FogSolver(FogState.prior(EXTINCTIONS_PER_M, weather_of(spots)), solve)
 
 
-def _of_a_bank(rough: Posterior, even: Posterior, odd: list[int]) -> Posterior:
-    """Posterior of rough fog, with the ``odd`` spots, if few, taken for edges."""
-    spots = (
-        even.spots[number]
-        if number in odd and len(odd) <= MAX_ODD * len(rough.spots)
-        else replace(spot, needed=STANDS_OUT)
-        for number, spot in enumerate(rough.spots)
-    )
-    return Posterior(tuple(spots), rough.fog)
-
-
-def _unless_rough(even: Posterior, rough: Posterior) -> Posterior:
-    """Posterior of even fog, replaced for spots that rough fog puts elsewhere."""
-
-    def same(one: SpotPosterior, other: SpotPosterior) -> bool:
-        ranges_m = [each.alternatives[0].range_m for each in (one, other) if each.alternatives]
-        return len(ranges_m) == 2 and abs(ranges_m[0] - ranges_m[1]) < TOLERANCE_M
-
-    spots = (
-        one if one.on_edge or same(one, other) else other
-        for one, other in zip(even.spots, rough.spots, strict=True)
-    )
-    return Posterior(tuple(spots), even.fog)
+def _is_clear(estimate: Posterior) -> bool:
+    """Whether clear air explains the readings of all spots."""
+    misfits = [each.misfit for each in estimate.spots if each.alternatives and not each.on_edge]
+    return estimate.fog.probability[0] > CLEAR and max(misfits, default=0.0) < MAX_CLEAR_MISFIT
 
 
 def echo_combinations(

@@ -31,7 +31,8 @@ class SpotPosterior:
     signal in standard deviations, ``signal`` in electrons, ``misfit`` chi squared, ``noise_m`` the
     range's sigma if the fog were known, ``node`` and ``backscatter`` the fog. Targets weaker than
     ``needed`` are indistinguishable from fog. With ``on_edge`` two targets at once explain the
-    readings and one does not; ``echoes`` counts simultaneous resolved alternatives.
+    readings and one does not; ``echoes`` counts simultaneous resolved alternatives. ``uneven`` is
+    the probability that the fog is not the same for all spots, and even along their beams.
     """
 
     alternatives: tuple[Alternative, ...] = ()
@@ -45,14 +46,16 @@ class SpotPosterior:
     backscatter: float = 0.0
     on_edge: bool = False
     echoes: int = 1
+    uneven: float = 0.0
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior of the ranges and of the fog."""
+    """Posterior of the ranges and of the fog, and the logarithm of the evidence of its model."""
 
     spots: tuple[SpotPosterior, ...]
     fog: FogState
+    log_evidence: float = 0.0
 
 
 def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
@@ -60,12 +63,12 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
     if not modes.spot.size:
         return Posterior((SpotPosterior(),) * spots, prior)
     modes, ranks = _ranked(modes)
-    weight, by_mode = _weighted(modes, ranks, prior, beta := GRID)
+    weight, by_mode, _ = _weighted(modes, ranks, prior, beta := GRID)
     for _ in range(2):
         likely = np.flatnonzero(weight.sum(axis=0) > 1e-5)
         low, high = beta[max(likely[0] - 1, 0)], beta[min(likely[-1] + 1, len(beta) - 1)]
         beta = np.linspace(low, high, FINE)
-        weight, by_mode = _weighted(modes, ranks, prior, beta)
+        weight, by_mode, log_evidence = _weighted(modes, ranks, prior, beta)
     total = by_mode.sum(axis=1)
     moved = modes.range_m[:, None] + modes.drift[:, None] * (beta - modes.backscatter[:, None])
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -91,7 +94,8 @@ def posterior(modes: Modes, prior: FogState, spots: int) -> Posterior:
             backscatter=float(modes.backscatter[best]),
         )
 
-    return Posterior(spots=tuple(map(of, range(spots))), fog=prior.update(weight, beta))
+    fog = prior.update(weight, beta)
+    return Posterior(tuple(map(of, range(spots))), fog, log_evidence)
 
 
 def _ranked(modes: Modes) -> tuple[Modes, list[tuple[slice, slice]]]:
@@ -110,8 +114,11 @@ def _ranked(modes: Modes) -> tuple[Modes, list[tuple[slice, slice]]]:
 
 def _weighted(
     modes: Modes, ranks: list[tuple[slice, slice]], prior: FogState, beta: Floats
-) -> tuple[Floats, Floats]:
-    """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot."""
+) -> tuple[Floats, Floats, float]:
+    """Weights (K, B) of fogs on a grid (B,), and of each mode (C, B), which sum to one per spot.
+
+    Also returns the logarithm of the evidence.
+    """
     offset = beta - modes.backscatter[:, None]
     log = offset * (-modes.curvature[:, None] / 2)
     log += modes.slope[:, None]
@@ -130,11 +137,12 @@ def _weighted(
     shared = evidence.reshape(-1, prior.probability.size, beta.size).sum(axis=0)
     fog = prior.log_density(beta) + shared
     weight = np.exp(fog - fog.max())
-    weight /= weight.sum()
+    whole = weight.sum()
+    weight /= whole
     scale = weight[node] / summed
     for rows, pairs in ranks:
         log[rows] *= scale[pairs]
-    return weight, log
+    return weight, log, float(fog.max() + np.log(whole))
 
 
 def joined(modes: list[list[float]]) -> tuple[Alternative, ...]:

@@ -9,7 +9,7 @@ evidence on the fog comes from
 dark, clear air taken for fog makes targets too bright,
 * the image: patterns light the same surfaces and fog from another angle, so a spot's pixel must
 match its reflectance, its range and the fog's veil, and
-* all spots at once, as they share the fog.
+* all spots at once, as far as they share the fog (`uneven`).
 
 The result is the posterior over fogs on a grid: for each fog the roots of the range, weighted by
 their prior over the Jacobian of the readings. Their mean and spread give the range and a sigma that
@@ -18,6 +18,7 @@ includes the uncertainty of the fog. Texture within a pixel and uneven fog are n
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,12 +29,13 @@ from ...capture.readings.pulsed import PulsedSpots
 from ..brightness import Brightness
 from ..ranges import MIN_SIGNAL, Alternative, Ranges, Status
 from ..weather import weather_of
-from .answer import MIN_PROBABILITY, ranges_of
+from .answer import MIN_PROBABILITY, ranges_of, unless_uneven
 from .fog_state import FogSolver, FogState
 from .numerics import chi_squared_limit, normal_cdf
 from .posterior import Posterior, SpotPosterior
 from .roots import Roots, RootTables, Symmetric
 from .target_prior import flat_log_prior, surface_log_prior
+from .uneven import probability_of_uneven
 
 EXTINCTIONS_PER_M = np.array(
     [1e-4, 0.003, 0.006, 0.01, 0.016, 0.025, 0.04, 0.06, 0.09, 0.13, 0.19, 0.28]
@@ -70,6 +72,8 @@ then covers every fog within two units of log likelihood of the best (support; A
 Likelihood, 1972),"""
 MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
+IN_COMMON = 0.5
+"""Weight of the other spots' log likelihood in it, as they may have another fog."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
 FULL_EVIDENCE = 4
@@ -114,16 +118,19 @@ def underdetermined_solver(
         image_known = brightness is not None and np.isfinite(brightness.electrons).any()
         seen = brightness if image_known and tables.empty_pixel is not None else None
         guessed = seen is None and not visibility_stated
-        weight, by_root, support = _weights(
+        weight, by_root, support, uneven = _weights(
             tables, roots, pairs, covariance, ~saturated & ~dark, backscatter, prior, seen
         )
         supported = np.zeros(support.shape, dtype=bool)
         if guessed:
             plausibility = support - NODES**2 / 2 + prior.log_ratio(CLEAR)[:, None]
-            supported = plausibility >= plausibility.max() - SUPPORT
-        supporting = supported[roots.node, roots.draw]
+            supported = plausibility >= plausibility.max(axis=(1, 2), keepdims=True) - SUPPORT
+        supporting = supported[roots.spot, roots.node, roots.draw]
         estimate = Posterior(
-            _spot_posteriors(roots, by_root, supporting, len(pairs)),
+            tuple(
+                replace(each, uneven=uneven)
+                for each in _spot_posteriors(roots, by_root, supporting, len(pairs))
+            ),
             prior.update(weight, backscatter),
         )
         max_sigma_m = MAX_SIGMA_M if guessed else np.inf
@@ -132,7 +139,7 @@ def underdetermined_solver(
             if saturated[k]
             else "weak"
             if dark[k]
-            else _status(each, max_range_m, max_sigma_m)
+            else unless_uneven(_status(each, max_range_m, max_sigma_m), each)
             for k, each in enumerate(estimate.spots)
         )
         fog = estimate.fog.optics(EXTINCTIONS_PER_M)
@@ -150,10 +157,12 @@ def _weights(
     backscatter: Floats,
     prior: FogState,
     brightness: Brightness | None,
-) -> tuple[Floats, Floats, Floats]:
-    """Posterior (K, B) of fogs, of each root (C,) within its spot, and log likelihood (K, B).
+) -> tuple[Floats, Floats, Floats, float]:
+    """Posterior (K, B) of shared fogs, of each root (C,) within its spot, and support of fogs.
 
-    Without a target a spot has the echo of fog alone, and its pixel the veil.
+    The support is a log likelihood (spots, K, B), to which other spots contribute in part.
+    Without a target a spot has the echo of fog alone, and its pixel the veil. Spots may have fogs
+    of their own, with the probability that is returned, too.
     """
     log_empty = np.log(EMPTY) + _log_density_of_fog(tables, pairs, covariance, backscatter)
     log_target = np.log(1 - EMPTY) + roots.log_prior
@@ -182,18 +191,29 @@ def _weights(
         total[:, having] += np.add.reduceat(target, starts, axis=1)
     by_spot = np.log(total).reshape(light_prior.size, len(log_empty), -1)
     by_spot += peak.reshape(len(log_empty), -1)
-    evidence = by_spot[:, usable].sum(axis=1)
-    evidence *= np.sqrt(FULL_EVIDENCE / max(int(usable.sum()), FULL_EVIDENCE))
-    support = evidence.max(axis=0).reshape(fogs)
-    evidence += np.log(light_prior)[:, None]
-    evidence += np.log(
+    counted = np.sqrt(FULL_EVIDENCE / max(int(usable.sum()), FULL_EVIDENCE))
+    evidence = counted * by_spot[:, usable].sum(axis=1)
+    others = evidence[:, None] - counted * by_spot * usable[:, None]
+    support = (by_spot + IN_COMMON * others).max(axis=0).reshape(-1, *fogs)
+    log_prior = np.log(light_prior)[:, None] + np.log(
         np.maximum(prior.probability, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
-    ).T.ravel()
-    weight = np.exp(evidence - evidence.max())
-    weight /= weight.sum()
-    of_each = np.tile(weight, len(log_empty)) / total
+    ).T.ravel()  # fmt: skip
+    weight, log_shared = _normalised(evidence[:, None] + log_prior[:, None])
+    own, log_own = _normalised(by_spot + log_prior[:, None])
+    uneven = probability_of_uneven(counted * log_own[usable].sum() - log_shared[0])
+    mixed = (1 - uneven) * weight + uneven * own  # (A, spots, fogs)
+    of_each = mixed.reshape(light_prior.size, -1) / total
     by_root = np.einsum("ac,ac->c", target, of_each[:, group])
-    return weight.sum(axis=0).reshape(fogs), by_root, support
+    return weight.sum(axis=(0, 1)).reshape(fogs), by_root, support, uneven
+
+
+def _normalised(log: Floats) -> tuple[Floats, Floats]:
+    """Probabilities (A, spots, fogs) that sum to one per spot, and the logarithms (spots,) of the
+    sums."""
+    peak = log.max(axis=(0, 2), keepdims=True)
+    result = np.exp(log - peak)
+    whole = result.sum(axis=(0, 2), keepdims=True)
+    return result / whole, (peak + np.log(whole))[0, :, 0]
 
 
 def _log_density_of_fog(
