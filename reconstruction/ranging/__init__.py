@@ -15,6 +15,7 @@ from .ranges import (
     range_from_path,
     ranges_from_paths,
 )
+from .reach import blind_below_m
 from .unwrap import path_from_phases, unambiguous_path_m
 from .visibility import Visibility, pooled
 from .weather import Weather, with_weather
@@ -33,6 +34,7 @@ __all__ = [
     "Status",
     "Visibility",
     "Weather",
+    "blind_below_m",
     "brightness_at",
     "measure_ranges",
     "path_from_phases",
