@@ -35,6 +35,9 @@ RATES = 1e-12, 500.0
 SMOOTH_BINS = 21
 """Bins averaged for an initial variance of the counts."""
 Fitted = tuple[Floats, Floats, Floats]  # backscattering, background, variance
+NEAR_ERROR = 1.0
+"""Relative error of the echo of fog nearer than MIN_RANGE_M, which depends on parts of millimetres
+that recordings do not describe; zones return 0.005 to 1 of what their optics say."""
 MAX_EXCESS_SIGMAS = 4.0
 """Bins that exceed the fog by more standard deviations are not fog."""
 
@@ -53,6 +56,11 @@ class HistogramTemplates:
     delay: Floats
     fog: Floats
     shape: PulseShape
+
+    @property
+    def nearest(self) -> int:
+        """Bin of the nearest targets."""
+        return max(int(np.interp(MIN_RANGE_M, self.range_m, self.delay[0])), 0)
 
     @property
     def window(self) -> int:
@@ -137,16 +145,17 @@ def _without_target(
 
 
 def _certainty(templates: HistogramTemplates, watched: Floats, fitted: Fitted) -> Floats:
-    """Fraction (spots, B) of the information of each bin that uneven fog leaves.
+    """Fraction (spots, B) of the information of each bin that the error of the fog's echo leaves.
 
-    Of a bin's rate f of fog and b of background, n cycles know the variance (f + b) / n; fog of
-    uneven density adds (UNEVENNESS f)^2, alike in all bins of a pulse.
+    Of a bin's rate f of fog and b of background, n cycles know the variance (f + b) / n; an error
+    of e f, alike in all W bins of a pulse, adds W (e f)^2.
     """
     beta, background, _ = fitted
     fog = beta[..., None] * templates.fog
-    rate = fog + background[..., None]
-    uneven = templates.window * UNEVENNESS**2 * fog**2
-    return np.asarray(1 / (1 + uneven * watched[:, None] / rate)).min(axis=1)
+    near = np.arange(watched.shape[-1]) < templates.nearest - templates.window // 2
+    error = np.where(near, NEAR_ERROR, UNEVENNESS) * fog
+    ratio = templates.window * error**2 * watched[:, None] / (fog + background[..., None])
+    return np.asarray(1 / (1 + ratio)).min(axis=1)
 
 
 def _search(
@@ -163,10 +172,9 @@ def _search(
     expected = np.maximum(expected, RATES[0])  # running sums have rounding errors
     result = np.maximum(result, expected)
     gain = 2 * (result * np.log(result / expected) - (result - expected))
-    nearest = np.interp(MIN_RANGE_M, templates.range_m, templates.delay[0])
     inner = gain[..., 1:-1]
     peak = (inner >= gain[..., :-2]) & (inner > gain[..., 2:])
-    peak[..., : max(int(nearest), 0)] = False
+    peak[..., : templates.nearest] = False
     best = np.where(peak, inner, 0.0)
     minimum = np.sort(best, axis=-1)[..., -MAX_PEAKS][..., None]
     kept = (
