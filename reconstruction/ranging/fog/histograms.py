@@ -38,6 +38,8 @@ Fitted = tuple[Floats, Floats, Floats]  # backscattering, background, variance
 NEAR_ERROR = 1.0
 """Relative error of the echo of fog nearer than MIN_RANGE_M, which depends on parts of millimetres
 that recordings do not describe; zones return 0.005 to 1 of what their optics say."""
+REFITS = 2
+"""Fits of the fog, the last without what is uncertain by the first."""
 MAX_EXCESS_SIGMAS = 4.0
 """Bins that exceed the fog by more standard deviations are not fog."""
 
@@ -112,8 +114,10 @@ def find_histogram_modes(
 ) -> Modes:
     """Modes of histograms (spots, B) of the ``usable`` ones (spots,); see `modes.find_modes`."""
     rate, watched = coates(counts, cycles)
-    fitted = _without_target(templates, rate, watched, cycles)
-    certain = _certainty(templates, watched, fitted)
+    certain = np.ones_like(rate)
+    for _ in range(REFITS):
+        fitted = _without_target(templates, rate, certain * watched, cycles)
+        certain = _certainty(templates, watched, fitted)
     counts, watched = certain * counts, certain * watched
     peaks = _search(templates, rate, watched, fitted, usable)
     result = _refine(templates, counts, watched, fitted, peaks, scaled)
