@@ -13,6 +13,8 @@ GAUSSIAN_REACH = 4.0
 """Standard deviations of a Gaussian pulse beyond which nothing arrives."""
 TABLE = 4096
 """Entries of the table of a measured response."""
+DIFFERENCE = 0.05
+"""Half of the step of a derivative, in widths of the pulse."""
 NEGLIGIBLE = 1e-5
 """Fraction of a measured response left out at either end of its core."""
 
@@ -29,6 +31,11 @@ class PulseShape:
     first: float
     last: float
     width: float
+
+    def density(self, at: Floats) -> Floats:
+        """Rate of arrivals (...) per bin at times since the delay."""
+        half = DIFFERENCE * self.width
+        return (self.arrived(at + half) - self.arrived(at - half)) / (2 * half)
 
     def in_bins(self, delay: Floats, bins: Floats) -> Floats:
         """Fractions (..., B) of pulses of these delays (...) in bins (B,), by their lower edges."""

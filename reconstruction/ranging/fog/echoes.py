@@ -7,12 +7,11 @@ resolved widen the single pulse and increase the sigma of its range.
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...base.arrays import Floats
 from ..histogram import coates
 from ..ranges import Alternative
-from .histograms import WINDOW_SIGMAS, HistogramTemplates
+from .histograms import HistogramTemplates
 from .modes import MIN_RANGE_M
 from .posterior import SpotPosterior
 
@@ -76,16 +75,16 @@ class _Around:
     def __init__(self, templates: HistogramTemplates, spot: int, watched: Floats) -> None:
         self._range_m = templates.range_m
         self._delay = templates.delay[spot]
-        self._width = templates.width
+        self._shape, self._width = templates.shape, templates.shape.width
         self._watched = watched
         self._metres = np.gradient(templates.range_m, self._delay)[-1]  # per bin
-        self.window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
+        self.window = templates.window
         self._nearest = int(np.interp(MIN_RANGE_M, templates.range_m, self._delay))
 
     def pulse(self, range_m: float, _sigma_m: float, signal: float) -> Floats:
         """Arrivals per cycle (B,) of an echo."""
         edges = np.arange(self._watched.size + 1) - np.interp(range_m, self._range_m, self._delay)
-        return np.asarray(signal * np.diff(ndtr(edges / self._width)))
+        return np.asarray(signal * np.diff(self._shape.arrived(edges)))
 
     def strongest(
         self, rate: Floats, model: Floats, minimum: Floats
@@ -107,7 +106,8 @@ class _Around:
         arrivals = float(result[index] - expected[index])
         if deviance[index] < MIN_DEVIANCE:
             return None
-        inside = 2 * ndtr(self.window / 2 / self._width) - 1  # fraction of a pulse in the window
+        around = self._shape.arrived(self.window / 2 * np.array([-1.0, 1.0]))
+        inside = float(around[1] - around[0])  # fraction of a pulse in the window
         at = slice(max(index - self.window // 2, 0), index + self.window // 2 + 1)
         excess = np.maximum((rate - model)[at], 0)
         centre = float(excess @ (np.arange(rate.size)[at] + 0.5) / excess.sum())

@@ -8,23 +8,21 @@ front of it, and a steady background. Counts are binomial among the cycles that 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...base.arrays import Floats, Mask
 from ...capture.readings.dtof import HistogramSpots
 from ..histogram import coates
+from ..shape import PulseShape
 from .modes import EMPTY, MAX_EXCESS_MISFIT, MIN_RANGE_M, MIN_STRENGTH, Indices, Modes
 from .numerics import inverse, solved
 from .overlap import overlap
 from .target_prior import even_log_prior
-from .templates import EXTINCTIONS_PER_M
+from .templates import EXTINCTIONS_PER_M, UNEVENNESS
 
 STEP_M = 0.005
 """Range step of the fog integral."""
 BLOCK = 256
 """Ranges per block when echoes are sorted into bins."""
-TAILS = 8.5
-"""Standard deviations beyond which a pulse vanishes in double precision."""
 WINDOW_SIGMAS = 1.5
 """Half width of the window in which arrivals are counted, in standard deviations of the pulse."""
 MAX_PEAKS = 8
@@ -37,6 +35,11 @@ RATES = 1e-12, 500.0
 SMOOTH_BINS = 21
 """Bins averaged for an initial variance of the counts."""
 Fitted = tuple[Floats, Floats, Floats]  # backscattering, background, variance
+NEAR_ERROR = 1.0
+"""Relative error of the echo of fog nearer than MIN_RANGE_M, which depends on parts of millimetres
+that recordings do not describe; zones return 0.005 to 1 of what their optics say."""
+REFITS = 2
+"""Fits of the fog, the last without what is uncertain by the first."""
 MAX_EXCESS_SIGMAS = 4.0
 """Bins that exceed the fog by more standard deviations are not fog."""
 
@@ -46,8 +49,7 @@ class HistogramTemplates:
     """Tables over spots, K extinctions, R ranges and B bins, in arrivals per cycle.
 
     ``target`` (spots, K, R): a whole pulse, for unit reflectance; ``delay`` (spots, R) of its
-    centre, in bins; ``fog`` (spots, K, B) for unit backscattering; ``width`` of the pulse, rms in
-    bins.
+    centre, in bins; ``fog`` (spots, K, B) for unit backscattering; ``shape`` of a pulse.
     """
 
     range_m: Floats
@@ -55,21 +57,30 @@ class HistogramTemplates:
     target: Floats
     delay: Floats
     fog: Floats
-    width: float
+    shape: PulseShape
+
+    @property
+    def nearest(self) -> int:
+        """Bin of the nearest targets."""
+        return max(int(np.interp(MIN_RANGE_M, self.range_m, self.delay[0])), 0)
+
+    @property
+    def window(self) -> int:
+        """Bins, an odd number, in which arrivals of a pulse are counted."""
+        return 2 * int(np.ceil(WINDOW_SIGMAS * self.shape.width)) + 1
 
 
 def make_histogram_templates(
-    spots: HistogramSpots, arrivals: float, max_range_m: float
+    spots: HistogramSpots, shape: PulseShape, arrivals: float, max_range_m: float
 ) -> HistogramTemplates:
     """Tables up to a range; ``arrivals`` per cycle if a detector collected all laser light."""
     range_m = np.arange(STEP_M, max_range_m, STEP_M)
     weight, path_m = overlap(spots, range_m)
     bins = spots.counts.shape[-1]
-    width = spots.response_sigma_s / spots.bin_width_s
     delay = spots.delay(path_m)
     damped = weight[:, None] * np.exp(-EXTINCTIONS_PER_M[:, None] * path_m[:, None])
     fog = [
-        arrivals * STEP_M * _spread(each, at, width, bins)
+        arrivals * STEP_M * _spread(each, at, shape, bins)
         for each, at in zip(damped, delay, strict=True)
     ]
     return HistogramTemplates(
@@ -78,11 +89,11 @@ def make_histogram_templates(
         target=arrivals * damped / np.pi,
         delay=delay,
         fog=np.array(fog),
-        width=width,
+        shape=shape,
     )
 
 
-def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
+def _spread(light: Floats, at: Floats, shape: PulseShape, bins: int) -> Floats:
     """Sum light (K, R) of pulses centred at rising bins ``at`` (R,) into bins (K, B).
 
     Works by blocks of ranges, each only in the bins of its pulses, so that tables stay small.
@@ -90,10 +101,10 @@ def _spread(light: Floats, at: Floats, width: float, bins: int) -> Floats:
     total = np.zeros((len(light), bins))
     for start in range(0, len(at), BLOCK):
         block = slice(start, start + BLOCK)
-        first, last = at[block].min() - TAILS * width, at[block].max() + TAILS * width
+        first, last = at[block].min() + shape.first, at[block].max() + shape.last
         low, high = (int(np.clip(position, 0, bins)) for position in (first, np.ceil(last)))
         edges = np.arange(low, high + 1)
-        pulses = np.diff(ndtr((edges - at[block, None]) / width), axis=-1)
+        pulses = np.diff(shape.arrived(edges - at[block, None]), axis=-1)
         total[:, low:high] += light[:, block] @ pulses
     return total
 
@@ -103,7 +114,11 @@ def find_histogram_modes(
 ) -> Modes:
     """Modes of histograms (spots, B) of the ``usable`` ones (spots,); see `modes.find_modes`."""
     rate, watched = coates(counts, cycles)
-    fitted = _without_target(templates, rate, watched, cycles)
+    certain = np.ones_like(rate)
+    for _ in range(REFITS):
+        fitted = _without_target(templates, rate, certain * watched, cycles)
+        certain = _certainty(templates, watched, fitted)
+    counts, watched = certain * counts, certain * watched
     peaks = _search(templates, rate, watched, fitted, usable)
     result = _refine(templates, counts, watched, fitted, peaks, scaled)
     return result.joined_with(_empty(templates, counts, watched, fitted, usable))
@@ -133,6 +148,20 @@ def _without_target(
     return beta, background, variance
 
 
+def _certainty(templates: HistogramTemplates, watched: Floats, fitted: Fitted) -> Floats:
+    """Fraction (spots, B) of the information of each bin that the error of the fog's echo leaves.
+
+    Of a bin's rate f of fog and b of background, n cycles know the variance (f + b) / n; an error
+    of e f, alike in all W bins of a pulse, adds W (e f)^2.
+    """
+    beta, background, _ = fitted
+    fog = beta[..., None] * templates.fog
+    near = np.arange(watched.shape[-1]) < templates.nearest - templates.window // 2
+    error = np.where(near, NEAR_ERROR, UNEVENNESS) * fog
+    ratio = templates.window * error**2 * watched[:, None] / (fog + background[..., None])
+    return np.asarray(1 / (1 + ratio)).min(axis=1)
+
+
 def _search(
     templates: HistogramTemplates, rate: Floats, watched: Floats, fitted: Fitted, usable: Mask
 ) -> tuple[Indices, ...]:
@@ -141,16 +170,15 @@ def _search(
 
     beta, background, _ = fitted
     model = beta[..., None] * templates.fog + background[..., None]
-    window = 2 * int(np.ceil(WINDOW_SIGMAS * templates.width)) + 1
+    window = templates.window
     result = window * uniform_filter1d(watched * rate, window, axis=-1, mode="constant")[:, None]
     expected = window * uniform_filter1d(watched[:, None] * model, window, axis=-1, mode="constant")
     expected = np.maximum(expected, RATES[0])  # running sums have rounding errors
     result = np.maximum(result, expected)
     gain = 2 * (result * np.log(result / expected) - (result - expected))
-    nearest = np.interp(MIN_RANGE_M, templates.range_m, templates.delay[0])
-    gain[..., : max(int(nearest), 1)] = 0
     inner = gain[..., 1:-1]
     peak = (inner >= gain[..., :-2]) & (inner > gain[..., 2:])
+    peak[..., : templates.nearest] = False
     best = np.where(peak, inner, 0.0)
     minimum = np.sort(best, axis=-1)[..., -MAX_PEAKS][..., None]
     kept = (
@@ -175,7 +203,8 @@ def _refine(
     seen, cycles, fog = counts[spot], watched[spot], templates.fog[spot, node]
     centres = np.arange(counts.shape[-1]) + 0.5
     edges = np.arange(counts.shape[-1] + 1)
-    width, step = templates.width, templates.range_m[1] - templates.range_m[0]
+    shape, width = templates.shape, templates.shape.width
+    step = templates.range_m[1] - templates.range_m[0]
     # Range per bin of delay, constant except next to the instrument.
     metres = np.gradient(templates.range_m, templates.delay[0])[-1]
     at = np.array(
@@ -190,20 +219,16 @@ def _refine(
         fraction = row - low
         strength = _mixed(templates.target[spot, node], low, fraction)
         delay = _mixed(templates.delay[spot], low, fraction)
-        towards = (edges - delay[:, None]) / width
-        whole = np.diff(ndtr(towards), axis=-1)
-        before = ndtr((delay[:, None] - centres) / width)
-        bell = np.diff(np.exp(-(towards**2) / 2), axis=-1) / np.sqrt(2 * np.pi)
+        towards, since = edges - delay[:, None], centres - delay[:, None]
+        whole, before = np.diff(shape.arrived(towards), axis=-1), 1 - shape.arrived(since)
         a, g = strength[:, None] * whole, fog * before
         if number == 0:
             top = _at(seen / np.maximum(cycles, 1) - beta[:, None] * g, position) - background
             rho = np.maximum(top / np.maximum(_at(a, position), 1e-12), 1e-6)
         rate = np.clip(rho[:, None] * a + beta[:, None] * g + background[:, None], *RATES)
-        moved = -bell / width  # of the pulse, per bin of delay
-        d_before = np.exp(-(((delay[:, None] - centres) / width) ** 2) / 2) / (
-            width * np.sqrt(2 * np.pi)
-        )
-        along = rho[:, None] * strength[:, None] * moved + beta[:, None] * fog * d_before
+        moved = -np.diff(shape.density(towards), axis=-1)  # of the pulse, per bin of delay
+        nearer = fog * shape.density(since)
+        along = rho[:, None] * strength[:, None] * moved + beta[:, None] * nearer
         jacobian = np.stack([along / metres, a, g, np.ones_like(a)], axis=-1)
         excess = seen / -np.expm1(-rate) - cycles
         information = jacobian.swapaxes(1, 2) @ (jacobian * (cycles / np.expm1(rate))[..., None])

@@ -12,6 +12,7 @@ from ...capture.readings.dtof import HistogramSpots
 from ..brightness import Brightness
 from ..histogram import BLOCKS
 from ..ranges import MIN_SIGNAL, Ranges
+from ..shape import shape_of
 from ..weather import weather_of
 from .answer import ranges_of, statuses
 from .echoes import with_echoes
@@ -36,10 +37,12 @@ def histogram_solver(spots: HistogramSpots, max_range_m: float) -> FogSolver:
     for name in ("response_sigma_s", "laser_energy_j"):
         if np.isnan(getattr(spots, name)):
             raise InputError(f"spots/{name} is unknown (nan), but ranging in fog needs it")
+    shape = shape_of(spots)
+    assert shape is not None
     scaled = bool(np.isfinite(spots.electrons_per_joule))
     electrons = spots.electrons_per_joule if scaled else NOMINAL_ELECTRONS_PER_JOULE
     arrivals = electrons * spots.laser_energy_j
-    templates = make_histogram_templates(spots, arrivals / spots.pulses, max_range_m)
+    templates = make_histogram_templates(spots, shape, arrivals / spots.pulses, max_range_m)
 
     def solve(
         spots: Spots, prior: FogState, brightness: Brightness | None

@@ -17,10 +17,18 @@ from spisim.instrument.electronics import Amplifier
 from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
 
+#: Time above the threshold beyond that of a lone pulse, in its standard deviations, up to which an
+#: echo counts as one: by half of it the midpoint may be off.
+LONGER = 1.0
+
 
 @dataclass(frozen=True)
 class Threshold:
     """The midpoint between the crossings of the first rising and falling edge.
+
+    What stays above the threshold for longer than a lone pulse of its height is fog, or fog and
+    what is behind it, whose midpoint is nobody's: it gets no stamp. Both edges are timed anyway; a
+    peak detector is assumed, too.
 
     The noise is that of the amplifier and shot noise in its bandwidth B. False alarms have the rate
     of Rice (Bell Syst. Tech. J. 24, 46 (1945)), B/√3 exp(-threshold² / 2 noise²).
@@ -91,9 +99,10 @@ class Threshold:
         bandwidth = self.bandwidth_hz
         sigma_s = self.sigma_of_pulse_s
         step = min(tof.bin_width_s, sigma_s / 20)
-        times = np.arange(0.0, tof.gate_s, step)
         # The amplifier preserves a pulse's charge and lowers its peak.
         echo = smoothed(path_m, echo_per_s, sigma_s, tof.gate_s)
+        # A near echo rises before the pulse's centre has left: only its stamp lies in the gate.
+        times = np.arange(min(echo[0][0], 0.0), tof.gate_s, step)
         density = CubicSpline(*echo, extrapolate=False)(times)
         density = np.maximum(np.nan_to_num(density), 0)
         current = density * tof.pulse_sigma_s * math.sqrt(2 * math.pi)
@@ -109,6 +118,9 @@ class Threshold:
         left = 1.0
         for start, stop in _above(current, threshold):
             peak = start + int(np.argmax(current[start : stop + 1]))
+            lone_s = 2 * sigma_s * math.sqrt(2 * math.log(max(current[peak] / threshold, 1)))
+            if times[stop] - times[start] > lone_s + LONGER * sigma_s:
+                continue
             seen = float(ndtr((current[peak] - threshold) / noise_at[peak]))
             middle, scatter = _middle(times, current, noise_at, threshold, start, stop)
             in_bins = np.diff(ndtr((edges - middle) / scatter))
