@@ -17,6 +17,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt
 from ..completion import MAX_LOG_SIGMA, Rows, Seen
 from ..pixels import distances, in_view, pixel_of
+from .appearance import Appearance
 
 MAX_POINTS = 600
 NEAREST_M = 0.1
@@ -42,7 +43,8 @@ class Points(Rows):
     """Points (N,) of the world.
 
     ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
-    and the variances of position, m², and rotation, rad², of the pose that they rest on.
+    the variances of position, m², and rotation, rad², of the pose that they rest on, and their
+    ``brightness`` as if at 1 m, nan if unknown.
     """
 
     position_m: Floats
@@ -50,11 +52,12 @@ class Points(Rows):
     time_s: Floats
     pose_variance_m2: Floats
     pose_variance_rad2: Floats
+    brightness: Floats
 
     @classmethod
     def none(cls) -> Self:
         """No points."""
-        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))
+        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(5)))
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -73,7 +76,14 @@ class RangeMemory:
         self._pixels_per_rad = shape[0] / 2 / optics.tan_half_height
         self.points = Points.none()
 
-    def add(self, pose: PoseAt, directions: Floats, range_m: Floats, sigma_m: Floats) -> None:
+    def add(
+        self,
+        pose: PoseAt,
+        directions: Floats,
+        range_m: Floats,
+        sigma_m: Floats,
+        image: Appearance | None = None,
+    ) -> None:
         """Add the ranges (S,) along unit vectors (S, 3), nan where there is none.
 
         Points that they show to be gone are dropped; those of the same place are fused.
@@ -88,6 +98,11 @@ class RangeMemory:
             pose.position_m + (directions * range_m[:, None]) @ pose.axes.T,
             (sigma_m / range_m) ** 2,
             *(np.full(count, each) for each in (pose.time_s, pose.variance_m2, pose.variance_rad2)),
+            np.full(count, np.nan)
+            if image is None
+            else image.at(
+                pixel_of(directions, self._optics, self._shape), range_m * directions[:, 2]
+            ),
         )
         seen, met = self.seen(pose, hidden=True), self._seen(pose, new)
         gone = self._gone(seen, met)
@@ -119,9 +134,18 @@ class RangeMemory:
         log_depth = weights @ seen.log_depth / np.where(near, whole, 1)
         return np.where(near, np.exp(log_depth) / directions[:, 2], np.nan)
 
-    def seen(self, pose: PoseAt, *, hidden: bool = False) -> Seen:
-        """Points in the view of a pose; those behind others only if ``hidden``."""
+    def seen(
+        self, pose: PoseAt, image: Appearance | None = None, *, hidden: bool = False
+    ) -> Seen:
+        """Points in the view of a pose; those behind others only if ``hidden``.
+
+        Points that do not look as they did in the ``image`` are not what is seen there.
+        """
         seen = self._seen(pose, self.points)
+        if image is not None and len(seen.index):
+            then = self.points.brightness[seen.index]
+            depth_m, variance = np.exp(seen.log_depth), seen.pixel_variance
+            seen = seen[~image.differs(seen.pixel, depth_m, then, variance)]
         if hidden or len(seen.index) < 2:
             return seen
         from scipy.spatial import KDTree  # slow to load
