@@ -1,8 +1,8 @@
 """Whether a place still looks as it did: the sign, in every pixel, that something moved there.
 
-The projector alone lights the images, so that a surface's brightness times its squared depth stays
-as it is while the camera moves. Images are coarse and noisy: a floor is added to both values, and
-what an error of the pose makes of the image's slope is no change.
+What the projector lights is as bright as its depth to the power of -2 while the camera moves, what
+the sun or fog adds less than that. Images are coarse and noisy: a floor is added to what is
+compared, and what an error of the pose makes of the image's slope is no change.
 """
 
 from dataclasses import dataclass
@@ -34,21 +34,27 @@ class Appearance:
         differences = np.zeros(1) if before is None else np.abs(image - before)
         return cls(image, float(np.median(differences)))
 
-    def at(self, pixel: Floats, depth_m: Floats) -> Floats:
-        """Brightness (N,) at pixels (N, 2), as if it were at 1 m."""
-        return np.maximum(sampled(self.image, pixel), 0) * depth_m**2
+    def at(self, pixel: Floats) -> Floats:
+        """Brightness (N,) at pixels (N, 2), never below 0."""
+        return np.maximum(sampled(self.image, pixel), 0)
 
     def differs(
-        self, pixel: Floats, depth_m: Floats, then: Floats, pixel_variance: Floats | float = 0.0
+        self,
+        pixel: Floats,
+        then: Floats,
+        nearer: Floats | float = 1.0,
+        pixel_variance: Floats | float = 0.0,
     ) -> Mask:
-        """Which pixels (N, 2) are not as bright as what lay there, ``then`` (N,) at 1 m.
+        """Which pixels (N, 2) are not as bright as what lay there ``then`` (N,).
 
-        Of what is nan nothing is known.
+        It was ``nearer`` by a factor. Of what is nan nothing is known.
         """
         floor = max(FLOOR * float(np.percentile(self.image, BRIGHT)), FLOOR_SIGMAS * self.sigma)
-        log = np.log(np.maximum(self.image, 0) + max(floor, np.finfo(float).tiny))
-        slopes = np.gradient(log)
-        slope = np.hypot(*(sampled(each, pixel) for each in slopes))
-        expected = np.log(then / depth_m**2 + floor)
+        floor = max(floor, np.finfo(float).tiny)
+        log = np.log(np.maximum(self.image, 0) + floor)
+        slope = np.hypot(*(sampled(each, pixel) for each in np.gradient(log)))
         allowed = MIN_CHANGE + SLOPE_SIGMAS * slope * np.sqrt(pixel_variance)
-        return np.asarray(np.abs(sampled(log, pixel) - expected) > allowed)
+        now, as_lit = sampled(log, pixel), then * np.asarray(nearer) ** 2
+        darker = np.log(np.minimum(then, as_lit) + floor) - now
+        brighter = now - np.log(np.maximum(then, as_lit) + floor)
+        return np.asarray(np.maximum(darker, brighter) > allowed)

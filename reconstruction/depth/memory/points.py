@@ -43,8 +43,8 @@ class Points(Rows):
     """Points (N,) of the world.
 
     ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
-    the variances of position, m², and rotation, rad², of the pose that they rest on, and their
-    ``brightness`` as if at 1 m, nan if unknown.
+    the variances of position, m², and rotation, rad², of the pose that they rest on, their depth then
+    and the image's ``brightness`` there, nan if unknown.
     """
 
     position_m: Floats
@@ -52,12 +52,13 @@ class Points(Rows):
     time_s: Floats
     pose_variance_m2: Floats
     pose_variance_rad2: Floats
+    depth_m: Floats
     brightness: Floats
 
     @classmethod
     def none(cls) -> Self:
         """No points."""
-        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(5)))
+        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(6)))
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -93,16 +94,13 @@ class RangeMemory:
         if not usable.any():
             return
         directions, range_m, sigma_m = directions[usable], range_m[usable], sigma_m[usable]
-        count = len(range_m)
+        count, pixel = len(range_m), pixel_of(directions, self._optics, self._shape)
         new = Points(
             pose.position_m + (directions * range_m[:, None]) @ pose.axes.T,
             (sigma_m / range_m) ** 2,
             *(np.full(count, each) for each in (pose.time_s, pose.variance_m2, pose.variance_rad2)),
-            np.full(count, np.nan)
-            if image is None
-            else image.at(
-                pixel_of(directions, self._optics, self._shape), range_m * directions[:, 2]
-            ),
+            range_m * directions[:, 2],
+            np.full(count, np.nan) if image is None else image.at(pixel),
         )
         seen, met = self.seen(pose, hidden=True), self._seen(pose, new)
         gone = self._gone(seen, met)
@@ -134,18 +132,17 @@ class RangeMemory:
         log_depth = weights @ seen.log_depth / np.where(near, whole, 1)
         return np.where(near, np.exp(log_depth) / directions[:, 2], np.nan)
 
-    def seen(
-        self, pose: PoseAt, image: Appearance | None = None, *, hidden: bool = False
-    ) -> Seen:
+    def seen(self, pose: PoseAt, image: Appearance | None = None, *, hidden: bool = False) -> Seen:
         """Points in the view of a pose; those behind others only if ``hidden``.
 
         Points that do not look as they did in the ``image`` are not what is seen there.
         """
         seen = self._seen(pose, self.points)
         if image is not None and len(seen.index):
-            then = self.points.brightness[seen.index]
-            depth_m, variance = np.exp(seen.log_depth), seen.pixel_variance
-            seen = seen[~image.differs(seen.pixel, depth_m, then, variance)]
+            then = self.points[seen.index]
+            nearer = then.depth_m / np.exp(seen.log_depth)
+            changed = image.differs(seen.pixel, then.brightness, nearer, seen.pixel_variance)
+            seen = seen[~changed]
         if hidden or len(seen.index) < 2:
             return seen
         from scipy.spatial import KDTree  # slow to load
