@@ -23,7 +23,7 @@ from reconstruction.depth.memory.appearance import Appearance
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
 
 KERNEL = fitted_kernel()
-SEEN = Appearance.of(np.ones(SHAPE), None)
+SEEN = Appearance(np.ones(SHAPE), 0.0)
 WHOLE = KERNEL.sharp + KERNEL.smooth + KERNEL.nugget
 
 

@@ -11,7 +11,7 @@ from ...capture.motion import PoseAt, break_between
 from ..completion import MapCompletion
 from ..method import DepthEstimate
 from ..pixels import MIN_DEPTH_M, in_view, pixel_of, seen_before
-from .appearance import Appearance
+from .appearance import Appearances
 from .clock import ClockOffset
 from .maps import MapMemory
 from .points import RangeMemory
@@ -66,7 +66,7 @@ class FlightMemory:
         self._maps = MapMemory(self._optics, self._shape)
         self._lost = LostSpots()
         self._last_map: tuple[PoseAt, Floats, Floats] | None = None
-        self._last_image: Floats | None = None
+        self._images = Appearances()
 
     def take(
         self, stated: PoseAt, image: Floats, estimate: DepthEstimate, ranges: FrameRanges
@@ -83,8 +83,7 @@ class FlightMemory:
         log_depth = _log(estimate)
         self.clock.take(stated, image, log_depth)
         pose = self.clock.corrected()
-        seen = Appearance.of(image, self._last_image)
-        self._last_image = image
+        seen = self._images.take(image)
         if log_depth is not None and estimate.sigma is not None:
             ranges = self._decided(pose, ranges, log_depth, estimate.sigma)
         self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m, seen)
