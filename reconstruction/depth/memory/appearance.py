@@ -15,7 +15,7 @@ from ...base.arrays import Floats, Mask
 from ..kriging import BRIGHT
 from .maps import sampled
 
-MIN_CHANGE = 0.35
+MIN_CHANGE = 0.45
 """Change of ln brightness, over a floor, that says that something else is there."""
 FLOOR, FLOOR_SIGMAS = 0.1, 4.0
 """The floor, as a fraction of the image's bright parts, and at least in sigmas of its noise."""
