@@ -3,7 +3,8 @@
 A range is a point of the world, as its frame's pose says. In a later view it has a pixel and a
 depth, whose errors are those of range and poses. Points of one place are fused, so that some
 hundreds of them hold what seconds of ranges say. What the spots show to be gone, and what was next
-to it, is dropped: a thing that moves leaves no points behind.
+to it, is dropped: a thing that moves leaves no points behind. Points of places that no longer look
+as they did are not seen until they do.
 """
 
 from dataclasses import dataclass, fields
@@ -32,7 +33,8 @@ NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
 """Points next to one that is gone are of the same thing, and gone too."""
 
 BEHIND_PIXELS, BEHIND_LOG = 4.0, 0.2
-"""What may have appeared hides points this close in the image and farther by this much."""
+"""What a frame's own ranges meet, and what may have appeared, hides points this close in the image
+and farther by this much."""
 
 NEAR_PIXELS, MAX_PIXELS, MIN_LOG_SIGMA = 0.35, 1.2, 0.02
 """Points near a direction count by exp(-distance), up to a maximum, and by their variance."""
@@ -145,13 +147,22 @@ class RangeMemory:
             seen = seen[~changed]
         if hidden or len(seen.index) < 2:
             return seen
+        visible = np.ones(len(seen.index), dtype=bool)
+        visible[self._behind(seen, pose.time_s)] = False
+        return seen[visible]
+
+    def _behind(self, seen: Seen, time_s: float) -> NDArray[np.intp]:
+        """Which of the points seen others hide; ranges of this frame, at ``time_s``, hide more."""
         from scipy.spatial import KDTree  # slow to load
 
-        pair = KDTree(seen.pixel).query_pairs(HIDDEN_PIXELS, output_type="ndarray")
-        farther = np.diff(seen.log_depth[pair])[:, 0]
-        visible = np.ones(len(seen.index), dtype=bool)
-        visible[pair[farther > HIDDEN_LOG, 1]] = visible[pair[farther < -HIDDEN_LOG, 0]] = False
-        return seen[visible]
+        near, far = KDTree(seen.pixel).query_pairs(BEHIND_PIXELS, output_type="ndarray").T
+        swapped = seen.log_depth[near] > seen.log_depth[far]
+        near, far = np.where(swapped, far, near), np.where(swapped, near, far)
+        farther = seen.log_depth[far] - seen.log_depth[near]
+        close = np.hypot(*(seen.pixel[near] - seen.pixel[far]).T) < HIDDEN_PIXELS
+        now = self.points.time_s[seen.index] == time_s
+        appeared = now[near] & ~now[far] & (farther > BEHIND_LOG)
+        return far[close & (farther > HIDDEN_LOG) | appeared]
 
     def _seen(self, pose: PoseAt, points: Points) -> Seen:
         local_m = (points.position_m - pose.position_m) @ pose.axes
