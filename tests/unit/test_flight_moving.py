@@ -1,4 +1,4 @@
-"""Things that move through a flight: what is old must not hide them, nor stay when they have left."""
+"""Things that move: what is old must not hide them, nor stay when they have left."""
 
 import numpy as np
 import pytest

@@ -45,8 +45,8 @@ class Points(Rows):
     """Points (N,) of the world.
 
     ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
-    the variances of position, m², and rotation, rad², of the pose that they rest on, their depth then
-    and the image's ``brightness`` there, nan if unknown.
+    the variances of position, m², and rotation, rad², of the pose that they rest on, their depth
+    then and the image's ``brightness`` there, nan if unknown.
     """
 
     position_m: Floats
@@ -100,7 +100,9 @@ class RangeMemory:
         new = Points(
             pose.position_m + (directions * range_m[:, None]) @ pose.axes.T,
             (sigma_m / range_m) ** 2,
-            *(np.full(count, each) for each in (pose.time_s, pose.variance_m2, pose.variance_rad2)),
+            np.full(count, pose.time_s),
+            np.full(count, pose.variance_m2),
+            np.full(count, pose.variance_rad2),
             range_m * directions[:, 2],
             np.full(count, np.nan) if image is None else image.at(pixel),
         )
