@@ -1,8 +1,8 @@
 """Things that cross the view: what the memory of a flight makes of them, beside the single frame.
 
-Into drawn worlds of families that nothing was learned from comes a person who walks across, a door
-that swings, or a slab that slides by, before a drone that hovers or flies ahead. Depth and the
-obstacle in the corridor are compared with the truth while the thing is in view and after it left.
+Into drawn rooms, which nothing was learned from, comes a person who walks across, a door that
+swings, or a slab that slides by, before a drone that hovers or flies ahead. Depth and the obstacle
+in the corridor are compared with the truth while the thing is in view and after it left.
 """
 
 import sys
@@ -25,7 +25,8 @@ from reconstruction import read_capture
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Capture
 from reconstruction.depth import Corridor, nearest_obstacle_m, pixel_rays
-from spisim.scene import Scene, SceneObject, Trajectory, draw_scene
+from spisim.atmosphere import CLEAR
+from spisim.scene import Ambient, Scene, SceneObject, Trajectory
 from spisim.scene.materials import find_material
 from spisim.simulation.flight import record_flight
 from spisim.simulation.measurement import recorded_optics
@@ -35,15 +36,17 @@ from spisim_worlds.parts import figure
 from spisim_worlds.parts.figure import Arm, Leg
 
 PRESET = "fog-steered"
-WORLDS = ("tunnel", "stairwell", "racing-gates", "rubble")
 THINGS = ("person", "door", "slab")
 MOTIONS = ("hover", "forward")
 FLIGHTS, QUICK_FLIGHTS, WORKERS = 24, 2, 2
 BEFORE_S, AFTER_S = 0.35, 0.3
 """Time before the thing comes into view, and after it has left."""
 TRUTH_EVERY, LIGHT_SPACING_M = 2, 0.08
-CLOSE, BEHIND_M = 1.25, 1.2
-"""Ratio of a reported and the true obstacle; free space behind the thing."""
+CLOSE = 1.25
+"""Ratio of a reported and the true obstacle."""
+BEHIND_M, BOXES = (1.3, 4.0), 6
+"""From the thing to what is behind it, and how much of that there is before the wall."""
+MATERIALS = ("concrete", "plaster", "brick", "brick-dark", "plywood", "pvc", "asphalt")
 RATIO, REPORT_S, GHOST_S = 1.0, 0.2, 0.2
 DOOR_M = (0.9, 2.0, 0.04)
 Placed = tuple[tuple[SceneObject, ...], float]
@@ -139,29 +142,40 @@ class Drawn:
 
 
 def _drawn(quick: bool) -> Iterator[Drawn]:
-    """Flights without end; each world that has room for its thing."""
+    """Flights without end; each in a room of its own."""
     for number in count():
         rng = np.random.default_rng([SEED, 7, number])
         thing, motion = THINGS[number % 3], MOTIONS[number // 3 % 2]
-        for seed in count(100 * number):
-            family = WORLDS[(number + seed) % len(WORLDS)]
-            changes = {"fog": None, "rain": None}
-            world = draw_scene(family, SEED + seed, changes=changes)
-            distance_m = rng.uniform(2.2, 3.8)
-            if _room_m(world) > distance_m + BEHIND_M and abs(world.drone_pose[2, 2]) < 0.35:
-                break
+        distance_m = rng.uniform(2.2, 3.8)
+        world = _room(rng, distance_m + rng.uniform(*BEHIND_M))
         speed_m_s = rng.uniform(1.4, 1.8) if quick else rng.uniform(0.7, 1.7)
         side = rng.choice([-1.0, 1.0])
         things, in_view_s = PLACED[thing](rng, world.drone_pose, distance_m, side * speed_m_s)
         gone_s = BEFORE_S + in_view_s
         path = _path(world, motion, rng.uniform(0.4, 1.0), gone_s + AFTER_S, gone_s / 2)
-        name = f"{number} {world.name} {thing} {motion} {distance_m:.1f} m {speed_m_s:.1f} m/s"
+        name = f"{number} {thing} {motion} {distance_m:.1f} m {speed_m_s:.1f} m/s"
         yield Drawn(name, thing, motion, world, things, path, gone_s, number)
 
 
-def _room_m(world: Scene) -> float:
-    """Distance of the corridor's nearest obstacle in a world without the thing."""
-    return float(_obstacles_m(world, [world.drone_pose])[0])
+def _room(rng: np.random.Generator, wall_m: float) -> Scene:
+    """A room with things before its far wall, seen along x."""
+    sides = {
+        "far": ([0.1, 12, 6], [wall_m + 0.6, 0, 1]),
+        "floor": ([16, 12, 0.1], [5, 0, -1.4]),
+        "left": ([16, 0.1, 6], [5, rng.uniform(1, 3), 1]),
+    }
+    for number in range(BOXES):
+        size_m = rng.uniform([0.1, 0.1, 0.2], [0.6, 0.8, 2.5])
+        at_m = [wall_m + rng.uniform(0, 0.3), rng.uniform(-1, 1), rng.uniform(-1.2, 1)]
+        sides[f"box {number}"] = (size_m, [at_m[0] + size_m[0] / 2, *at_m[1:]])
+    objects = tuple(
+        SceneObject(name, trimesh.creation.box(size_m).apply_translation(at_m),
+                    find_material(str(rng.choice(MATERIALS))))
+        for name, (size_m, at_m) in sides.items()
+    )  # fmt: skip
+    pose = np.eye(4)
+    pose[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+    return Scene("room", objects, CLEAR, Ambient(), drone_pose=pose)
 
 
 def _obstacles_m(world: Scene, poses: Sequence[Floats]) -> Floats:
@@ -237,7 +251,7 @@ def _sliding(
     start_m = start_m - right * (reach_m + BEFORE_S * abs(speed_m_s)) * pose[:3, 0]
     velocity = speed_m_s * pose[:3, 0]
     return tuple(
-        SceneObject(material, _turned(mesh, pose, start_m), find_material(material, {}),
+        SceneObject(material, _turned(mesh, pose, start_m), find_material(material),
                     tuple(velocity.tolist()))  # type: ignore[arg-type]
         for material, mesh in meshes.items()
     ), in_view_s  # fmt: skip
@@ -263,7 +277,7 @@ def _door(rng: np.random.Generator, pose: Floats, distance_m: float, speed_m_s: 
     made = Hinged(
         "door",
         _turned(mesh, pose, hinge_m),
-        find_material(str(rng.choice(["pvc", "plywood", "paint-white"])), {}),
+        find_material(str(rng.choice(["pvc", "plywood", "paint-white"]))),
         tuple((speed_m_s * pose[:3, 0]).tolist()),  # type: ignore[arg-type]
         spin_rad_s=tuple((towards * spin * up).tolist()),  # type: ignore[arg-type]
         hinge_m=tuple(hinge_m.tolist()),
