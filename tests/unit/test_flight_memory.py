@@ -19,9 +19,11 @@ from reconstruction.depth.completion.correction import (
     spread_out,
 )
 from reconstruction.depth.memory import FlightMemory, FrameRanges
+from reconstruction.depth.memory.appearance import Appearance
 from reconstruction.depth.memory.maps import MAX_SIGMAS, NEW, MapMemory, sampled
 
 KERNEL = fitted_kernel()
+SEEN = Appearance(np.ones(SHAPE), 0.0)
 WHOLE = KERNEL.sharp + KERNEL.smooth + KERNEL.nugget
 
 
@@ -29,7 +31,7 @@ def test_a_still_camera_averages_noise_down():
     maps, rng, true = MapMemory(OPTICS, SHAPE), np.random.default_rng(0), np.log(5.0)
     sigma = np.full(SHAPE, 0.1)
     for number in range(120):
-        result = maps.take(pose(number), true + 0.02 * rng.standard_normal(SHAPE), sigma)
+        result = maps.take(pose(number), true + 0.02 * rng.standard_normal(SHAPE), sigma, SEEN)
     expected = 0.02 * np.sqrt(NEW / (2 - NEW))
     assert result.std() == pytest.approx(expected, rel=0.15)
     assert abs(result.mean() - true) < expected / 10
@@ -41,9 +43,9 @@ def test_a_still_camera_averages_noise_down():
 )
 def test_a_plane_is_carried_exactly(position_m, turn_rad, after_m):
     maps, sigma, off = MapMemory(OPTICS, SHAPE), np.full(SHAPE, 0.1), 0.05
-    maps.take(pose(0), np.full(SHAPE, np.log(5) + off), sigma)
+    maps.take(pose(0), np.full(SHAPE, np.log(5) + off), sigma, SEEN)
     after = pose(1, position_m, turn_rad)
-    result = maps.take(after, np.full(SHAPE, np.log(after_m)), sigma)
+    result = maps.take(after, np.full(SHAPE, np.log(after_m)), sigma, SEEN)
     seen_m = (pixel_rays(OPTICS, SHAPE) * after_m) @ after.axes.T + after.position_m
     edge = 0.3 * 5 * (1 + 1e-9)
     before = (np.abs(seen_m[..., :2]) <= edge).all(axis=-1)
@@ -54,10 +56,10 @@ def test_a_plane_is_carried_exactly(position_m, turn_rad, after_m):
 
 def test_where_the_scene_jumps_the_average_begins_anew():
     maps, sigma = MapMemory(OPTICS, SHAPE), np.full(SHAPE, 0.1)
-    maps.take(pose(0), np.full(SHAPE, np.log(5)), sigma)
+    maps.take(pose(0), np.full(SHAPE, np.log(5)), sigma, SEEN)
     new = np.full(SHAPE, np.log(5) + 0.9 * MAX_SIGMAS * 0.1)
     new[:, 30:] = np.log(2)
-    result = maps.take(pose(1), new, sigma)
+    result = maps.take(pose(1), new, sigma, SEEN)
     np.testing.assert_allclose(result[:, 30:], np.log(2))
     np.testing.assert_allclose(result[:, :30], np.log(5) + NEW * 0.9 * MAX_SIGMAS * 0.1)
 

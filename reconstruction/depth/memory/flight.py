@@ -11,6 +11,7 @@ from ...capture.motion import PoseAt, break_between
 from ..completion import MapCompletion
 from ..method import DepthEstimate
 from ..pixels import MIN_DEPTH_M, in_view, pixel_of, seen_before
+from .appearance import Appearances
 from .clock import ClockOffset
 from .maps import MapMemory
 from .points import RangeMemory
@@ -65,6 +66,7 @@ class FlightMemory:
         self._maps = MapMemory(self._optics, self._shape)
         self._lost = LostSpots()
         self._last_map: tuple[PoseAt, Floats, Floats] | None = None
+        self._images = Appearances()
 
     def take(
         self, stated: PoseAt, image: Floats, estimate: DepthEstimate, ranges: FrameRanges
@@ -81,13 +83,14 @@ class FlightMemory:
         log_depth = _log(estimate)
         self.clock.take(stated, image, log_depth)
         pose = self.clock.corrected()
+        seen = self._images.take(image)
         if log_depth is not None and estimate.sigma is not None:
             ranges = self._decided(pose, ranges, log_depth, estimate.sigma)
-        self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m)
+        self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m, seen)
         if log_depth is not None and estimate.sigma is not None:
-            log_depth = self._maps.take(pose, log_depth, estimate.sigma)
+            log_depth = self._maps.take(pose, log_depth, estimate.sigma, seen)
             averaged = replace(estimate, depth_m=np.exp(log_depth))
-            estimate = self.complete(image, averaged, self.ranges.seen(pose))
+            estimate = self.complete(image, averaged, self.ranges.seen(pose, seen))
             assert estimate.sigma is not None
             self._last_map = (
                 pose,

@@ -2,8 +2,11 @@
 
 The errors of maps of successive frames are not the same, as their readings are not. Each pixel of
 the new map finds its place in the last average; where both agree, the average takes a fraction of
-the new map, elsewhere it begins anew: there something moved, or came into view.
+the new map, elsewhere it begins anew: there something moved, or came into view. So it does where
+the image is no longer as bright as it was.
 """
+
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,10 +15,21 @@ from ...capture import Optics
 from ...capture.motion import PoseAt
 from ..pixels import in_view, pixel_rays, seen_before
 
+if TYPE_CHECKING:
+    from .appearance import Appearance
+
 NEW = 0.15
 """Fraction that the new map has in the average."""
 MAX_SIGMAS = 3.0
 """Maximum difference between average and map, in standard deviations of the map."""
+
+
+class Average(NamedTuple):
+    """Averages of ln depth and of brightness, (H, W), in a view."""
+
+    pose: PoseAt
+    log_depth: Floats
+    brightness: Floats
 
 
 class MapMemory:
@@ -24,25 +38,32 @@ class MapMemory:
     def __init__(self, optics: Optics, shape: tuple[int, int]) -> None:
         self._optics, self._shape = optics, shape
         self._rays = pixel_rays(optics, shape)
-        self._last: tuple[PoseAt, Floats] | None = None
+        self._pixels = np.indices(shape, dtype=np.float64).reshape(2, -1).T
+        self._last: Average | None = None
 
-    def take(self, pose: PoseAt, log_depth: Floats, sigma: Floats) -> Floats:
+    def take(self, pose: PoseAt, log_depth: Floats, sigma: Floats, seen: "Appearance") -> Floats:
         """The average with a new map of ln depth (H, W) of standard deviation ``sigma``."""
-        if self._last is not None:
-            log_depth = self._averaged(*self._last, pose, log_depth, sigma)
-        self._last = pose, log_depth
-        return log_depth
+        new = Average(pose, log_depth, np.maximum(seen.image, 0))
+        self._last = new if self._last is None else self._averaged(self._last, new, sigma, seen)
+        return self._last.log_depth
 
-    def _averaged(
-        self, before: PoseAt, last: Floats, pose: PoseAt, log_depth: Floats, sigma: Floats
-    ) -> Floats:
-        points_m = self._rays * np.exp(log_depth)[..., None]
-        pixel, local_m = seen_before(before, pose, points_m, self._optics, self._shape)
-        inside = in_view(pixel, last.shape)
-        carried = sampled(last, pixel).reshape(last.shape) + log_depth - np.log(local_m[..., 2])
-        agrees = np.abs(carried - log_depth) < MAX_SIGMAS * sigma
-        agrees &= inside.reshape(last.shape)
-        return np.where(agrees, NEW * log_depth + (1 - NEW) * carried, log_depth)
+    def _averaged(self, last: Average, new: Average, sigma: Floats, seen: "Appearance") -> Average:
+        points_m = self._rays * np.exp(new.log_depth)[..., None]
+        pixel, local_m = seen_before(last.pose, new.pose, points_m, self._optics, self._shape)
+        there, was = (sampled(each, pixel) for each in (last.log_depth, last.brightness))
+        carried = there.reshape(self._shape) + new.log_depth - np.log(local_m[..., 2])
+        agrees = np.abs(carried - new.log_depth) < MAX_SIGMAS * sigma
+        kept = in_view(pixel, self._shape)
+        kept &= ~seen.differs(self._pixels, was)
+        agrees &= kept.reshape(self._shape)
+        log_depth, brightness = (
+            np.where(agrees, NEW * now + (1 - NEW) * before, now)
+            for now, before in (
+                (new.log_depth, carried),
+                (new.brightness, was.reshape(self._shape)),
+            )
+        )
+        return Average(new.pose, log_depth, brightness)
 
 
 def sampled(image: Floats, pixel: Floats) -> Floats:

@@ -3,7 +3,8 @@
 A range is a point of the world, as its frame's pose says. In a later view it has a pixel and a
 depth, whose errors are those of range and poses. Points of one place are fused, so that some
 hundreds of them hold what seconds of ranges say. What the spots show to be gone, and what was next
-to it, is dropped: a thing that moves leaves no points behind.
+to it, is dropped: a thing that moves leaves no points behind. Points of places that no longer look
+as they did are not seen until they do.
 """
 
 from dataclasses import dataclass, fields
@@ -17,6 +18,7 @@ from ...capture import Optics
 from ...capture.motion import PoseAt
 from ..completion import MAX_LOG_SIGMA, Rows, Seen
 from ..pixels import distances, in_view, pixel_of
+from .appearance import Appearance
 
 MAX_POINTS = 600
 NEAREST_M = 0.1
@@ -31,7 +33,8 @@ NEIGHBOUR_PIXELS, NEIGHBOUR_LOG = 8.0, 0.1
 """Points next to one that is gone are of the same thing, and gone too."""
 
 BEHIND_PIXELS, BEHIND_LOG = 4.0, 0.2
-"""What may have appeared hides points this close in the image and farther by this much."""
+"""What a frame's own ranges meet, and what may have appeared, hides points this close in the image
+and farther by this much."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +42,8 @@ class Points(Rows):
     """Points (N,) of the world.
 
     ``position_m`` (N, 3), ``log_variance`` of their range, ``time_s`` at which they were last met,
-    and the variances of position, m², and rotation, rad², of the pose that they rest on.
+    the variances of position, m², and rotation, rad², of the pose that they rest on, their depth
+    then and the image's ``brightness`` there, nan if unknown.
     """
 
     position_m: Floats
@@ -47,11 +51,13 @@ class Points(Rows):
     time_s: Floats
     pose_variance_m2: Floats
     pose_variance_rad2: Floats
+    depth_m: Floats
+    brightness: Floats
 
     @classmethod
     def none(cls) -> Self:
         """No points."""
-        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(4)))
+        return cls(np.zeros((0, 3)), *(np.zeros(0) for _ in range(6)))
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -70,7 +76,14 @@ class RangeMemory:
         self._pixels_per_rad = shape[0] / 2 / optics.tan_half_height
         self.points = Points.none()
 
-    def add(self, pose: PoseAt, directions: Floats, range_m: Floats, sigma_m: Floats) -> None:
+    def add(
+        self,
+        pose: PoseAt,
+        directions: Floats,
+        range_m: Floats,
+        sigma_m: Floats,
+        image: Appearance | None = None,
+    ) -> None:
         """Add the ranges (S,) along unit vectors (S, 3), nan where there is none.
 
         Points that they show to be gone are dropped; those of the same place are fused.
@@ -80,11 +93,15 @@ class RangeMemory:
         if not usable.any():
             return
         directions, range_m, sigma_m = directions[usable], range_m[usable], sigma_m[usable]
-        count = len(range_m)
+        count, pixel = len(range_m), pixel_of(directions, self._optics, self._shape)
         new = Points(
             pose.position_m + (directions * range_m[:, None]) @ pose.axes.T,
             (sigma_m / range_m) ** 2,
-            *(np.full(count, each) for each in (pose.time_s, pose.variance_m2, pose.variance_rad2)),
+            np.full(count, pose.time_s),
+            np.full(count, pose.variance_m2),
+            np.full(count, pose.variance_rad2),
+            range_m * directions[:, 2],
+            np.full(count, np.nan) if image is None else image.at(pixel),
         )
         seen, met = self.seen(pose, hidden=True), self._seen(pose, new)
         gone = self._gone(seen, met)
@@ -105,18 +122,35 @@ class RangeMemory:
         behind = ((close < BEHIND_PIXELS) & (farther > BEHIND_LOG)).any(axis=1)
         self.points = self.points[np.delete(np.arange(len(self.points)), seen.index[behind])]
 
-    def seen(self, pose: PoseAt, *, hidden: bool = False) -> Seen:
-        """Points in the view of a pose; those behind others only if ``hidden``."""
+    def seen(self, pose: PoseAt, image: Appearance | None = None, *, hidden: bool = False) -> Seen:
+        """Points in the view of a pose; those behind others only if ``hidden``.
+
+        Points that do not look as they did in the ``image`` are not what is seen there.
+        """
         seen = self._seen(pose, self.points)
+        if image is not None and len(seen.index):
+            then = self.points[seen.index]
+            nearer = then.depth_m / np.exp(seen.log_depth)
+            changed = image.differs(seen.pixel, then.brightness, nearer, seen.pixel_variance)
+            seen = seen[~changed]
         if hidden or len(seen.index) < 2:
             return seen
+        visible = np.ones(len(seen.index), dtype=bool)
+        visible[self._behind(seen, pose.time_s)] = False
+        return seen[visible]
+
+    def _behind(self, seen: Seen, time_s: float) -> NDArray[np.intp]:
+        """Which of the points seen others hide; ranges of this frame, at ``time_s``, hide more."""
         from scipy.spatial import KDTree  # slow to load
 
-        pair = KDTree(seen.pixel).query_pairs(HIDDEN_PIXELS, output_type="ndarray")
-        farther = np.diff(seen.log_depth[pair])[:, 0]
-        visible = np.ones(len(seen.index), dtype=bool)
-        visible[pair[farther > HIDDEN_LOG, 1]] = visible[pair[farther < -HIDDEN_LOG, 0]] = False
-        return seen[visible]
+        near, far = KDTree(seen.pixel).query_pairs(BEHIND_PIXELS, output_type="ndarray").T
+        swapped = seen.log_depth[near] > seen.log_depth[far]
+        near, far = np.where(swapped, far, near), np.where(swapped, near, far)
+        farther = seen.log_depth[far] - seen.log_depth[near]
+        close = np.hypot(*(seen.pixel[near] - seen.pixel[far]).T) < HIDDEN_PIXELS
+        now = self.points.time_s[seen.index] == time_s
+        appeared = now[near] & ~now[far] & (farther > BEHIND_LOG)
+        return far[close & (farther > HIDDEN_LOG) | appeared]
 
     def _seen(self, pose: PoseAt, points: Points) -> Seen:
         local_m = (points.position_m - pose.position_m) @ pose.axes
