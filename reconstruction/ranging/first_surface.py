@@ -36,6 +36,8 @@ TOO_CLOSE_M = 0.3
 ALONE = 0.1
 """Factor of what is unseen and near on one ray while others have a target: it must be small."""
 MIN_LOG_SIGMA = 0.02
+MIN_PROBABILITY = 0.98
+"""Weight of the only range of a spot that is "ok": with less, its alternatives are simultaneous."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,8 @@ def _without_target(ranges: Ranges) -> Floats:
 def _of_alternatives(ranges: Ranges, spot: int) -> Floats:
     """Probabilities (K + 1,) of the cells by all possible ranges of a spot."""
     some = ranges.alternatives[spot] or ((ranges.range_m[spot], ranges.sigma_m[spot], 1.0),)
+    if ranges.status[spot] == "ok" and some[0][2] < MIN_PROBABILITY:
+        some = (min(some),)  # simultaneous echoes, all of them surfaces
     range_m, sigma_m, weight = np.array(some, dtype=np.float64).T
     if not np.isfinite(range_m).all() or not weight.sum() > 0:
         return np.zeros(EDGES_M.size + 1)
