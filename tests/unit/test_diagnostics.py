@@ -223,7 +223,7 @@ def test_ranges_of_frequencies_that_differ_are_told_as_perhaps_biased(capture: C
 def test_a_range_that_a_better_method_does_not_tell_is_perhaps_biased(capture: Capture) -> None:
     assert capture.spots is not None
     plain = measure_ranges(capture.spots)
-    fog = FogOptics(0.01, 0.001, 0.1)
+    fog = FogOptics(0.01, 0.0003, 0.1)
     same = replace(plain, fog=fog)
     other = replace(plain, fog=fog, range_m=plain.range_m + np.array([0, 0, 1, 0]))
     assert range_consistency({"cw": plain, "fog": same}, capture.spots) == {}

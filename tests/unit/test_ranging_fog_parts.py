@@ -7,7 +7,7 @@ from fogs import light
 from reconstruction.ranging import Alternative
 from reconstruction.ranging.brightness import bucket_optics
 from reconstruction.ranging.fog.answer import _status
-from reconstruction.ranging.fog.edges import disagreement, odd_spots
+from reconstruction.ranging.fog.edges import odd_spots
 from reconstruction.ranging.fog.fog_state import CHANGE, DRIFT, FogState
 from reconstruction.ranging.fog.modes import find_modes
 from reconstruction.ranging.fog.numerics import cholesky, whitened
@@ -108,18 +108,6 @@ def test_three_readings_of_a_spot_leave_one_to_judge_it_by(misfit: float, odd: b
     spot = SpotPosterior(alternatives=(Alternative(3.0, 0.01, 1.0),), misfit=misfit)
     given = Posterior((spot,) * 4, FogState(*(np.ones(1),) * 3))
     assert odd_spots(given, 3) == (list(range(4)) if odd else [])
-
-
-@pytest.mark.parametrize(("spots", "few", "many"), [(4, 1, 2), (16, 4, 5), (64, 16, 17)])
-def test_a_quarter_of_the_spots_may_be_on_edges(spots: int, few: int, many: int) -> None:
-    def chance(on_edges: int) -> float:
-        misfits = [500.0] * on_edges + [2.0] * (spots - on_edges)
-        found = (Alternative(3.0, 0.01, 1.0),)
-        given = tuple(SpotPosterior(alternatives=found, misfit=each) for each in misfits)
-        return disagreement(Posterior(given, FogState(*(np.ones(1),) * 3)), 6)
-
-    assert chance(few) > 0.5
-    assert chance(many) < 1e-3
 
 
 @pytest.mark.parametrize(("echoes", "status"), [(1, "ambiguous"), (2, "ok")])

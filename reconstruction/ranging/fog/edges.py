@@ -13,7 +13,7 @@ from ...base.arrays import Floats
 from ..ranges import Alternative
 from .fog_state import FogState
 from .modes import MAX_STEP_M, MIN_RANGE_M, Indices, Modes
-from .numerics import chi_squared_above, chi_squared_limit, inverse, solved
+from .numerics import chi_squared_limit, inverse, solved
 from .posterior import Posterior, SpotPosterior, joined, posterior
 from .target_prior import even_log_prior
 from .templates import SEARCH, STEP_M, Templates
@@ -79,19 +79,6 @@ def _wider(spot: SpotPosterior, readings: int) -> SpotPosterior:
     growth = max(1.0, np.sqrt(spot.misfit / _freedom(readings)))
     wider = tuple(each._replace(sigma_m=growth * each.sigma_m) for each in spot.alternatives)
     return replace(spot, alternatives=wider, noise_m=growth * spot.noise_m)
-
-
-def disagreement(given: Posterior, readings: int) -> float:
-    """Probability that chance makes the spots, except the worst, disagree on the fog as much as
-    these.
-
-    A quarter of the spots may be on edges; more indicate fog that violates the model. Excluding
-    the worst makes chance even less likely.
-    """
-    misfits = sorted(spot.misfit for spot in given.spots if spot.alternatives)
-    misfits = misfits[: 3 * len(misfits) // 4]
-    freedom = len(misfits) * (readings - 2) - 2  # without the fog's two numbers
-    return chi_squared_above(sum(misfits), freedom) if freedom > 0 else 1.0
 
 
 def odd_spots(given: Posterior, readings: int) -> list[int]:

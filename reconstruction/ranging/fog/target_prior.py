@@ -1,7 +1,7 @@
-"""Prior of targets: their reflectance, and whether they lie beyond the unambiguous range.
+"""Prior of targets: their reflectance, their range, and that they lie beyond the unambiguous range.
 
-A target beyond that range has the phases of a nearer one, which would have to be darker than most
-surfaces: by (r / (r + R))², and by the fog between them.
+A target beyond that range has the phases of a nearer one, which would have to be darker by (r / (r
++ R))², and by the fog between them. Some surfaces are that dark.
 """
 
 import numpy as np
@@ -18,12 +18,13 @@ DARK = 0.2
 DARK_FROM, DARK_TO = 0.005, 0.1
 """from water, ice, old snow and glossy black plastic (0.016 to 0.023 at 1550 nm) at slanted
 incidence to black rubber, paint and wet asphalt (0.04 to 0.08). 15 % of the materials in
-`spisim/scene/materials.yaml`, where their measurements are named, are below 0.1."""
+`spisim/scene/materials.yaml`, where their measurements are named, are below 0.1; more is assumed,
+as drones meet one of them for long."""
 ODD = 0.05
 """Prior probability of anything else, uniform in ln: mirrors, edges, retro-reflectors."""
 ODD_FROM, ODD_TO = 1e-4, 1e2
 TYPICAL_RANGE_M = 5.0
-"""Half of the targets of drawn worlds are nearer than 0.6 times as far, 9 % at more than twice."""
+"""Assumed: half of the targets are nearer than 0.6 times as far, 9 % farther than twice."""
 BEYOND = 0.05
 """Prior probability of a target in the second unambiguous interval, from drawn worlds."""
 INTERVALS = 2

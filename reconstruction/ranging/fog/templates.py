@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...base.arrays import Floats
 from ...capture.spots import SpotOptics
@@ -58,26 +57,6 @@ class Templates:
         """Covariance (S, K, n, n) of a target half the unambiguous range away."""
         middle = np.searchsorted(self.range_m, self.unambiguous_m / 2) // PATCH_STEP
         return self.uneven[:, :, middle]
-
-    @property
-    def repeats(self) -> bool:
-        """Whether the tables reach twice the unambiguous range."""
-        return bool(self.range_m[-1] > self.unambiguous_m + STEP_M)
-
-    def twins(
-        self, spot: NDArray[np.intp], node: NDArray[np.intp], range_m: Floats
-    ) -> tuple[Floats, Floats]:
-        """Norms of the readings (C,) of unit reflectance at equal phases within and beyond R.
-
-        One of the two is at ``range_m`` (C,), R the unambiguous range.
-        """
-        near_m = range_m % self.unambiguous_m
-        return tuple(
-            np.linalg.norm(
-                self.target[spot, node, :, np.searchsorted(self.range_m[:-1], each_m)], axis=1
-            )
-            for each_m in (near_m, near_m + self.unambiguous_m)
-        )
 
     def rougher(self, times: float) -> "Templates":
         """The same for fog whose density deviates ``times`` as much."""

@@ -195,13 +195,12 @@ def _weights(
     evidence = counted * by_spot[:, usable].sum(axis=1)
     others = evidence[:, None] - counted * by_spot * usable[:, None]
     support = (by_spot + IN_COMMON * others).max(axis=0).reshape(-1, *fogs)
-    log_prior = np.log(light_prior)[:, None] + np.log(
-        np.maximum(prior.probability, 1e-300) * (WEIGHTS / WEIGHTS.sum())[:, None]
-    ).T.ravel()  # fmt: skip
+    fog_prior = np.maximum(prior.probability, 1e-300)[:, None] * WEIGHTS / WEIGHTS.sum()
+    log_prior = np.log(light_prior)[:, None] + np.log(fog_prior).ravel()
     weight, log_shared = _normalised(evidence[:, None] + log_prior[:, None])
-    own, log_own = _normalised(by_spot + log_prior[:, None])
-    uneven = probability_of_uneven(counted * log_own[usable].sum() - log_shared[0])
-    mixed = (1 - uneven) * weight + uneven * own  # (A, spots, fogs)
+    alone, log_alone = _normalised(by_spot + log_prior[:, None])
+    uneven = probability_of_uneven(float(counted * log_alone[usable].sum() - log_shared[0]))
+    mixed = (1 - uneven) * weight + uneven * alone  # (A, spots, fogs)
     of_each = mixed.reshape(light_prior.size, -1) / total
     by_root = np.einsum("ac,ac->c", target, of_each[:, group])
     return weight.sum(axis=(0, 1)).reshape(fogs), by_root, support, uneven
