@@ -5,7 +5,7 @@ and nothing is fitted to them.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import trimesh
@@ -18,6 +18,8 @@ POSE = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]], dt
 """Optical frame (x right, y down, z forward) in a world whose z is up."""
 DARK = ("snow-old", "ice", "water", "abs-black", "rubber-black")
 """Shipped materials that return least."""
+LENS, BETWEEN_SPOTS = "against the lens", ("person", "pole")
+"""Kinds of corners, beside walls."""
 WALL_M = 20.0
 SKY_KLX = 5.0
 KIND = "moderate-radiation"
@@ -151,7 +153,8 @@ def near_walls(count: int, seed: int) -> Iterator[Corner]:
     rng = np.random.default_rng(seed)
     for number in range(count):
         reflectance = float(np.exp(rng.uniform(np.log(0.03), np.log(0.9))))
-        yield wall(reflectance, float(rng.uniform(0.05, 0.3)), (None, 50.0)[number % 2])
+        corner = wall(reflectance, float(rng.uniform(0.05, 0.3)), (None, 50.0)[number % 2])
+        yield replace(corner, kind=LENS)
 
 
 def between_spots(count: int, seed: int) -> Iterator[Corner]:
