@@ -33,9 +33,10 @@ from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, Corridor, nearest_obstacle_m, pixel_rays
 from spisim import load_instrument, simulate
 from spisim.instrument import Instrument
-from spisim_paper.checks import Check, Table
+from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "depth.md"
+PACKAGES = ("mitsuba", "drjit", "numpy", "scipy")
 SEED = 20261128
 FOUR = ("paper", "fog", "fog-spad", "hybrid", "apd", "spad", "fga015")
 """Presets of four fixed spots, of which a frame has a corridor;"""
@@ -270,7 +271,7 @@ def main() -> int:
         *(nano_drone_checks(options.recorded) if options.recorded else ()),
     ]
     tables = [table_of(frames, flown), ranges_table(ranges), crossings_table(moving)]
-    return finish(options, PAGE, "corridor corners", {"seed": SEED}, tables, checks)
+    return finish(options, PAGE, "corridor corners", surroundings(PACKAGES), tables, checks)
 
 
 if __name__ == "__main__":

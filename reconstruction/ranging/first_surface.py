@@ -21,10 +21,11 @@ EDGES_M = 40.0 * STEP ** np.arange(-67.0, 1.0)
 """Edges (K,) of the cells, from 5 cm to the maximum range."""
 EDGES_M.setflags(write=False)
 LOG_EDGES = np.log(EDGES_M)
-COVERED = 0.35
-"""Prior probability of something against the lens where nothing at all returns: as that of"""
+COVERED = 0.4
+"""Prior probability of something against the lens where nothing at all returns,"""
 OPEN = 0.35
-"""nothing within the maximum range. The rest is uniform in ln range."""
+"""and of nothing within the maximum range: a covered lens and an open sky look alike, and neither
+is called free. The rest is uniform in ln range."""
 MISSED = 0.05
 """Probability that a surface within reach returns nothing: black, or a mirror that looks away."""
 REACH_M = 15.0

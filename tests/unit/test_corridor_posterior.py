@@ -1,0 +1,112 @@
+"""Corridors integrate over the posterior of the spots, and maps are held against their ranges."""
+
+import numpy as np
+import pytest
+
+from reconstruction.capture import Optics
+from reconstruction.depth import (
+    DISTANCES_M,
+    FORWARD,
+    CorridorPosterior,
+    DepthEstimate,
+    SpotsAhead,
+    corridors_of,
+    pixel_of,
+    pixel_rays,
+)
+from reconstruction.depth.agreement import agrees
+from reconstruction.depth.corridor_posterior import UNSEEN, unseen_free
+from reconstruction.ranging.first_surface import EDGES_M, FirstSurfaces
+
+SHAPE = (32, 32)
+OPTICS = Optics(np.tan(np.radians(10)), np.tan(np.radians(10)))
+RAYS = pixel_rays(OPTICS, SHAPE)
+DIRECTIONS = np.array([[x, y, 1.0] for y in (-0.09, 0.09) for x in (-0.09, 0.09)])
+DIRECTIONS /= np.linalg.norm(DIRECTIONS, axis=1)[:, None]
+PIXEL = pixel_of(DIRECTIONS, OPTICS, SHAPE)
+
+
+def surfaces(*weights_at_m, beyond=0.0):
+    """The same posterior of all four spots: weights at some ranges, and beyond all."""
+    mass = np.zeros((4, EDGES_M.size + 1))
+    for range_m, weight in weights_at_m:
+        mass[:, np.searchsorted(EDGES_M, range_m)] += weight
+    mass[:, -1] += beyond
+    return FirstSurfaces(mass)
+
+
+def posterior(first, depth_m=None, sigma=0.1):
+    """Corridors of a flat map, or of none."""
+    known = depth_m is not None
+    estimate = DepthEstimate(
+        np.full(SHAPE, depth_m if known else np.nan), np.full(SHAPE, sigma) if known else None
+    )
+    image = np.ones(SHAPE)
+    spots = SpotsAhead(first, DIRECTIONS, PIXEL, image)
+    return CorridorPosterior(estimate, corridors_of(estimate, RAYS), spots, RAYS)
+
+
+def at(free, distance_m):
+    """Probability at a distance."""
+    return float(np.interp(distance_m, DISTANCES_M, free))
+
+
+def test_an_alternative_that_the_map_dropped_stays_in_the_way():
+    free = posterior(surfaces((2.0, 0.2), (12.0, 0.8)), depth_m=12.0)(FORWARD)
+    assert 0.6 < at(free, 3.0) < 0.81
+    assert (np.diff(free) <= 0).all()
+
+
+def test_an_alternative_outside_the_corridor_s_spots_stays_in_the_way_too():
+    """At 5 m the spots lie beside the corridor, but what they meet goes on."""
+    free = posterior(surfaces((5.0, 0.3), (15.0, 0.7)), depth_m=15.0)(FORWARD)
+    assert at(free, 6.0) < 0.75
+
+
+def test_a_map_far_beyond_its_ranges_is_not_believed():
+    free = posterior(surfaces((3.0, 1.0)), depth_m=12.0)(FORWARD)
+    assert at(free, 3.5) < 0.1
+
+
+def test_without_a_map_the_spots_alone_answer():
+    free = posterior(surfaces((0.1, 0.6), beyond=0.4))(FORWARD)
+    assert at(free, 1.0) <= 0.4 + 1e-9
+    assert np.isfinite(free).all()
+
+
+def test_a_steered_direction_counts_the_spots_within_it():
+    direction = np.array([0.09, 0.09, 1.0])
+    first = surfaces(beyond=1.0)
+    mass = first.mass.copy()
+    mass[3] = surfaces((4.0, 1.0)).mass[3]
+    free = posterior(FirstSurfaces(mass), depth_m=30.0)
+    assert at(free(direction), 5.0) < 0.1
+
+
+def test_between_the_rays_something_may_stand():
+    looked_m = 10 * DIRECTIONS
+    free = unseen_free(looked_m, FORWARD)
+    assert at(free, 1.0) == pytest.approx(1.0, abs=0.01)
+    assert 1 - UNSEEN <= at(free, 3.0) < 0.9
+    assert free.min() >= 1 - UNSEEN
+
+
+def test_where_ranges_have_looked_everywhere_nothing_is_unseen():
+    across = np.linspace(-0.35, 0.35, 15)
+    looked_m = np.array([[x, y, 3.0] for x in across for y in across])
+    free = unseen_free(looked_m, FORWARD)
+    assert at(free, 2.8) == pytest.approx(1.0)
+    assert at(free, 6.0) == pytest.approx(1 - UNSEEN)
+
+
+@pytest.mark.parametrize(("depth_m", "expected"), [(3.0, True), (3.5, True), (9.0, False)])
+def test_a_map_agrees_with_its_own_ranges_or_not(depth_m, expected):
+    estimate = DepthEstimate(np.full(SHAPE, depth_m), np.full(SHAPE, 2.0))
+    log_depth = np.log(np.full((1, 4), 3.0))
+    assert bool(agrees(estimate, PIXEL, log_depth)[0]) is expected
+
+
+def test_one_spot_on_an_edge_is_no_contradiction():
+    estimate = DepthEstimate(np.full(SHAPE, 3.0), np.full(SHAPE, 0.1))
+    assert agrees(estimate, PIXEL, np.log([[3.0, 3.0, 3.0, 30.0]]))[0]
+    assert agrees(estimate, PIXEL, np.full((1, 4), np.nan))[0]
