@@ -19,6 +19,7 @@ POSE = np.array([[0, 0, 1, 0], [-1, 0, 0, 0], [0, -1, 0, 1.5], [0, 0, 0, 1]], dt
 DARK = ("snow-old", "ice", "water", "abs-black", "rubber-black")
 """Shipped materials that return least."""
 LENS, BETWEEN_SPOTS = "against the lens", ("person", "pole")
+HARD = ("half wall", "netting", "pane", "mirror")
 """Kinds of corners, beside walls."""
 WALL_M = 20.0
 SKY_KLX = 5.0
@@ -113,16 +114,24 @@ def _corner(
     return Corner(scene, kind, str(surface), obstacle_m, visibility_m)
 
 
-def _board(name: str, surface: str | float, distance_m: float) -> SceneObject:
+def _board(
+    name: str,
+    surface: str | float,
+    distance_m: float,
+    *,
+    from_m: float = -WALL_M / 2,
+    turned_rad: float = 0.0,
+    opacity: float | None = None,
+) -> SceneObject:
+    """A board from a place across the view to the right, turned about the upright."""
     half = WALL_M / 2
     corners: Floats = np.array(
-        [
-            [x, y, distance_m]
-            for x, y in ((-half, -half), (half, -half), (half, half), (-half, half))
-        ]
+        [[x, y, 0.0] for x, y in ((from_m, -half), (half, -half), (half, half), (from_m, half))]
     )
-    mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).apply_transform(POSE)
-    return SceneObject(name, mesh, _material(surface))
+    turn = trimesh.transformations.rotation_matrix(turned_rad, [0, 1, 0])
+    mesh = trimesh.Trimesh(corners, [[0, 1, 2], [0, 2, 3]]).apply_transform(turn)
+    mesh.apply_translation([0, 0, distance_m]).apply_transform(POSE)
+    return SceneObject(name, mesh, replace(_material(surface), opacity=opacity))
 
 
 def _material(surface: str | float) -> Material:
@@ -179,3 +188,27 @@ def between_spots(count: int, seed: int) -> Iterator[Corner]:
                 behind_m,
                 None,
             )
+
+
+def hard_views(count: int, seed: int) -> Iterator[Corner]:
+    """Views half filled by a wall, nets, panes of glass and metal that looks away."""
+    rng = np.random.default_rng(seed)
+    for number in range(count):
+        kind = HARD[number % len(HARD)]
+        distance_m, behind_m = float(rng.uniform(1.0, 4.0)), float(rng.uniform(1.0, 5.0))
+        reflectance = float(np.exp(rng.uniform(np.log(0.05), np.log(0.8))))
+        behind = _board("behind", 0.35, distance_m + behind_m)
+        if kind == "half wall":
+            surface: str | float = reflectance
+            board = _board(kind, surface, distance_m, from_m=float(rng.uniform(-0.25, 0.2)))
+        elif kind == "netting":
+            surface = reflectance
+            board = _board(kind, surface, distance_m, opacity=float(rng.uniform(0.15, 0.5)))
+        elif kind == "pane":
+            surface = "glass-pane"
+            board = _board(kind, surface, distance_m)
+        else:
+            surface = str(rng.choice(["aluminium-brushed", "steel", "paint-gloss-black"]))
+            turned_rad = float(np.radians(rng.uniform(10, 35)))
+            board = _board(kind, surface, distance_m, turned_rad=turned_rad)
+        yield _corner(kind, surface, distance_m, (None, 50.0)[number // 4 % 2], [board, behind])

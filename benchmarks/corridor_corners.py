@@ -21,7 +21,17 @@ from corner_moving import crossing_checks, crossings, crossings_table
 from corner_phantoms import phantom_checks, phantoms
 from corner_ranges import even_and_uneven, range_checks
 from corner_ranges import table as ranges_table
-from corner_worlds import BETWEEN_SPOTS, LENS, Corner, between_spots, dark_walls, near_walls, walls
+from corner_worlds import (
+    BETWEEN_SPOTS,
+    HARD,
+    LENS,
+    Corner,
+    between_spots,
+    dark_walls,
+    hard_views,
+    near_walls,
+    walls,
+)
 from depth_corridor import off
 from flight_measured import nano_drone_checks
 from intervals import of_fraction
@@ -32,6 +42,7 @@ from reconstruction import Capture, InputError, Reconstructor, Result
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import DISTANCES_M, Corridor, nearest_obstacle_m, pixel_rays
 from spisim import load_instrument, simulate
+from spisim.base.config import LightSource
 from spisim.instrument import Instrument
 from spisim_paper.checks import Check, Table, surroundings
 
@@ -47,8 +58,10 @@ BEHIND_M = 0.5
 """The corridor is judged so far behind what stands in it."""
 CLOSE = 1.25
 NEAR_M = 1.0
-WALLS, NEAR, BETWEEN = 100, 24, 40
+WALLS, NEAR, BETWEEN, HARD_VIEWS = 100, 24, 40, 24
 """Scenes of each preset."""
+HARD_PATHS = 32
+"""Light paths for glass and metal, which the surrogate does not know."""
 FREE, HALF = 0.9, 0.5
 FROM_M, NEAR_TO_M = 0.5, 3.0
 STEERED_FRAMES, STEERED_SCENES = 117, 10
@@ -92,7 +105,10 @@ def instrument(preset: str) -> Instrument:
 
 def seen(corner: Corner, preset: str, seed: int) -> Seen:
     """One frame of a corner; a frame that is refused lets nobody fly."""
-    capture = simulate(corner.scene, instrument(preset), light="surrogate", seed=seed).capture
+    light: LightSource = "traced" if corner.kind in HARD else "surrogate"
+    capture = simulate(
+        corner.scene, instrument(preset), light=light, spp=HARD_PATHS, seed=seed
+    ).capture
     try:
         result = Reconstructor(capture.setup)(capture.frame(0))
     except InputError:
@@ -133,10 +149,10 @@ Job = tuple[Callable[[Corner, str, int], Seen], Corner, str, int]
 
 def jobs(quick: bool) -> Iterator[Job]:
     """All frames, and seconds of steering."""
-    walls_, near, between = (4, 2, 2) if quick else (WALLS, NEAR, BETWEEN)
+    walls_, near, between, hard = (4, 2, 2, 2) if quick else (WALLS, NEAR, BETWEEN, HARD_VIEWS)
     for number, preset in enumerate(("paper", "fog") if quick else (*FOUR, *STEERED)):
         scenes = [*walls(walls_, SEED + number), *near_walls(near, SEED + number)]
-        scenes += [*between_spots(between, SEED + number)]
+        scenes += [*between_spots(between, SEED + number), *hard_views(hard, SEED + number)]
         scenes += [] if quick else list(dark_walls())
         for place, corner in enumerate(scenes):
             yield seen, corner, preset, SEED + 1000 * number + place
@@ -170,6 +186,7 @@ def table_of(frames: Sequence[Seen], flown: Sequence[Seen]) -> Table:
             f"{fraction(near, lambda each: each.free_to(NEAR_M) > HALF):.3f}",
             f"{fraction(between, lambda each: each.called_free):.3f}",
             f"{fraction(between, lambda each: each.missed):.3f}",
+            f"{fraction(of_kind(own, *HARD), lambda each: each.called_free):.3f}",
             "{:.3f} / {:.3f}".format(*reliability(own)),
         )
         body.append((preset, str(len(own)), *cells))
@@ -181,7 +198,7 @@ def table_of(frames: Sequence[Seen], flown: Sequence[Seen]) -> Table:
                 *("–",) * 3,
                 f"{fraction(flown, lambda each: each.called_free):.3f}",
                 f"{fraction(flown, lambda each: each.missed):.3f}",
-                "–",
+                *("–",) * 2,
             )
         )
     return Table(
@@ -191,7 +208,8 @@ def table_of(frames: Sequence[Seen], flown: Sequence[Seen]) -> Table:
         (
             *("preset", "frames", "walls called free", "walls missed"),
             *(f"against the lens: P(free to {NEAR_M:g} m) > {HALF:g}", "between: called free"),
-            *("between: missed", "reliability / over-confidence within 3 m"),
+            *("between: missed", "half walls, nets, panes, mirrors: called free"),
+            *("reliability / over-confidence within 3 m",),
         ),
         body,
     )
@@ -242,6 +260,12 @@ def corridor_checks(frames: Sequence[Seen], flown: Sequence[Seen]) -> Iterator[C
     yield from check(
         "between the spots, called free",
         of_kind(frames, *BETWEEN_SPOTS),
+        lambda each: each.called_free,
+        0.05,
+    )
+    yield from check(
+        "half walls, nets, panes and mirrors called free",
+        of_kind(frames, *HARD),
         lambda each: each.called_free,
         0.05,
     )

@@ -41,7 +41,7 @@ UNSEEN = 0.12
 """Probability of a thing between the rays, of those cells of the corridor at which none has looked.
 An assumption on the safe side, not a fit: neither brightness nor contrast tell people and poles
 from what a scene has behind."""
-UNSEEN_FROM_M, UNSEEN_TO_M = 1.0, 2.0
+UNSEEN_FROM_M, UNSEEN_TO_M = 0.7, 1.4
 """Distances between which it grows: nearer, what is an obstacle fills more than the image's
 resolution and the corridor most of the view."""
 CELLS = 6
