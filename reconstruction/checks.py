@@ -96,6 +96,10 @@ def checked_ranges(name: str, ranges: Any, spots: int) -> Ranges:
         )
     if not np.isfinite(ranges.range_m[ranges.valid]).all():
         raise InputError(f"{who} returned a range that is not finite as 'ok'")
+    if not (ranges.range_m[ranges.valid] > 0).all():
+        raise InputError(f"{who} returned a range of {ranges.range_m.min():g} m as 'ok'")
+    if not (np.isnan(ranges.nothing) | ((ranges.nothing >= 0) & (ranges.nothing <= 1))).all():
+        raise InputError(f"{who} returned nothing = {ranges.nothing.tolist()}, not probabilities")
     return ranges
 
 

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 from ..base.arrays import Floats
 from ..base.errors import InputError
 from .method import DepthEstimate, FreeTowards
-from .obstacle import FORWARD, Corridor, CorridorPrior, corridor_prior
+from .obstacle import FORWARD, Corridor, CorridorPrior, corridor_prior, unit_in_view
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,24 +47,30 @@ class Ahead:
         InputError
             If it leads out of view: nothing is known there.
         """
-        along = np.asarray(direction, dtype=np.float64)
-        if along.shape != (3,) or not np.isfinite(along).all() or not along.any():
-            raise InputError(
-                f"direction = {along.tolist()}: three finite numbers are needed, not all zero"
-            )
-        along = along / np.linalg.norm(along)
-        self._require_in_view(along)
-        corridor = Corridor(self.rays, along)
+        corridor = Corridor(self.rays, unit_in_view(direction, self.rays))
         return corridor.free(self.depth_m, self.prior, self.sigma, self.no_return)
 
-    def _require_in_view(self, along: Floats) -> None:
-        right, down = np.abs(self.rays[..., :2]).reshape(-1, 2).max(axis=0)
-        x, y, z = along
-        if not (z > 0 and abs(x) <= right * z and abs(y) <= down * z):
+
+@dataclass(frozen=True, eq=False)
+class Stated:
+    """Corridors of a method that states the probability along the optical axis.
+
+    Those in other directions are by ``others``, if known.
+    """
+
+    ahead: Floats
+    others: FreeTowards | None
+
+    def __call__(self, direction: ArrayLike) -> Floats:
+        """Probability (K,) of a direction (3,); InputError if nothing is known of it."""
+        along = np.asarray(direction, dtype=np.float64)
+        if along.shape == (3,) and along[2] > 0 and not along[:2].any():
+            return self.ahead
+        if self.others is None:
             raise InputError(
-                f"direction = {along.round(3).tolist()}: out of view; x / z is at most {right:.3g} "
-                f"and y / z at most {down:.3g}, with z > 0"
+                f"direction = {along.tolist()}: only that along [0, 0, 1] is known"
             )
+        return self.others(direction)
 
 
 def corridors_of(estimate: DepthEstimate, rays: Floats | None) -> FreeTowards | None:
@@ -76,12 +82,4 @@ def corridors_of(estimate: DepthEstimate, rays: Floats | None) -> FreeTowards | 
     towards = estimate.free_towards
     if towards is None and rays is not None and np.isfinite(estimate.depth_m).any():
         towards = Ahead.of(estimate, rays, "others").free
-    if estimate.free is None:
-        return towards
-    ahead, others = estimate.free, towards
-
-    def stated(direction: ArrayLike) -> Floats:
-        forward = np.shape(direction) == (3,) and not np.any(np.asarray(direction)[:2])
-        return others(direction) if others is not None and not forward else ahead
-
-    return stated
+    return towards if estimate.free is None else Stated(estimate.free, towards)

@@ -29,6 +29,7 @@ from .obstacle import (
     Corridor,
     axes_along,
     corridor_prior,
+    unit_in_view,
 )
 
 LEVELS = (np.arange(16) + 0.5) / 16
@@ -117,9 +118,15 @@ class CorridorPosterior:
 
         InputError if it leads out of view.
         """
+        total = self.of_all_seen(direction)
+        return np.minimum.accumulate(
+            np.minimum(total, unseen_free(self._looked_m, unit_in_view(direction, self._rays)))
+        )
+
+    def of_all_seen(self, direction: ArrayLike) -> Floats:
+        """The same but for what may stand between the rays."""
+        along = unit_in_view(direction, self._rays)
         own = ANYWHERE if self._of_map is None else self._of_map(direction)
-        along = np.asarray(direction, dtype=np.float64)
-        along = along / np.linalg.norm(along)
         total = self._agreed * own
         corridor, prior = Corridor(self._rays, along), corridor_prior("others")
         for weight, log_depth in self._others:
@@ -128,8 +135,7 @@ class CorridorPosterior:
             else:
                 sigma = log_depth.sigma()
                 total = total + weight * corridor.free(np.exp(log_depth.mean), prior, sigma)
-        total = np.minimum(total, self._spots.free(along))
-        return np.minimum.accumulate(np.minimum(total, unseen_free(self._looked_m, along)))
+        return np.minimum.accumulate(np.minimum(total, self._spots.free(along)))
 
 
 def unseen_free(looked_m: Floats, direction: Floats) -> Floats:
@@ -162,11 +168,11 @@ def unseen_free(looked_m: Floats, direction: Floats) -> Floats:
 def _grouped(spots: SpotsAhead, chosen: Mask) -> Iterator[tuple[float, LogDepth | None]]:
     """Maps of some levels (L,), and the fraction of the posterior that each stands for."""
     levels_m = spots.levels_m[chosen]
-    if not len(levels_m):
-        return
-    with np.errstate(invalid="ignore"):
-        apart = np.abs(np.diff(np.log(levels_m), axis=0))
-    apart = np.where(np.isnan(apart), 0, apart).max(axis=1, initial=0)  # both infinite
-    starts = np.flatnonzero(np.append(True, apart > ALIKE))
-    for start, end in zip(starts, [*starts[1:], len(levels_m)], strict=True):
-        yield (end - start) / LEVELS.size, spots.anchored(levels_m[start])
+    start = 0
+    while start < len(levels_m):
+        with np.errstate(invalid="ignore"):
+            apart = np.log(levels_m[start:] / levels_m[start])
+        alike = (np.where(np.isnan(apart), 0, apart) < ALIKE).all(axis=1)  # nan: both infinite
+        count = int(alike.sum())
+        yield count / LEVELS.size, spots.anchored(levels_m[start + count // 2])
+        start += count

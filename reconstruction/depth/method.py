@@ -79,8 +79,8 @@ class DepthEstimate:
 
 
 def unknown_depth(shape: tuple[int, int]) -> DepthEstimate:
-    """The map (H, W) of a frame without any range."""
-    return DepthEstimate(np.full(shape, np.nan), note="no spot has a range: no depth")
+    """The map (H, W) of a frame for which no method has one."""
+    return DepthEstimate(np.full(shape, np.nan), note="no depth map")
 
 
 DepthSolver = Callable[[View], DepthEstimate | None]

@@ -15,7 +15,7 @@ from pathlib import Path
 from statistics import NormalDist
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
@@ -156,6 +156,24 @@ def _nearest(depth_m: Floats, maximum: int) -> NDArray[np.intp]:
     return np.take_along_axis(few, np.argsort(np.take_along_axis(depth_m, few, axis=1)), axis=1)
 
 
+def unit_in_view(direction: ArrayLike, rays: Floats) -> Floats:
+    """Unit vector of a direction (3,) within the view of rays (H, W, 3); InputError for others."""
+    along = np.asarray(direction, dtype=np.float64)
+    if along.shape != (3,) or not np.isfinite(along).all() or not along.any():
+        raise InputError(
+            f"direction = {along.tolist()}: three finite numbers are needed, not all zero"
+        )
+    along = along / np.linalg.norm(along)
+    right, down = np.abs(rays[..., :2]).reshape(-1, 2).max(axis=0)
+    x, y, z = along
+    if not (z > 0 and abs(x) <= right * z and abs(y) <= down * z):
+        raise InputError(
+            f"direction = {along.round(3).tolist()}: out of view; x / z is at most {right:.3g} "
+            f"and y / z at most {down:.3g}, with z > 0"
+        )
+    return along
+
+
 def axes_along(direction: Floats) -> Floats:
     """Axes (3, 3), as columns, of a frame whose z is a unit vector: right, down, along it.
 
@@ -196,7 +214,7 @@ def nearest_obstacle_m(free: Floats, min_free: float = MIN_FREE) -> float:
         Unless 0 < min_free < 1.
     """
     check_min_free(min_free)
-    below = free < min_free
+    below = ~(free >= min_free)  # not a number: not free
     if not below.any():
         return float("nan")
     first = int(np.argmax(below))

@@ -35,7 +35,8 @@ SATURATING_M = 2.0
 TOO_CLOSE_M = 0.3
 """Range up to which a path may not be longer than from laser to detector."""
 ALONE = 0.1
-"""Factor of what is unseen and near on one ray while others have a target: it must be small."""
+"""Factor of what a ray misses though it sees there, while others have a target. What it is blind
+to, a floor or a slanted wall, remains."""
 MIN_LOG_SIGMA = 0.02
 MIN_PROBABILITY = 0.98
 """Weight of the only range of a spot that is "ok": with less, its alternatives are simultaneous."""
@@ -74,28 +75,27 @@ def first_surfaces(
     ranges
         Ranges of the spots, with all their alternatives.
     blind_m : array, (spots,)
-        Range below which the detectors do not see their spots; nan if unknown, then none.
+        Range below which the detectors do not see their spots; nan if unknown, as if it were 0.
     reach_m
         Range beyond which no target is looked for.
     image : array, (spots, K + 1)
         Likelihood of the cells by the brightness of the image at the spots; see `image_level`.
     """
-    resolved, unseen = np.zeros((2, len(ranges.status), EDGES_M.size + 1))
-    nothing = _without_target(ranges)
+    unseen = np.zeros((len(ranges.status), EDGES_M.size + 1))
+    possible = np.array([_of_alternatives(ranges, spot) for spot in range(len(ranges.status))])
+    nothing = np.where(possible.any(axis=1), _without_target(ranges), 1.0)
     alone = ALONE if (nothing < 0.5).any() else 1.0
     for spot, status in enumerate(ranges.status):
-        resolved[spot] = (1 - nothing[spot]) * _of_alternatives(ranges, spot)
         missed = np.where((blind_m[spot] < EDGES_M) & (reach_m > EDGES_M), MISSED, 1.0)
         if status == "saturated":
             missed = np.where(EDGES_M < SATURATING_M, 1.0, 0.0)
         elif status == "too close":
             missed = np.where(EDGES_M < TOO_CLOSE_M, 1.0, 0.0)
         unseen[spot] = nothing[spot] * _unseen(missed, alone, status in ("saturated", "too close"))
-    mass = resolved + unseen
+    mass = (1 - nothing)[:, None] * possible + unseen
     if image is not None:
         mass = mass * image
-    total = mass.sum(axis=1, keepdims=True)
-    return FirstSurfaces(mass / np.where(total > 0, total, 1))
+    return FirstSurfaces(mass / mass.sum(axis=1, keepdims=True))
 
 
 def _without_target(ranges: Ranges) -> Floats:
@@ -117,9 +117,11 @@ def _of_alternatives(ranges: Ranges, spot: int) -> Floats:
     if ranges.status[spot] == "ok" and some[0][2] < MIN_PROBABILITY:
         some = (min(some),)  # simultaneous echoes, all of them surfaces
     range_m, sigma_m, weight = np.array(some, dtype=np.float64).T
-    if not np.isfinite(range_m).all() or not weight.sum() > 0:
+    usable = np.isfinite(range_m) & (range_m > 0) & (weight > 0)
+    if not usable.any():
         return np.zeros(EDGES_M.size + 1)
-    log_sigma = np.maximum(sigma_m / range_m, MIN_LOG_SIGMA)
+    range_m, sigma_m, weight = range_m[usable], sigma_m[usable], weight[usable]
+    log_sigma = np.fmax(sigma_m / range_m, MIN_LOG_SIGMA)
     below = ndtr((LOG_EDGES - np.log(range_m)[:, None]) / log_sigma[:, None])
     cells = np.diff(below, prepend=0, append=1, axis=1)
     return np.asarray(weight @ cells / weight.sum())
@@ -132,8 +134,7 @@ def _unseen(missed: Floats, alone: float, returned: bool) -> Floats:
     """
     within = missed * (1 - COVERED - OPEN) / EDGES_M.size
     prior = np.concatenate([[COVERED if alone == 1 else 0.0], within[1:], [OPEN]])
-    near = np.append(EDGES_M, np.inf) < REACH_M
-    prior = np.where(near, alone * prior, prior)
+    prior = np.where(np.append(missed, 1.0) < 1, alone * prior, prior)
     if returned:
         prior[-1] = 0
     return np.asarray(prior / prior.sum())

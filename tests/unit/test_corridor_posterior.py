@@ -1,11 +1,12 @@
 """Corridors integrate over the posterior of the spots, and maps are held against their ranges."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from reconstruction import Reconstructor
+from reconstruction import InputError, Reconstructor
 from reconstruction.capture import Optics
 from reconstruction.depth import (
     DISTANCES_M,
@@ -14,6 +15,7 @@ from reconstruction.depth import (
     DepthEstimate,
     SpotsAhead,
     corridors_of,
+    nearest_obstacle_m,
     pixel_of,
     pixel_rays,
 )
@@ -141,12 +143,37 @@ def test_a_frame_whose_every_map_fails_is_not_free():
     assert result.obstacle_m < 1.25 * np.median(result.ranges.range_m)
 
 
-@pytest.mark.parametrize("status", ["saturated", "ambiguous"])
+@pytest.mark.parametrize("status", ["saturated", "weak"])
 def test_a_frame_of_spots_without_ranges_is_not_free(status):
     capture = recorded(3)
     taps = np.full_like(capture.spots.taps, np.median(capture.spots.taps))  # of no phase
     saturated = np.full(capture.spots.saturated.shape, status == "saturated")
     changed = replace(capture, spots=replace(capture.spots, taps=taps, saturated=saturated))
     result = Reconstructor(changed.setup)(changed.frame(0))
-    assert not result.ranges.valid.any()
+    assert set(result.ranges.status) == {status}
     assert result.obstacle_m < 4.5  # the plane is at 4 m, and bright
+
+
+@pytest.mark.parametrize("direction", [(1, 0, 0.1), (0, 0, -1), (0, 0, 0), (1, 0)])
+def test_directions_out_of_view_are_refused_without_a_map_too(direction):
+    with pytest.raises(InputError, match="direction"):
+        posterior(surfaces((3.0, 1.0)))(direction)
+
+
+def test_a_broad_range_is_not_taken_for_its_nearest_part():
+    spread = [(range_m, 1 / 16) for range_m in np.geomspace(2, 8, 16)]
+    free = posterior(surfaces(*spread))(FORWARD)
+    assert at(free, 1.8) > 0.85
+    assert 0.35 < at(free, 4.0) < 0.65
+
+
+def test_corridors_can_be_pickled():
+    estimate = DepthEstimate(np.full(SHAPE, 3.0), free=np.linspace(1, 0, DISTANCES_M.size))
+    spots = SpotsAhead(surfaces((3.0, 1.0)), DIRECTIONS, PIXEL, np.ones(SHAPE))
+    corridors = CorridorPosterior(estimate, corridors_of(estimate, RAYS), spots, RAYS)
+    again = pickle.loads(pickle.dumps(corridors))
+    np.testing.assert_array_equal(again(FORWARD), corridors(FORWARD))
+
+
+def test_a_probability_that_is_no_number_is_not_free():
+    assert nearest_obstacle_m(np.full(DISTANCES_M.size, np.nan)) == DISTANCES_M[0]

@@ -106,3 +106,16 @@ def test_the_likeliest_range_of_a_brightness_is_that_of_typical_reflectance(dist
 def test_an_unknown_pixel_says_nothing():
     unknown = level().likelihood(Brightness(np.array([NAN]), np.array([NAN])))
     np.testing.assert_array_equal(unknown, 1.0)
+
+
+@pytest.mark.parametrize(
+    "alternatives",
+    [[Alternative(NAN, NAN, 1.0)], [Alternative(5.0, 0.1, 0.0)], [Alternative(-1.0, 0.1, 1.0)]],
+)
+def test_unusable_alternatives_are_no_free_way(alternatives):
+    assert beyond(ranges("ambiguous", alternatives, 0.0, spots=4), 4.0) < 0.9
+
+
+def test_one_unusable_alternative_drops_no_other():
+    mixed = [Alternative(2.0, 0.02, 0.5), Alternative(NAN, NAN, 0.5)]
+    assert beyond(ranges("ambiguous", mixed, 0.0), 3.0) == pytest.approx(0, abs=1e-6)

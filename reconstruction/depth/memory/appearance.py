@@ -68,7 +68,9 @@ class Appearance:
     @cached_property
     def _slope(self) -> Floats:
         """Its slope, per pixel."""
-        return np.asarray(np.hypot(*np.gradient(self._log)))
+        axes = [axis for axis, side in enumerate(self._log.shape) if side > 1]
+        slopes = (np.gradient(self._log, axis=axis) for axis in axes)
+        return np.sqrt(sum((each**2 for each in slopes), np.zeros_like(self._log)))
 
     def at(self, pixel: Floats) -> Floats:
         """Brightness (N,) at pixels (N, 2), never below 0."""
