@@ -67,9 +67,7 @@ class Stated:
         if along.shape == (3,) and along[2] > 0 and not along[:2].any():
             return self.ahead
         if self.others is None:
-            raise InputError(
-                f"direction = {along.tolist()}: only that along [0, 0, 1] is known"
-            )
+            raise InputError(f"direction = {along.tolist()}: only that along [0, 0, 1] is known")
         return self.others(direction)
 
 
