@@ -209,9 +209,6 @@ class Reconstructor:
                 estimate = solve_depth(view)
                 if estimate is not None:
                     maps[name] = checked_depths(f"depth method {name!r}", estimate, self._shape)
-        if not maps and self._depths and view.ranges is not None:
-            # Something may be in the way even so.
-            maps[next(iter(self._depths))] = unknown_depth(self._shape)
         self._last_view.keep(next((each.depth_m for each in maps.values()), None))
         towards = self._corridors(maps, view, brightness)
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
@@ -316,6 +313,8 @@ class Reconstructor:
         self, maps: Mapping[str, DepthEstimate], view: View, brightness: Brightness | None
     ) -> dict[str, FreeTowards | None]:
         """Free corridors by all that the frame does not exclude, of each map."""
+        if not maps and view.ranges is not None:  # something may be in the way even so
+            maps = {name: unknown_depth(self._shape) for name in list(self._depths)[:1]}
         of_maps = {name: corridors_of(each, self._rays) for name, each in maps.items()}
         spots = self._spots_ahead(view, brightness)
         if spots is None:

@@ -180,8 +180,11 @@ class Result:
 
     @property
     def free_probability(self) -> Floats | None:
-        """Probability of a free corridor up to each of `DISTANCES_M` (K,), None without depths."""
-        return self.free_probabilities.get(next(iter(self.depths), ""))
+        """Probability of a free corridor up to each of `DISTANCES_M` (K,), None if unknown.
+
+        Known without any depth, too, where there are spots.
+        """
+        return self.free_probabilities.get(next(iter(self.free_probabilities), ""))
 
     def free_towards(self, direction: ArrayLike) -> Floats:
         """Probability that a corridor in another direction is free, by the default method.
@@ -201,7 +204,7 @@ class Result:
         InputError
             If it leads out of view, or the result has no depths or is from a file.
         """
-        towards = self.corridors.get(next(iter(self.depths), ""))
+        towards = self.corridors.get(next(iter(self.corridors), ""))
         if towards is None:
             raise InputError("the result has no corridors: it has no depths, or is from a file")
         return towards(direction)
@@ -216,8 +219,8 @@ class Result:
 
     @property
     def obstacle_m(self) -> float | None:
-        """Distance of the nearest obstacle by the default method, None without depths."""
-        return self.obstacles_m.get(next(iter(self.depths), ""))
+        """Distance of the nearest obstacle by the default method, None if unknown."""
+        return self.obstacles_m.get(next(iter(self.free_probabilities), ""))
 
     @property
     def range_m(self) -> Image | None:

@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..base.arrays import Floats
 from ..base.errors import InputError
+from ..ranging.first_surface import HALEY
 from .method import MAX_RANGE_M
 
 CORRIDOR_M = 0.6
@@ -44,8 +45,6 @@ FEW_PIXELS = 64
 LOG_DISTANCES = np.log(DISTANCES_M)
 ANYWHERE = np.clip(np.log(MAX_RANGE_M / DISTANCES_M) / np.log(MAX_RANGE_M / NEAREST_M), 0, 1)
 """Probability that the obstacle of an uninformative map is beyond each distance."""
-HALEY = 1.702
-"""Slope of the logistic distribution that is normal within 0.01 (D. C. Haley, 1952)."""
 FITTED = Path(__file__).with_name("corridor_priors.json")
 
 

@@ -10,7 +10,6 @@ over cells of the range, so that nothing on the way to the corridor drops an alt
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import ndtr
 
 from ..base.arrays import Floats
 from .ranges import RANGED, Ranges
@@ -38,6 +37,8 @@ ALONE = 0.1
 """Factor of what a ray misses though it sees there, while others have a target. What it is blind
 to, a floor or a slanted wall, remains."""
 MIN_LOG_SIGMA = 0.02
+HALEY = 1.702
+"""Slope of the logistic distribution that is normal within 0.01 (D. C. Haley, 1952)."""
 MIN_PROBABILITY = 0.98
 """Weight of the only range of a spot that is "ok": with less, its alternatives are simultaneous."""
 
@@ -122,7 +123,8 @@ def _of_alternatives(ranges: Ranges, spot: int) -> Floats:
         return np.zeros(EDGES_M.size + 1)
     range_m, sigma_m, weight = range_m[usable], sigma_m[usable], weight[usable]
     log_sigma = np.fmax(sigma_m / range_m, MIN_LOG_SIGMA)
-    below = ndtr((LOG_EDGES - np.log(range_m)[:, None]) / log_sigma[:, None])
+    away = (LOG_EDGES - np.log(range_m)[:, None]) / log_sigma[:, None]
+    below = 0.5 + 0.5 * np.tanh(HALEY / 2 * away)
     cells = np.diff(below, prepend=0, append=1, axis=1)
     return np.asarray(weight @ cells / weight.sum())
 

@@ -219,7 +219,7 @@ def test_the_measured_car_becomes_a_capture(tmp_path):
     assert capture.spots is None
     assert capture.buckets.unit == "count"
     assert reconstruct(capture).unit == "count"
-    image = reconstruct(capture).image
+    image = reconstruct(capture).images["zero-filled"]
     inverse = (hadamard(1024) @ np.load(CAR)).reshape(32, 32) / 1024
     assert np.allclose(image - image.mean(), inverse - inverse.mean(), atol=1e-4)
     assert image.min() == 0  # the mean level was not to be trusted

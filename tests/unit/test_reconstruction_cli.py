@@ -134,6 +134,7 @@ def test_without_a_valid_spot_there_is_no_map(capture):
     assert not result.ranges.valid.any()
     assert result.depth_m is result.range_m is None
     assert not result.depths
+    assert result.obstacle_m is None or result.obstacle_m < 1
 
 
 @pytest.mark.parametrize("polarity", ["differential", "single-ended", "signed"])
