@@ -1,4 +1,4 @@
-"""Things that cross the view: what the memory of a flight makes of them, beside the single frame.
+"""Things that cross the view: what the memory of a flight makes of them, and the single frame.
 
 Into drawn rooms, which nothing was learned from, comes a person who walks across, a door that
 swings, or a slab that slides by, before a drone that hovers or flies ahead. Depth and the obstacle

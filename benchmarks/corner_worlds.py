@@ -1,4 +1,4 @@
-"""Scenes at which an answer is easily confident and wrong: dark, near, thin, beside the spots.
+"""Scenes at which an answer is easily confident and wrong: dark, near, thin, off the spots.
 
 A drone 1.5 m above nothing looks along x. The families that draw whole worlds have none of these,
 and nothing is fitted to them.
@@ -20,7 +20,7 @@ DARK = ("snow-old", "ice", "water", "abs-black", "rubber-black")
 """Shipped materials that return least."""
 LENS, BETWEEN_SPOTS = "against the lens", ("person", "pole")
 HARD = ("half wall", "netting", "pane", "mirror")
-"""Kinds of corners, beside walls."""
+"""Kinds of corners other than walls."""
 WALL_M = 20.0
 SKY_KLX = 5.0
 KIND = "moderate-radiation"
