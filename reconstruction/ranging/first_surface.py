@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..base.arrays import Floats
+from .fog.answer import MIN_PROBABILITY
 from .ranges import RANGED, Ranges
 
 STEP = 1.105
@@ -39,8 +40,6 @@ to, a floor or a slanted wall, remains."""
 MIN_LOG_SIGMA = 0.02
 HALEY = 1.702
 """Slope of the logistic distribution that is normal within 0.01 (D. C. Haley, 1952)."""
-MIN_PROBABILITY = 0.98
-"""Weight of the only range of a spot that is "ok": with less, its alternatives are simultaneous."""
 
 
 @dataclass(frozen=True, eq=False)
