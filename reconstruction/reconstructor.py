@@ -27,23 +27,16 @@ from .depth import (
     FORWARD,
     MIN_FREE,
     Context,
-    CorridorPosterior,
+    Corridors,
     DepthEstimate,
-    FreeTowards,
     LastView,
-    SpotsAhead,
     View,
     check_min_free,
-    corridors_of,
     pixel_of,
     pixel_rays,
-    unknown_depth,
 )
 from .image import Coefficients, Estimate, Imaging, SolverOfMany, UsableReadings
 from .ranging import Brightness, Ranges, Weather, brightness_at, range_consistency, with_weather
-from .ranging.first_surface import first_surfaces
-from .ranging.image_level import ImageLevel
-from .ranging.reach import blind_below_m, reach_m
 from .result import Image, Result
 
 T = TypeVar("T")
@@ -111,14 +104,11 @@ class Reconstructor:
             name: method.compile(context)
             for name, method in depth_methods(depth, setup, ranged=ranged).items()
         }
-        self._rays: Floats | None = None
+        self._corridors = Corridors(setup)
         self._range_over_depth: Image | None = None
-        spots = setup.spots
-        self._reach = None if spots is None else (blind_below_m(spots), reach_m(spots))
-        self._level = None if spots is None else ImageLevel.of(setup.optics, spots)
         if setup.optics is not None:
-            self._rays = pixel_rays(setup.optics, setup.plan.shape)
-            self._range_over_depth = np.linalg.norm(self._rays, axis=-1).astype(np.float32)
+            rays = pixel_rays(setup.optics, setup.plan.shape)
+            self._range_over_depth = np.linalg.norm(rays, axis=-1).astype(np.float32)
         logger.info(
             "image methods: %s; ranging methods: %s; depth methods: %s",
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
@@ -210,7 +200,7 @@ class Reconstructor:
                 if estimate is not None:
                     maps[name] = checked_depths(f"depth method {name!r}", estimate, self._shape)
         self._last_view.keep(next((each.depth_m for each in maps.values()), None))
-        towards = self._corridors(maps, view, brightness)
+        corridors = self._corridors(maps, view, brightness, next(iter(self._depths), None))
         notes |= {f"depth {name}": each.note for name, each in maps.items() if each.note}
         logger.debug("frame %d, seconds: %s", frame.first, timings)
         return Result(
@@ -220,8 +210,8 @@ class Reconstructor:
             depths=_single({name: each.depth_m for name, each in maps.items()}),
             log_depth_sigmas=_single({name: each.sigma for name, each in maps.items()}),
             no_returns=_single({name: each.no_return for name, each in maps.items()}),
-            free_probabilities={name: each(FORWARD) for name, each in _present(towards).items()},
-            corridors=_present(towards),
+            free_probabilities={name: each(FORWARD) for name, each in corridors.items()},
+            corridors=corridors,
             min_free=self._min_free,
             range_over_depth=self._range_over_depth,
             spot_directions=None if frame.spots is None else frame.spots.directions,
@@ -308,33 +298,6 @@ class Reconstructor:
             return None
         pixels = pixel_of(spots.directions, setup.optics, self._shape)
         return brightness_at(pixels, images[name], sigmas[name])
-
-    def _corridors(
-        self, maps: Mapping[str, DepthEstimate], view: View, brightness: Brightness | None
-    ) -> dict[str, FreeTowards | None]:
-        """Free corridors by all that the frame does not exclude, of each map."""
-        if not maps and view.ranges is not None:  # something may be in the way even so
-            maps = {name: unknown_depth(self._shape) for name in list(self._depths)[:1]}
-        of_maps = {name: corridors_of(each, self._rays) for name, each in maps.items()}
-        spots = self._spots_ahead(view, brightness)
-        if spots is None:
-            return of_maps
-        assert self._rays is not None
-        return {
-            name: CorridorPosterior(each, of_maps[name], spots, self._rays)
-            for name, each in maps.items()
-        }
-
-    def _spots_ahead(self, view: View, brightness: Brightness | None) -> SpotsAhead | None:
-        """What the spots leave open of what is ahead; None without them, or without optics."""
-        if view.ranges is None or self._reach is None or self.setup.optics is None:
-            return None
-        level = None
-        if brightness is not None and self._level is not None:
-            level = self._level.likelihood(brightness)
-        surfaces = first_surfaces(view.ranges, *self._reach, level)
-        pixel = pixel_of(view.directions, self.setup.optics, self._shape)
-        return SpotsAhead(surfaces, view.directions, pixel, view.image)
 
     @property
     def _shape(self) -> tuple[int, int]:

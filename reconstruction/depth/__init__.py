@@ -2,6 +2,7 @@
 
 from .ahead import corridors_of
 from .corridor_posterior import CorridorPosterior, SpotsAhead
+from .corridors import Corridors
 from .last_view import LastView
 from .method import (
     MAX_RANGE_M,
@@ -11,7 +12,6 @@ from .method import (
     DepthSolver,
     FreeTowards,
     View,
-    unknown_depth,
 )
 from .methods import DEPTH_METHODS, depth_method, lacks, out_of_distribution, suits
 from .obstacle import (
@@ -35,6 +35,7 @@ __all__ = [
     "Context",
     "Corridor",
     "CorridorPosterior",
+    "Corridors",
     "DepthEstimate",
     "DepthMethod",
     "DepthSolver",
@@ -53,5 +54,4 @@ __all__ = [
     "point_cloud_ply",
     "range_over_depth",
     "suits",
-    "unknown_depth",
 ]

@@ -1,6 +1,6 @@
 """The result file, result.h5."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, get_args
 
@@ -19,7 +19,7 @@ FORMAT = hdf5.Format(
     name="spisim-result",
     kind="result",
     oldest=(3, 0),
-    version=(3, 9),
+    version=(3, 10),
     remedy="reconstruct the capture again",
 )
 RANGES = {
@@ -102,15 +102,20 @@ def _map(file: hdf5.Contents, name: str, units: str, shape: tuple[int, ...]) -> 
     return file.numbers(name, units)
 
 
-def _corridor(file: hdf5.Contents, methods: Iterable[str]) -> dict[str, Any]:
-    """Probabilities of a free corridor; none if missing or at other distances."""
+def _corridor(file: hdf5.Contents, mapped: Sequence[str]) -> dict[str, Any]:
+    """Probabilities of a free corridor, of methods with a map first; none at other distances."""
     if "free_distance_m" not in file:
         return {}
     distances_m = file.numbers("free_distance_m", "m")
     if distances_m.shape != DISTANCES_M.shape or not np.allclose(distances_m, DISTANCES_M):
         return {}
+    stated = file.names_in("free_probabilities")
+    methods = [
+        *(name for name in mapped if name in stated),
+        *(name for name in stated if name not in mapped),
+    ]
     names = {method: f"free_probabilities/{method}" for method in methods}
-    free = {method: file.numbers(name, "1") for method, name in names.items() if name in file}
+    free = {method: file.numbers(name, "1") for method, name in names.items()}
     for method, values in free.items():
         if values.shape != DISTANCES_M.shape:
             raise InputError(
@@ -136,7 +141,22 @@ def _ranges(file: hdf5.Contents, group: str) -> Ranges:
         raise InputError(f"dataset {group}/status holds {', '.join(map(repr, unknown))}")
     alternatives = _alternatives(file, f"{group}/alternatives", len(status))
     visibility = _visibility(file, f"{group}/visibility")
-    return Ranges(**values, status=status, alternatives=alternatives, visibility=visibility)  # type: ignore[arg-type]
+    return Ranges(
+        **values,  # type: ignore[arg-type]
+        status=status,  # type: ignore[arg-type]
+        alternatives=alternatives,
+        visibility=visibility,
+        nothing=_nothing(file, f"{group}/nothing", spots),
+    )
+
+
+def _nothing(file: hdf5.Contents, name: str, spots: tuple[int, ...]) -> NDArray[Any]:
+    """Probability (spots,) of no target; files up to version 3.9 have none."""
+    if name not in file:
+        return np.full(spots, np.nan)
+    if (shape := file.shape(name, "1")) != spots:
+        raise InputError(f"dataset {name} has shape {shape}, expected {spots}")
+    return file.numbers(name, "1")
 
 
 def _visibility(file: hdf5.Contents, group: str) -> Visibility | None:
@@ -229,6 +249,7 @@ def _write_ranges(file: h5py.File, group: str, ranges: Ranges) -> None:
     for quantity, units in RANGES.items():
         hdf5.put(file, f"{group}/{quantity}", getattr(ranges, quantity), units)
     hdf5.put(file, f"{group}/status", np.array(ranges.status, dtype="S"), "1")
+    hdf5.put(file, f"{group}/nothing", ranges.nothing, "1")
     if ranges.visibility is not None:
         for name, units in VISIBILITY.items():
             hdf5.put(file, f"{group}/visibility/{name}", getattr(ranges.visibility, name), units)

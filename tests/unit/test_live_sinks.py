@@ -163,6 +163,7 @@ def test_lines_are_of_numbers(recording):
     assert frames[3]["range_status"][2] == "saturated"
     assert frames[3]["range_m"][0] == expected.ranges.range_m[0]
     assert frames[3]["nearest_m"] == pytest.approx(float(np.nanmin(expected.depth_m)))
+    assert frames[3]["obstacle_m"] == pytest.approx(expected.obstacle_m)
     assert lines[-1]["state"]["reconstructed"] == 6
     assert lines[-1]["state"]["lost"] == 0
 

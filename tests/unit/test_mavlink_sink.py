@@ -10,6 +10,7 @@ import pytest
 from reconstruction import InputError, reconstruct, write_capture
 from reconstruction.capture import Optics
 from reconstruction.cli import main
+from reconstruction.depth import DISTANCES_M
 from reconstruction.ranging import Ranges
 from spisim_live import Loop, Reception
 from spisim_live.links import Outlet
@@ -90,10 +91,12 @@ def test_quaternions_turn_forward_onto_the_spot(result, capture):
         assert turned == pytest.approx([ahead, right, down])
 
 
-def mapped(result, capture, depth_m, tan_half=1.0):
+def mapped(result, capture, depth_m, tan_half=1.0, corridors=None):
     """Distances by sector of a depth map, with optics of that half field."""
     wide = replace(capture, optics=Optics(tan_half, tan_half))
-    result = replace(result, depths={"nearest": np.asarray(depth_m, np.float32)})
+    result = replace(
+        result, depths={"nearest": np.asarray(depth_m, np.float32)}, corridors=corridors or {}
+    )
     return sector_fields(result, wide.setup, 99)
 
 
@@ -131,9 +134,28 @@ def test_what_is_not_known_is_unknown_and_what_is_far_is_none(result, capture):
     assert far["max_distance"] == 4000
 
 
+def test_what_no_reading_excludes_is_in_the_way(result, capture):
+    """A map says 4 m; a corridor blocked from 3 m on is nearer, with a map and without."""
+
+    def blocked(direction):
+        if abs(direction[0]) > 0.1:
+            raise InputError("out of view")
+        return np.where(DISTANCES_M < 3, 0.9, 0.1)
+
+    corridors = {"nearest": blocked}
+    far = np.full((16, 16), 4.0)
+    assert mapped(result, capture, far)["distances"][1] >= 400
+    seen = np.array(mapped(result, capture, far, corridors=corridors)["distances"])
+    assert 250 < seen[0] < 310
+    assert (seen[[71, 1]] == seen[0]).all()
+    assert seen[3] >= 400
+    alone = replace(result, depths={}, corridors=corridors)
+    assert sector_fields(alone, capture.setup, 0)["distances"][0] == seen[0]
+
+
 def test_without_ranges_or_a_map_nothing_is_said(result, capture):
     assert spot_fields(replace(result, rangings={}), capture.setup, 0) == []
-    assert sector_fields(replace(result, depths={}), capture.setup, 0) is None
+    assert sector_fields(replace(result, depths={}, corridors={}), capture.setup, 0) is None
     assert sector_fields(result, replace(capture, optics=None).setup, 0) is None
 
 

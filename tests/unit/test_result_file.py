@@ -107,6 +107,7 @@ def test_a_damaged_result_is_told(result_file):
         ("images/zero-filled", np.zeros((4, 4)), r"images/zero-filled has shape \(4, 4\)"),
         ("images/zero-filled", np.full(SHAPE, b"x"), "images/zero-filled must hold numbers"),
         ("rangings/cw/range_m", np.zeros(3), r"rangings/cw/range_m has shape \(3,\)"),
+        ("rangings/cw/nothing", np.zeros(3), r"rangings/cw/nothing has shape \(3,\)"),
         ("frame", 0.5, "frame is 0.5, must be an integer"),
         ("timings_s/decoding", b"x", "timings_s/decoding must hold numbers"),
     ],
@@ -124,6 +125,24 @@ def test_a_wrong_part_of_a_result_is_named(result_file, name, value, message):
 
 def far_from(obstacle_m):
     return np.where(obstacle_m > DISTANCES_M, 0.9, 0.1)
+
+
+def test_a_corridor_without_a_map_and_what_shows_no_target_come_back(capture, tmp_path):
+    result = reconstruct(capture, depth="nearest")
+    nothing = np.array([0.1, np.nan, 0.0, 1.0])
+    ranges = replace(result.ranges, nothing=nothing)
+    unmapped = replace(
+        result,
+        rangings={"cw": ranges},
+        depths={},
+        free_probabilities={"nearest": far_from(2.5)},
+    )
+    path = tmp_path / "result.h5"
+    path.write_bytes(result_bytes(unmapped))
+    copy = read_result(path)
+    np.testing.assert_array_equal(copy.ranges.nothing, nothing)
+    assert copy.depths == {}
+    assert copy.obstacle_m == unmapped.obstacle_m
 
 
 def test_what_is_known_of_depths_is_shown_and_comes_back(capture, tmp_path):

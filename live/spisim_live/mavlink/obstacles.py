@@ -1,12 +1,20 @@
 """Fields of the messages that tell an autopilot of ranges and obstacles."""
 
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from reconstruction.capture import Setup
-from reconstruction.depth import CORRIDOR_M, DISTANCES_M, MAX_RANGE_M, pixel_rays
+from reconstruction.base.errors import InputError
+from reconstruction.capture import Optics, Setup
+from reconstruction.depth import (
+    CORRIDOR_M,
+    DISTANCES_M,
+    MAX_RANGE_M,
+    nearest_obstacle_m,
+    pixel_rays,
+)
 from reconstruction.ranging import Ranges
 from reconstruction.result import Result
 
@@ -53,22 +61,15 @@ def spot_fields(result: Result, setup: Setup, time_ms: int) -> list[dict[str, An
 
 
 def sector_fields(result: Result, setup: Setup, time_us: int) -> dict[str, Any] | None:
-    """Fields of an OBSTACLE_DISTANCE of the depth map in the corridor's height; None without one.
+    """Fields of an OBSTACLE_DISTANCE; None without a depth map and corridors, or without optics.
 
     Sectors are centred about multiples of 5 degrees from straight ahead, clockwise; each has the
-    nearest horizontal distance of its pixels.
+    nearest horizontal distance of its pixels within the corridor's height, and of the obstacle in
+    the corridor along its middle: what a map does not show but no reading excludes is in the way.
     """
-    if result.depth_m is None or setup.optics is None:
+    if setup.optics is None or (result.depth_m is None and not result.corridors):
         return None
-    rays = pixel_rays(setup.optics, result.depth_m.shape)
-    depth_m = np.asarray(result.depth_m, np.float64)
-    with np.errstate(invalid="ignore"):
-        ahead = np.abs(rays[..., 1] * depth_m) <= CORRIDOR_M / 2  # not where depth is nan
-    azimuth_deg = np.degrees(np.arctan(rays[..., 0]))
-    sector = np.round(azimuth_deg / SECTOR_DEG).astype(int) % SECTORS
-    nearest_cm = np.full(SECTORS, np.inf)
-    horizontal_cm = 100 * depth_m * np.hypot(rays[..., 0], 1)
-    np.minimum.at(nearest_cm, sector[ahead], horizontal_cm[ahead])
+    nearest_cm = np.minimum(_of_corridors_cm(result), _of_map_cm(result, setup.optics))
     reported = np.where(np.isfinite(nearest_cm), np.minimum(nearest_cm, MAX_CM + 1), UNKNOWN_CM)
     return {
         "time_usec": time_us,
@@ -81,6 +82,37 @@ def sector_fields(result: Result, setup: Setup, time_us: int) -> dict[str, Any] 
         "angle_offset": 0.0,
         "frame": BODY_FRD,
     }
+
+
+def _of_map_cm(result: Result, optics: Optics) -> Floats:
+    """Nearest distance (SECTORS,) of the depth map in the corridor's height; infinite if none."""
+    nearest_cm = np.full(SECTORS, np.inf)
+    if result.depth_m is None:
+        return nearest_cm
+    rays = pixel_rays(optics, result.depth_m.shape)
+    depth_m = np.asarray(result.depth_m, np.float64)
+    with np.errstate(invalid="ignore"):
+        ahead = np.abs(rays[..., 1] * depth_m) <= CORRIDOR_M / 2  # not where depth is nan
+    azimuth_deg = np.degrees(np.arctan(rays[..., 0]))
+    sector = np.round(azimuth_deg / SECTOR_DEG).astype(int) % SECTORS
+    horizontal_cm = 100 * depth_m * np.hypot(rays[..., 0], 1)
+    np.minimum.at(nearest_cm, sector[ahead], horizontal_cm[ahead])
+    return nearest_cm
+
+
+def _of_corridors_cm(result: Result) -> Floats:
+    """Distance (SECTORS,) of the obstacle in each corridor; infinite if none, or out of view."""
+    nearest_cm = np.full(SECTORS, np.inf)
+    if not result.corridors:
+        return nearest_cm
+    for sector in range(-SECTORS // 4 + 1, SECTORS // 4):
+        azimuth = np.radians(sector * SECTOR_DEG)
+        with suppress(InputError):  # out of view
+            free = result.free_towards((np.sin(azimuth), 0.0, np.cos(azimuth)))
+            nearest_cm[sector] = 100 * np.nan_to_num(
+                nearest_obstacle_m(free, result.min_free), nan=np.inf
+            )
+    return nearest_cm
 
 
 def _distance_cm(ranges: Ranges, spot: int) -> int:

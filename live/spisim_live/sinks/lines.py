@@ -54,6 +54,8 @@ def result_report(outcome: Outcome) -> dict[str, Any]:
         report["range_status"] = list(result.ranges.status)
     if result.visibility is not None:
         report["visibility"] = result.visibility.numbers
+    if result.obstacle_m is not None:
+        report["obstacle_m"] = _number(result.obstacle_m)
     depth_m = result.depth_m
     if depth_m is not None and np.isfinite(depth_m).any():
         report["nearest_m"] = float(np.nanmin(depth_m))
