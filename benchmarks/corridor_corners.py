@@ -9,6 +9,7 @@ was fitted to any of them. FOLDER holds the flights of a nano-drone (see `flight
 """
 
 import sys
+import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
@@ -34,11 +35,12 @@ from corner_worlds import (
 )
 from depth_corridor import off
 from flight_measured import nano_drone_checks
+from flight_sets import POSE_ERRORS, clear_path, with_error
 from intervals import of_fraction
 from options import benchmark_options, finish
 from unstated_noise import unstated_noise_checks
 
-from reconstruction import Capture, InputError, Reconstructor, Result
+from reconstruction import Capture, InputError, Reconstructor, Result, read_capture
 from reconstruction.base.arrays import Floats
 from reconstruction.depth import (
     DISTANCES_M,
@@ -51,6 +53,7 @@ from reconstruction.depth import (
 from spisim import load_instrument, simulate
 from spisim.base.config import LightSource
 from spisim.instrument import Instrument
+from spisim.simulation.flight import record_flight
 from spisim_paper.checks import Check, Table, surroundings
 
 PAGE = Path(__file__).parents[1] / "docs" / "results" / "depth.md"
@@ -71,8 +74,8 @@ HARD_PATHS = 32
 """Light paths for glass and metal, which the surrogate does not know."""
 FREE, HALF = 0.9, 0.5
 FROM_M, NEAR_TO_M = 0.5, 3.0
-STEERED_FRAMES, STEERED_SCENES = 117, 10
-"""One second."""
+STEERED_S, STEERED_TRUTHS, LIGHT_SPACING_M = 1.0, 29, 0.08
+STEERED_SCENES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,11 +136,13 @@ def seen(corner: Corner, preset: str, seed: int) -> Seen:
     return of_result(corner, preset, result, capture)
 
 
-def of_result(corner: Corner, preset: str, result: Result, capture: Capture) -> Seen:
+def of_result(
+    corner: Corner, preset: str, result: Result, capture: Capture, frame: int = 0
+) -> Seen:
     """What a result says; the truth is what shows enough of itself in the corridor."""
     assert capture.truth is not None
     assert capture.setup.optics is not None
-    depth_m = capture.truth.at(0).depth_m
+    depth_m = capture.truth.at(frame).depth_m
     true_m = Corridor(pixel_rays(capture.setup.optics, depth_m.shape)).nearest_m(depth_m)
     free, corridors = result.free_probability, next(iter(result.corridors.values()), None)
     assert corridors is None or isinstance(corridors, CorridorPosterior)
@@ -152,14 +157,21 @@ def of_result(corner: Corner, preset: str, result: Result, capture: Capture) -> 
 
 
 def steered(corner: Corner, preset: str, seed: int) -> Seen:
-    """The last frame of a second of steering, hovering, with the memory of the flight."""
-    capture = simulate(
-        corner.scene, instrument(preset), light="surrogate", seed=seed, frames=STEERED_FRAMES
-    ).capture
+    """The last frame of a second of steering with the memory of the flight, hovering.
+
+    The poses are those of an autopilot with an error.
+    """
+    path = clear_path(corner.scene, "hover", 0.0, STEERED_S)
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "flight.h5"
+        record_flight(file, corner.scene, path, instrument(preset), light="surrogate",
+                      seed=seed, truths=STEERED_TRUTHS, spacing_m=LIGHT_SPACING_M)  # fmt: skip
+        capture = with_error(read_capture(file), POSE_ERRORS["correlated"], seed)
+    assert capture.truth is not None
     reconstructor = Reconstructor(capture.setup)
-    for number in range(STEERED_FRAMES):
+    for number in range(capture.truth.frame[-1] + 1):
         result = reconstructor(capture.frame(number))
-    return of_result(corner, preset, result, capture)
+    return of_result(corner, preset, result, capture, number)
 
 
 Job = tuple[Callable[[Corner, str, int], Seen], Corner, str, int]

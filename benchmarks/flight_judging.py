@@ -129,7 +129,7 @@ def single_frames(capture: Capture) -> Made:
 def alone(made: Made) -> list[Remembered | None]:
     """Maps of the single frames, as if with a memory of nothing."""
     none = np.zeros((0, 3))
-    return [whole and Remembered(whole.estimate, none, None) for _, whole in made]
+    return [whole and Remembered(whole.estimate, none, np.zeros(0), None) for _, whole in made]
 
 
 def remembered(

@@ -81,6 +81,13 @@ def checked_depths(who: str, estimate: Any, shape: tuple[int, int]) -> DepthEsti
         points_m = checked(f"{who}, as points_m,", points_m, (*np.shape(points_m)[:1], 3))
         if np.isnan(points_m).any():
             raise InputError(f"{who}, as points_m, returned values that are not finite")
+    log_sigma = estimate.points_log_sigma
+    if log_sigma is not None and not (
+        points_m is not None
+        and np.shape(log_sigma) == points_m.shape[:1]
+        and (np.asarray(log_sigma) >= 0).all()
+    ):
+        raise InputError(f"{who}: points_log_sigma needs a number of at least 0 for each point")
     return replace(estimate, depth_m=depth_m, sigma=sigma, no_return=no_return, points_m=points_m)
 
 

@@ -4,6 +4,9 @@ A depth map speaks for that part of the posterior of its spots with which it agr
 the map anchored on these other ranges does: the spots are taken to err together, each at the same
 quantile of its posterior. A spot's own ray counts wherever it is within the corridor.
 
+What a flight remembers counts like the spots: points that are seen in the corridor are in the way,
+whatever the map makes of them between others.
+
 Between the spots a thing may stand that no range has met and that an image of few patterns does not
 tell from what is behind: no probability is higher than these leave it, by that part of the
 corridor's cross-section at which nothing has looked. What ranges have met, now or earlier in a
@@ -18,7 +21,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..base.arrays import Floats, Mask
-from ..ranging.first_surface import EDGES_M, FirstSurfaces
+from ..ranging.first_surface import EDGES_M, HALEY, MIN_LOG_SIGMA, FirstSurfaces
 from .agreement import agrees
 from .kriging import BRIGHT, AnchoredImage, LogDepth, fitted_prior
 from .method import DepthEstimate, FreeTowards
@@ -26,6 +29,7 @@ from .obstacle import (
     ANYWHERE,
     CORRIDOR_M,
     DISTANCES_M,
+    LOG_DISTANCES,
     Corridor,
     axes_along,
     corridor_prior,
@@ -45,6 +49,9 @@ from what a scene has behind."""
 UNSEEN_FROM_M, UNSEEN_TO_M = 0.7, 1.4
 """Distances between which it grows: nearer, what is an obstacle fills more than the image's
 resolution and the corridor most of the view."""
+WRONG = 0.7
+"""Probability that a remembered point before all others is wrong: on drawn flights most that stand
+alone there were."""
 CELLS = 6
 """Cells across the corridor, each of `OBSTACLE_M2`."""
 
@@ -108,9 +115,12 @@ class CorridorPosterior:
         self._of_map, self._spots, self._rays = of_map, spots, rays
         agree = spots.agree(estimate) if of_map is not None else np.zeros(LEVELS.size, bool)
         self._agreed = float(agree.mean())
-        self._looked_m = spots.met_m
+        self._looked_m, self._remembered = spots.met_m, (np.zeros((0, 3)), np.zeros(0))
         if estimate.points_m is not None:
             self._looked_m = np.concatenate([self._looked_m, estimate.points_m])
+            if estimate.points_log_sigma is not None:
+                seen = np.isfinite(estimate.points_log_sigma)
+                self._remembered = estimate.points_m[seen], estimate.points_log_sigma[seen]
         self._others = tuple(_grouped(spots, ~agree))
 
     def __call__(self, direction: ArrayLike) -> Floats:
@@ -135,7 +145,28 @@ class CorridorPosterior:
             else:
                 sigma = log_depth.sigma()
                 total = total + weight * corridor.free(np.exp(log_depth.mean), prior, sigma)
-        return np.minimum.accumulate(np.minimum(total, self._spots.free(along)))
+        of_rays = np.minimum(self._spots.free(along), remembered_free(*self._remembered, along))
+        return np.minimum.accumulate(np.minimum(total, of_rays))
+
+
+def remembered_free(points_m: Floats, log_sigma: Floats, direction: Floats) -> Floats:
+    """Probability (K,) that no remembered point is in the corridor, up to `DISTANCES_M`.
+
+    Parameters
+    ----------
+    points_m : array, (N, 3)
+        Points that are seen.
+    log_sigma : array, (N,)
+        Standard deviations of their ln depth.
+    direction : array, (3,)
+        Unit vector of the corridor.
+    """
+    local_m = points_m @ axes_along(direction)
+    inside = (np.abs(local_m[:, :2]).max(axis=1) <= CORRIDOR_M / 2) & (local_m[:, 2] > 0)
+    away = LOG_DISTANCES[:, None] - np.log(local_m[inside, 2])
+    sigma = np.fmax(log_sigma[inside], MIN_LOG_SIGMA)
+    nearer = (0.5 + 0.5 * np.tanh(HALEY / 2 * away / sigma)).sum(axis=1)
+    return np.asarray(WRONG**nearer)
 
 
 def unseen_free(looked_m: Floats, direction: Floats) -> Floats:

@@ -65,6 +65,9 @@ class DepthEstimate:
     points_m
         Points (N, 3) in the optical frame that earlier frames' ranges have met; None for methods
         that remember none.
+    points_log_sigma
+        Standard deviations (N,) of the ln depth of those points, infinite where one is not seen
+        now; None if unknown.
     free_towards
         The same as ``free`` of a corridor in another direction (3,) in view; None if unknown.
     """
@@ -75,6 +78,7 @@ class DepthEstimate:
     note: str | None = None
     free: Floats | None = None
     points_m: Floats | None = None
+    points_log_sigma: Floats | None = None
     free_towards: FreeTowards | None = None
 
 

@@ -20,7 +20,7 @@ from reconstruction.depth import (
     pixel_rays,
 )
 from reconstruction.depth.agreement import agrees
-from reconstruction.depth.corridor_posterior import UNSEEN, unseen_free
+from reconstruction.depth.corridor_posterior import UNSEEN, WRONG, unseen_free
 from reconstruction.ranging.first_surface import EDGES_M, FirstSurfaces
 from sameplane import recorded
 
@@ -152,6 +152,27 @@ def test_a_frame_of_spots_without_ranges_is_not_free(status):
     result = Reconstructor(changed.setup)(changed.frame(0))
     assert set(result.ranges.status) == {status}
     assert result.obstacle_m < 4.5  # the plane is at 4 m, and bright
+
+
+def test_what_a_flight_remembers_in_the_corridor_is_in_the_way():
+    """Two points of a pole at 2 m, a map and spots that say 6 m: a lone point may be wrong."""
+    points_m = np.array([[0.1, 0.0, 2.0], [0.1, 0.2, 2.0], [0.5, 0.0, 2.0]])
+
+    def free_past(log_sigma):
+        estimate = replace(
+            DepthEstimate(np.full(SHAPE, 6.0), np.full(SHAPE, 0.1)),
+            points_m=points_m,
+            points_log_sigma=np.array(log_sigma),
+        )
+        spots = SpotsAhead(surfaces((6.0, 1.0)), DIRECTIONS, PIXEL, np.ones(SHAPE))
+        free = CorridorPosterior(estimate, corridors_of(estimate, RAYS), spots, RAYS)(FORWARD)
+        return at(free, 1.7), at(free, 2.5)
+
+    assert min(free_past([np.inf, np.inf, 0.02])) > 0.85  # out of the corridor
+    assert free_past([0.02, np.inf, np.inf])[1] == pytest.approx(WRONG, abs=0.01)
+    before, past = free_past([0.02, 0.02, 0.02])
+    assert before > 0.85
+    assert past == pytest.approx(WRONG**2, abs=0.01)
 
 
 @pytest.mark.parametrize("direction", [(1, 0, 0.1), (0, 0, -1), (0, 0, 0), (1, 0)])

@@ -147,7 +147,7 @@ def test_frames_out_of_order_begin_anew(flown):
 )
 def test_what_the_memory_did_to_poses_is_reported(late_s, anew, note):
     estimate = DepthEstimate(np.ones((2, 2)), note="given")
-    remembered = Remembered(estimate, np.zeros((0, 3)), anew, late_s)
+    remembered = Remembered(estimate, np.zeros((0, 3)), np.zeros(0), anew, late_s)
     assert stated(remembered, FrameMap(estimate), np.ones((2, 2, 3))).note == note
 
 

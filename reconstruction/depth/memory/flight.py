@@ -41,12 +41,14 @@ class FrameRanges:
 class Remembered(NamedTuple):
     """A frame's map with the memory, and why that was begun anew, if it was.
 
-    ``points_m`` (N, 3) are its points in the optical frame, in view or not. Poses were taken to be
-    late by ``late_s``.
+    ``points_m`` (N, 3) are its points in the optical frame, in view or not, and
+    ``points_log_sigma`` (N,) the standard deviations of their ln depth, infinite of those that are
+    not seen. Poses were taken to be late by ``late_s``.
     """
 
     estimate: DepthEstimate
     points_m: Floats
+    points_log_sigma: Floats
     begun_anew: str | None
     late_s: float = 0.0
 
@@ -83,14 +85,15 @@ class FlightMemory:
         log_depth = _log(estimate)
         self.clock.take(stated, image, log_depth)
         pose = self.clock.corrected()
-        seen = self._images.take(image)
+        appearance = self._images.take(image)
         if log_depth is not None and estimate.sigma is not None:
             ranges = self._decided(pose, ranges, log_depth, estimate.sigma)
-        self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m, seen)
+        self.ranges.add(pose, ranges.directions, ranges.range_m, ranges.sigma_m, appearance)
+        seen = self.ranges.seen(pose, appearance)
         if log_depth is not None and estimate.sigma is not None:
-            log_depth = self._maps.take(pose, log_depth, estimate.sigma, seen)
+            log_depth = self._maps.take(pose, log_depth, estimate.sigma, appearance)
             averaged = replace(estimate, depth_m=np.exp(log_depth))
-            estimate = self.complete(image, averaged, self.ranges.seen(pose, seen))
+            estimate = self.complete(image, averaged, seen)
             assert estimate.sigma is not None
             self._last_map = (
                 pose,
@@ -98,7 +101,9 @@ class FlightMemory:
                 np.maximum(estimate.sigma, MIN_SIGMA),
             )
         points_m = (self.ranges.points.position_m - pose.position_m) @ pose.axes
-        return Remembered(estimate, points_m, why, self.clock.offset_s)
+        log_sigma = np.full(len(points_m), np.inf)
+        log_sigma[seen.index] = np.sqrt(seen.log_variance)
+        return Remembered(estimate, points_m, log_sigma, why, self.clock.offset_s)
 
     def _decided(
         self, pose: PoseAt, ranges: FrameRanges, log_depth: Floats, sigma: Floats

@@ -46,7 +46,11 @@ class Flight:
             if pose is not None:
                 remembered = memory.take(pose, view.image, whole.estimate, ranges_of(view, whole))
                 result = stated(remembered, whole, rays)
-                return replace(result, points_m=remembered.points_m)
+                return replace(
+                    result,
+                    points_m=remembered.points_m,
+                    points_log_sigma=remembered.points_log_sigma,
+                )
             note = "of the frame alone, as it has no pose"
             fallback = alone(view)
             return fallback and replace(fallback, note=_joined(note, fallback.note))
