@@ -14,7 +14,7 @@ from reconstruction.ranging.fog.overlap import overlap
 from spisim.instrument import load_instrument
 
 PICTURE = Path(__file__).parents[1] / "docs" / "images" / "fog-phasors.png"
-FREQUENCIES_HZ = (15e6, 60e6, 240e6)
+PRESET = "fog"
 EXTINCTION_PER_M = 3.912 / 50 * 1.14  # 50 m of visibility, at 1550 nm
 REFLECTANCE = 0.5
 RANGES_M = np.arange(0.01, 9.0, 0.01)
@@ -23,10 +23,11 @@ MARKED_M = (4, 5, 6, 7)
 
 def main() -> None:
     """One panel for each frequency: the fog's echo, the target's, and their sum over the range."""
-    weight, path_m = (each[0] for each in overlap(load_instrument("fog").spot_optics, RANGES_M))
+    instrument = load_instrument(PRESET)
+    weight, path_m = (each[0] for each in overlap(instrument.spot_optics, RANGES_M))
     damped = weight * np.exp(-EXTINCTION_PER_M * path_m)
     figure, axes = plt.subplots(1, 3, figsize=(12, 4.2), layout="constrained")
-    for axis, frequency_hz in zip(axes, FREQUENCIES_HZ, strict=True):
+    for axis, frequency_hz in zip(axes, instrument.tof.modulation.frequencies_hz, strict=True):
         turn = np.exp(2j * np.pi * frequency_hz / c * path_m)
         fog = np.cumsum(BACKSCATTER_PER_SR * EXTINCTION_PER_M * damped * turn) * 0.01
         target = REFLECTANCE / np.pi * damped * turn
