@@ -21,6 +21,8 @@ DARK = ("snow-old", "ice", "water", "abs-black", "rubber-black")
 LENS, BETWEEN_SPOTS = "against the lens", ("person", "pole")
 HARD = ("half wall", "netting", "pane", "mirror")
 """Kinds of corners other than walls."""
+PLACES = (("person", 2.2, 5.0, 0.03), ("pole", 1.5, 3.0, 0.08))
+"""Kind, least and most distance, and how far it stands to either side of the axis, at most."""
 WALL_M = 20.0
 SKY_KLX = 5.0
 KIND = "moderate-radiation"
@@ -52,49 +54,38 @@ def open_sky(visibility_m: float | None) -> Corner:
     return _corner("open sky", "none", np.nan, visibility_m, [])
 
 
-def pole(
-    surface: str | float,
-    distance_m: float,
-    aside_m: float,
-    behind_m: float,
-    visibility_m: float | None,
-) -> Corner:
-    """An upright pole 5 cm thick before a wall."""
-    mesh = trimesh.creation.cylinder(0.025, 3.0)
-    return _before_a_wall("pole", mesh, surface, distance_m, aside_m, behind_m, visibility_m)
-
-
-def person(
-    surface: str | float,
-    distance_m: float,
-    aside_m: float,
-    behind_m: float,
-    visibility_m: float | None,
-) -> Corner:
-    """A body 0.3 m wide, with a head, before a wall: between spots at 5 degrees from 1.8 m on."""
-    body = trimesh.creation.capsule(height=1.1, radius=0.15)
-    body.apply_translation([0, 0, -0.75])
-    head = trimesh.creation.icosphere(radius=0.11)
-    head.apply_translation([0, 0, 0.12])
-    mesh = trimesh.util.concatenate([body, head])
-    return _before_a_wall("person", mesh, surface, distance_m, aside_m, behind_m, visibility_m)
-
-
-def _before_a_wall(
+def before_a_wall(
     kind: str,
-    mesh: trimesh.Trimesh,
     surface: str | float,
     distance_m: float,
     aside_m: float,
     behind_m: float,
     visibility_m: float | None,
 ) -> Corner:
-    placed = mesh.copy().apply_translation([distance_m, aside_m, 1.5])
+    """One of `BETWEEN_SPOTS` before a wall; between spots at 5 degrees from 1.8 m on."""
+    placed = THINGS[kind]().apply_translation([distance_m, aside_m, 1.5])
     objects = [
         SceneObject(kind, placed, _material(surface)),
         _board("wall", 0.35, distance_m + behind_m),
     ]
     return _corner(kind, surface, distance_m, visibility_m, objects)
+
+
+def _pole() -> trimesh.Trimesh:
+    """Upright, 5 cm thick."""
+    return trimesh.creation.cylinder(0.025, 3.0)
+
+
+def _person() -> trimesh.Trimesh:
+    """A body 0.3 m wide, with a head."""
+    body = trimesh.creation.capsule(height=1.1, radius=0.15)
+    body.apply_translation([0, 0, -0.75])
+    head = trimesh.creation.icosphere(radius=0.11)
+    head.apply_translation([0, 0, 0.12])
+    return trimesh.util.concatenate([body, head])
+
+
+THINGS = {"person": _person, "pole": _pole}
 
 
 def _corner(
@@ -172,22 +163,15 @@ def between_spots(count: int, seed: int) -> Iterator[Corner]:
     for number in range(count):
         reflectance = float(np.exp(rng.uniform(np.log(0.05), np.log(0.8))))
         behind_m = float(rng.uniform(1.0, 4.0))
-        if number % 2:
-            yield pole(
-                reflectance,
-                float(rng.uniform(1.5, 3.0)),
-                float(rng.uniform(-0.08, 0.08)),
-                behind_m,
-                None,
-            )
-        else:
-            yield person(
-                reflectance,
-                float(rng.uniform(2.2, 5.0)),
-                float(rng.uniform(-0.03, 0.03)),
-                behind_m,
-                None,
-            )
+        kind, nearest_m, farthest_m, aside_m = PLACES[number % 2]
+        yield before_a_wall(
+            kind,
+            reflectance,
+            float(rng.uniform(nearest_m, farthest_m)),
+            float(rng.uniform(-aside_m, aside_m)),
+            behind_m,
+            None,
+        )
 
 
 def hard_views(count: int, seed: int) -> Iterator[Corner]:
