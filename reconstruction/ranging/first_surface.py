@@ -28,7 +28,7 @@ OPEN = 0.35
 is called free. The rest is uniform in ln range."""
 MISSED = 0.05
 """Probability that a surface within reach returns nothing: black, or a mirror that looks away."""
-REACH_M = 15.0
+USUAL_REACH_M = 15.0
 """Range up to which surfaces usually return something; histograms end with their gate."""
 SATURATING_M = 2.0
 """Range up to which a surface may saturate a detector."""
@@ -66,7 +66,7 @@ class FirstSurfaces:
 
 
 def first_surfaces(
-    ranges: Ranges, blind_m: Floats, reach_m: float = REACH_M, image: Floats | None = None
+    ranges: Ranges, blind_m: Floats, reach_m: float = USUAL_REACH_M, image: Floats | None = None
 ) -> FirstSurfaces:
     """Posterior of the first surfaces of a frame.
 

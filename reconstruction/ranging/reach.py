@@ -8,7 +8,7 @@ from ..capture import Spots
 from ..capture.readings.cw import CwSpots
 from ..capture.readings.dtof import HistogramSpots
 from ..capture.readings.pulsed import PulsedSpots
-from .first_surface import REACH_M
+from .first_surface import USUAL_REACH_M
 from .fog.overlap import NEEDED, overlap
 from .fog.solvers import max_fog_range_m
 
@@ -37,9 +37,9 @@ def blind_below_m(spots: Spots) -> Floats:
 def _end_m(spots: Spots) -> float:
     """Maximum range of targets; of readings of other packages that of the usual ones."""
     known = isinstance(spots, CwSpots | HistogramSpots | PulsedSpots)
-    return max_fog_range_m(spots) if known else REACH_M
+    return max_fog_range_m(spots) if known else USUAL_REACH_M
 
 
 def reach_m(spots: Spots) -> float:
-    """Range beyond which nothing is known of targets: where a histogram ends, or `REACH_M`."""
-    return max_fog_range_m(spots) if isinstance(spots, HistogramSpots) else REACH_M
+    """Range beyond which nothing is known of targets: where a histogram ends, or `USUAL_REACH_M`."""
+    return max_fog_range_m(spots) if isinstance(spots, HistogramSpots) else USUAL_REACH_M
