@@ -41,5 +41,5 @@ def _end_m(spots: Spots) -> float:
 
 
 def reach_m(spots: Spots) -> float:
-    """Range beyond which nothing is known of targets: where a histogram ends, or `USUAL_REACH_M`."""
+    """Range beyond which nothing is known of targets: where histograms end, or `USUAL_REACH_M`."""
     return max_fog_range_m(spots) if isinstance(spots, HistogramSpots) else USUAL_REACH_M
