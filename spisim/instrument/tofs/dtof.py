@@ -51,8 +51,8 @@ class DirectTof(Section):
     """Width of a histogram bin."""
     bins: Annotated[int, Field(ge=3, le=2**20)]
     """Histogram bins, which make the gate."""
-    threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
-    """Threshold of a photodiode over the rms noise of its current."""
+    threshold_sigma: Number | None = None
+    """Threshold of a photodiode over the rms noise of its current, at least 1."""
     detector: TofDetector
     """Detectors of the spots."""
 
