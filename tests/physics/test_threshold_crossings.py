@@ -5,7 +5,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.constants import c
 
-from reconstruction.base.errors import InputError
 from spisim.instrument import DirectTof, load_instrument
 from spisim.instrument.stamping.crossings import Shape, first_middles, lone_pulses
 from spisim.instrument.stamping.threshold import Threshold
@@ -139,5 +138,5 @@ def test_a_rate_of_false_alarms_that_hides_echoes_is_named() -> None:
 
 def test_a_threshold_below_the_noise_is_refused() -> None:
     fields = rangefinder()[0].model_dump()
-    with pytest.raises(InputError, match=r"threshold_sigma 0\.5 is below the rms noise"):
+    with pytest.raises(ValueError, match=r"threshold_sigma 0\.5 is below the rms noise"):
         DirectTof(**fields | {"threshold_sigma": 0.5})
