@@ -84,8 +84,17 @@ class DirectTof(Section):
     def reading(self) -> Reading:
         return self.stamping.reading
 
+    @property
+    def edge_s(self) -> float:
+        if self.response is not None:
+            return self.response.edge_s
+        return self.pulse_sigma_s * math.sqrt(math.e)  # of a Gaussian
+
     def check_bins(self, bin_width_m: float) -> None:
-        check_pulse("pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
+        if self.response is None:
+            check_pulse(self, "pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
+        else:
+            check_pulse(self, "response", self.response.edge_s, bin_width_m)
 
     def record(
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None
