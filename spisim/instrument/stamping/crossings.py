@@ -7,11 +7,12 @@ every time.
 
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.special import ndtri
 
 from reconstruction.base.arrays import Floats
 
@@ -23,7 +24,7 @@ AROUND = 4.5
 #: from -LAST to LAST, and FAR_PEAKS up to FAR.
 STEP, LAST, FAR, FAR_PEAKS = 0.5, 4.0, 40.0, 8
 #: Steps of the logarithm of shot noise between tables, and its least value.
-SHOT_STEP, LEAST_SHOT = 0.05, 1e-4
+SHOT_STEP, LEAST_SHOT = 0.7, 1e-3
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class Shape:
     @property
     def step_s(self) -> float:
         """Time step that resolves pulse and noise behind the amplifier."""
-        return min(self.sigma_s / 12, self.amplifier_s / 6)
+        return min(self.sigma_s / 8, self.amplifier_s / 4)
 
     @property
     def impulses_s(self) -> float:
@@ -119,9 +120,18 @@ def _noise(shape: Shape, times_s: Floats, variance: Floats) -> Floats:
     response = np.exp(-(((times_s - at[:, None]) / shape.amplifier_s) ** 2) / 2)
     power = shape.impulses_s / (math.sqrt(math.pi) * shape.amplifier_s)
     response *= np.sqrt(power * np.interp(at, times_s, variance))[:, None]
-    half = max(min(DRAWS, VALUES // times_s.size), 512) // 2
-    impulses = np.random.default_rng(0).standard_normal((half, at.size), dtype=np.float32)
+    draws = max(min(DRAWS, VALUES // times_s.size), 512)
+    impulses = _impulses(draws.bit_length() - 2, at.size)
     return np.asarray(impulses @ response.astype(np.float32))
+
+
+@lru_cache(maxsize=4)
+def _impulses(power: int, count: int) -> Floats:
+    """Normal numbers (2^power, count) of a Sobol sequence, whose means converge fast."""
+    from scipy.stats import qmc  # slow to import
+
+    uniform = qmc.Sobol(count, seed=0).random_base2(power)
+    return np.asarray(ndtri(uniform.clip(1e-9, 1 - 1e-9)), dtype=np.float32)
 
 
 def lone_pulses(
@@ -140,22 +150,25 @@ def lone_pulses(
         Variance that a current as high as that noise adds, over that of the noise.
     """
     peak, shot = np.broadcast_arrays(peak, shot)
+    margin = (peak - threshold) / np.sqrt(1 + shot * peak)
+    at = np.arcsinh(np.clip(margin, -LAST, FAR))
     stamped, sigma_s = np.zeros(peak.shape), np.zeros(peak.shape)
-    steps = np.round(np.log(np.maximum(shot, LEAST_SHOT)) / SHOT_STEP)
-    for step in np.unique(steps):
-        here, ratio = steps == step, math.exp(SHOT_STEP * step)
-        margins, fractions, sigmas = _table(round(shape.peak_fraction, 9), threshold, ratio)
-        margin = (peak[here] - threshold) / np.sqrt(1 + ratio * peak[here])
-        tabulated, at = np.arcsinh(margins), np.arcsinh(np.clip(margin, margins[0], margins[-1]))
-        likely = PchipInterpolator(tabulated, fractions)(at)
-        stamped[here] = np.where(margin < margins[0], 0, likely)
-        sigma_s[here] = shape.sigma_s * PchipInterpolator(tabulated, sigmas)(at)
+    step, above = np.divmod(np.log(np.maximum(shot, LEAST_SHOT)) / SHOT_STEP, 1)
+    for nearby, weight in ((step, 1 - above), (step + 1, above)):
+        for each in np.unique(nearby):
+            table = _table(round(shape.peak_fraction, 9), threshold, math.exp(SHOT_STEP * each))
+            here = nearby == each
+            likely, scatter = (values(at[here]) for values in table)
+            stamped[here] += weight[here] * np.where(margin[here] < -LAST, 0, likely)
+            sigma_s[here] += weight[here] * shape.sigma_s * scatter
     return stamped, sigma_s
 
 
 @cache
-def _table(peak_fraction: float, threshold: float, shot: float) -> tuple[Floats, Floats, Floats]:
-    """Peaks over the threshold in noise, and for each the fraction and the scatter of stamps."""
+def _table(
+    peak_fraction: float, threshold: float, shot: float
+) -> tuple[PchipInterpolator, PchipInterpolator]:
+    """Fraction and scatter of stamps by arsinh of the peak over the threshold, in noise."""
     margins = np.append(np.arange(-LAST, LAST, STEP), np.geomspace(LAST, FAR, FAR_PEAKS))
     middle = margins**2 * shot / 2
     peaks = threshold + middle + margins * np.sqrt(middle * shot / 2 + shot * threshold + 1)
@@ -169,4 +182,5 @@ def _table(peak_fraction: float, threshold: float, shot: float) -> tuple[Floats,
         fractions[number] = middles_s.size / draws
         if middles_s.size > 1:
             sigmas[number] = middles_s.std()
-    return margins, fractions, sigmas
+    at = np.arcsinh(margins)
+    return PchipInterpolator(at, fractions), PchipInterpolator(at, sigmas)

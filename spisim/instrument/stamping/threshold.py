@@ -120,7 +120,7 @@ class Threshold:
         likely = current > threshold - UNLIKELY * self._noise(steady_per_s + current)
         likely &= current > NOTICED * noise
         refused = self._refused(current / threshold, likely)
-        reach = math.ceil((shape.sigma_s + 2 * shape.amplifier_s) / shape.step_s)
+        reach = math.ceil(shape.sigma_s / shape.step_s)
         drawn = maximum_filter1d(likely, 2 * reach + 1)
         for start, stop in _stays(drawn):
             part = slice(start, stop + 1)
