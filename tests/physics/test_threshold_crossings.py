@@ -1,5 +1,7 @@
 """Stamps of a threshold against draws of a pulse with band-limited noise, one after the other."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,6 +11,8 @@ from spisim.instrument import DirectTof, load_instrument
 from spisim.instrument.stamping.crossings import DRAWS as TABLE_DRAWS
 from spisim.instrument.stamping.crossings import Shape, first_middles, lone_pulses
 from spisim.instrument.stamping.threshold import Threshold
+from spisim.simulation import simulate
+from worlds import plane, scene
 
 DRAWS = 20_000
 #: Of the preset rangefinder-905, in multiples of the pulse behind the amplifier.
@@ -115,6 +119,22 @@ def test_a_fainter_echo_has_no_better_range() -> None:
     rates = noise / stamping.shape.peak_fraction * np.geomspace(3, 200, 300)
     sigma_s = stamping.sigma_s(np.full(300, 40.0), rates, np.zeros(300))
     assert (np.diff(sigma_s) < 0.01 * sigma_s[1:]).all()
+
+
+def test_a_darker_wall_ranges_worse() -> None:
+    """At 43 m, about the threshold: fewer stamps, which scatter no less."""
+    instrument = load_instrument("rangefinder-905")
+    sums, scatters = [], []
+    for reflectance in (0.014, 0.017, 0.020):
+        wall = replace(scene(plane(43.0, reflectance)), wavelength_nm=905.0)
+        capture = simulate(wall, instrument, light="surrogate", noise=False, seed=1).capture
+        counts = np.asarray(capture.spots.counts[0, 0])
+        times = np.arange(counts.size)
+        mean = counts @ times / counts.sum()
+        sums.append(counts.sum())
+        scatters.append(np.sqrt(counts @ (times - mean) ** 2 / counts.sum()))
+    assert sums == sorted(sums)
+    np.testing.assert_allclose(scatters, np.mean(scatters), rtol=0.05)
 
 
 @pytest.mark.parametrize("threshold", [3.0, 3.5])
