@@ -19,6 +19,7 @@ from reconstruction.base.errors import InputError
 from reconstruction.ranging import measure_ranges
 from spisim.budget.link import Target, spot_link
 from spisim.instrument import Instrument, SpotLight
+from spisim.simulation.light.path_bins import bins_for, split_light
 
 SENSOR, VICON = "state_ToF.csv", "state_Vicon.csv"
 #: The four zones about the axis; one that is valid gives a range of the middle.
@@ -34,7 +35,6 @@ RANGES_M = 0.2, 4.0
 #: Light on the wall is unknown: of 4 to 6 klx this agrees best with the first flight, and the
 #: figures of all three flights were in view when it was chosen.
 REFLECTANCE, KLX = 0.5, 4.0
-PATH_STEP_M, MAX_PATH_M = 0.01, 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,14 +123,15 @@ def _forward(quaternions: Floats) -> Floats:
 def simulated(instrument: Instrument, range_m: Floats, seed: int, klx: float = KLX) -> Floats:
     """Ranges (frames, 4) of the zones about the axis of an instrument at these ranges of a wall."""
     link = spot_link(instrument, Target(range_m, REFLECTANCE, klx))
-    lengths = np.arange(0.0, MAX_PATH_M, PATH_STEP_M)
+    lengths = bins_for(instrument.tof, np.full(1, np.nan)).centres_m
     rng = np.random.default_rng(seed)
     ranges = np.empty((range_m.size, MIDDLE.size))
     for frame in range(range_m.size):
         echo = np.zeros((1, ZONES, lengths.size))
-        low, rest = np.divmod(link.path_m[frame, MIDDLE] / PATH_STEP_M, 1)
-        for step, weight in ((0, 1 - rest), (1, rest)):
-            echo[0, MIDDLE, low.astype(int) + step] = weight * link.echo_per_s[frame, MIDDLE]
+        for zone in MIDDLE:
+            each = slice(zone, zone + 1)
+            rate = link.echo_per_s[frame, each]
+            echo[0, zone] = split_light(link.path_m[frame, each], rate, lengths)
         steady = np.full((1, ZONES), link.steady_per_s[frame, MIDDLE].mean())
         light = SpotLight(lengths, echo, steady, instrument.zones.power_w)
         spots = instrument.tof.record(light, instrument.spot_optics, rng)

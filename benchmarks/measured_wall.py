@@ -17,6 +17,7 @@ from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from reconstruction.ranging.histogram import coates, find_pulses
 from spisim.instrument import Instrument, SpotLight
+from spisim.simulation.light.path_bins import bins_for, split_light
 
 SHIPPED = Path(__file__).parent / "data" / "tmf8820"
 FILE = "wall_distances.json"
@@ -31,8 +32,8 @@ QUIET = 11
 LATE = 38
 #: So many cycles that no arrival of the reference hides another.
 MANY_CYCLES = 10**12
-#: Points per side of a zone, and steps of path length.
-PARTS, PATH_STEP_M = 4, 0.002
+#: Points per side of a zone.
+PARTS = 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,14 +182,12 @@ def simulated(
     relative, part = spread(instrument)
     range_m = bench.slant * distance
     path_m = start_m[..., None] + 2 * range_m[..., None] * (relative - 1)
-    lengths = np.arange(0.0, path_m.max() + 0.1, PATH_STEP_M)
+    lengths = bins_for(tof, np.full(1, np.nan)).centres_m
     echoes = overlap(instrument, range_m) * bench.light / (distance + bench.setback_m) ** 2
     per_pulse = tof.pulse_sigma_s * np.sqrt(2 * np.pi) * tof.pulses
     echo = np.zeros((*range_m.shape, lengths.size))
     for pose, zone in np.ndindex(*range_m.shape):
-        low, rest = np.divmod(path_m[pose, zone] / PATH_STEP_M, 1)
-        for step, weight in ((0, 1 - rest), (1, rest)):
-            np.add.at(echo[pose, zone], low.astype(int) + step, weight * part[zone])
+        echo[pose, zone] = split_light(path_m[pose, zone], part[zone], lengths)
     echo *= (echoes / per_pulse)[..., None]
     ambient = bench.background * np.exp(-((bench.shade_m / distance) ** 2))
     light = SpotLight(

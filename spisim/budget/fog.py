@@ -25,8 +25,9 @@ from spisim.atmosphere import Atmosphere
 from spisim.budget.link import Target, spot_link
 from spisim.budget.ranging import last_below
 from spisim.instrument import Instrument, SpotLight
+from spisim.instrument.tof import path_step_m
 
-#: Steps of the path-length bins, and of the fog along the beam.
+#: Widest steps of the path-length bins, and steps of the fog along the beam.
 PATH_STEP_M, FOG_STEP_M = 0.01, 0.0025
 #: Distances searched for the longest range.
 MIN_DISTANCE_M, MAX_DISTANCE_M, DISTANCES = 0.3, 40.0, 60
@@ -100,22 +101,22 @@ def _light(
     scattered = instrument.ranging.lasers.power_w * per_watt * _backscatter(air) * FOG_STEP_M
     fog = scattered * weight * np.exp(-air.extinction_per_m * path_m)
     ranges_m = distance_m[:, None] / instrument.ranging.lasers.directions[:, 2]
-    bins = int(np.ceil(link.path_m.max() / PATH_STEP_M)) + 2
+    step_m = min(PATH_STEP_M, path_step_m(instrument.ranging.tof))
+    bins = int(np.ceil(link.path_m.max() / step_m)) + 2
     echo, fraction = np.zeros((len(distance_m), instrument.ranging.spots, bins)), []
     for frame, spot in np.ndindex(len(distance_m), instrument.ranging.spots):
         before = range_m < ranges_m[frame, spot]
-        echo[frame, spot] = _sorted(path_m[spot, before], fog[spot, before], bins)
+        echo[frame, spot] = _sorted(path_m[spot, before] / step_m, fog[spot, before], bins)
         wall = link.echo_per_s[frame, spot]
         fraction.append(echo[frame, spot].sum() / max(echo[frame, spot].sum() + wall, 1e-300))
-        echo[frame, spot] += _sorted(link.path_m[frame, spot, None], wall[None], bins)
-    lengths: Floats = PATH_STEP_M * np.arange(bins, dtype=np.float64)
+        echo[frame, spot] += _sorted(link.path_m[frame, spot, None] / step_m, wall[None], bins)
+    lengths: Floats = step_m * np.arange(bins, dtype=np.float64)
     light = SpotLight(lengths, echo, link.steady_per_s, instrument.ranging.lasers.power_w)
     return light, float(np.mean(fraction))
 
 
-def _sorted(path_m: Floats, rate: Floats, bins: int) -> Floats:
-    """Rates (bins,) of light of these paths, each split linearly between two bins."""
-    position = path_m / PATH_STEP_M
+def _sorted(position: Floats, rate: Floats, bins: int) -> Floats:
+    """Rates (bins,) of light of paths in bins, each split linearly between two."""
     low = position.astype(int)
     above = rate * (position - low)
     result = np.bincount(low, rate - above, bins) + np.bincount(low + 1, above, bins)

@@ -46,6 +46,12 @@ class Response(Section):
         """Time from zero within which everything arrives."""
         return max(-self.start_s, self.end_s)
 
+    @property
+    def edge_s(self) -> float:
+        """Highest rate over its steepest slope."""
+        times, rates = np.transpose(self.samples_ns)
+        return float(1e-9 * rates.max() / np.abs(np.diff(rates) / np.diff(times)).max())
+
     def arrived(self, time_s: Floats) -> Floats:
         """Fraction (...) of all time stamps before times (...)."""
         times, rates = np.transpose(self.samples_ns)

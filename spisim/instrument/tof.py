@@ -15,8 +15,9 @@ from reconstruction.capture.spots import SpotOptics
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import Reading
 
-#: Minimum path-length bins per pulse.
-BINS_PER_PULSE = 4
+#: Bins of the path length per edge of what the readings respond to: light between two is split,
+#: which flattens a Gaussian pulse by 0.3 % at most.
+BINS_PER_EDGE = 10
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +65,10 @@ class Tof(Protocol):
     @property
     def reading(self) -> Reading:
         """Integration times of one reading."""
+
+    @property
+    def edge_s(self) -> float:
+        """Shortest edge of its response to the delay of light: height over steepest slope."""
 
     def check_bins(self, bin_width_m: float) -> None:
         """Raise InputError if path-length bins of this width do not resolve its light."""
@@ -118,11 +123,16 @@ def overflow(tof: Tof, steady_per_s: float, echo_per_s: float) -> list[str]:
     return detector.sensor.warnings("tof.detector", detector, time_s, background, whole)
 
 
-def check_pulse(field: str, pulse_s: float, bin_width_m: float) -> None:
-    """Raise InputError, naming the field, for a pulse shorter than a few bins."""
-    shortest = BINS_PER_PULSE * bin_width_m / c
-    if pulse_s < shortest:
+def path_step_m(tof: Tof) -> float:
+    """Maximum width of path-length bins that resolve its light."""
+    return c * tof.edge_s / BINS_PER_EDGE
+
+
+def check_pulse(tof: Tof, field: str, pulse_s: float, bin_width_m: float) -> None:
+    """Raise InputError, naming the field, for a pulse with an edge shorter than its bins."""
+    if path_step_m(tof) < bin_width_m:
+        shortest = pulse_s * bin_width_m / path_step_m(tof)
         raise InputError(
-            f"tof.{field} {pulse_s:g}: a pulse is shorter than {BINS_PER_PULSE} bins of the "
-            f"path-length histogram; at least {shortest:.4g}"
+            f"tof.{field} {pulse_s:g}: an edge of the pulse is shorter than {BINS_PER_EDGE} bins "
+            f"of the path-length histogram; at least {shortest:.4g}"
         )

@@ -127,9 +127,9 @@ def test_stamps_of_thresholds_have_no_bound() -> None:
 
 
 def test_false_alarms_of_a_threshold_take_cycles_away_at_the_rate_of_rice() -> None:
-    """B / √3 exp(-t² / 2) a second: of a stamp as far off as L, exp(-rate L / c) are left."""
+    """B / √(2 ln 2) exp(-t² / 2) a second: of a stamp at a path L, exp(-rate L / c) are left."""
     stamping = thresholded(2.0).tof.stamping
     lengths_m = np.array([0.0, 30.0])
     near, far = stamping.sigma_s(lengths_m, np.full(2, 1e13), np.zeros(2))
-    rate_hz = stamping.bandwidth_hz / np.sqrt(3) * np.exp(-(2.0**2) / 2)
+    rate_hz = stamping.bandwidth_hz / np.sqrt(2 * np.log(2)) * np.exp(-(2.0**2) / 2)
     assert (far / near) ** 2 == pytest.approx(np.exp(rate_hz * 30.0 / c), rel=1e-9)

@@ -19,7 +19,7 @@ from spisim.base.config import dump_yaml, load_yaml, parse_model
 from spisim.budget.eye_safety import LASER_CLASSES, RISK_GROUPS, array_risk_group, laser_safety
 from spisim.dataset.values import set_field
 from spisim.instrument import Instrument
-from spisim.simulation.light.path_bins import BIN_WIDTH_M
+from spisim.simulation.light.path_bins import MIN_BIN_WIDTH_M
 
 TIMES, LASER_FRACTION = "tof.times", "laser_fraction"
 """Parameters that no field of an instrument file is."""
@@ -58,7 +58,7 @@ class Bench:
     def check(self, instrument: Instrument) -> None:
         """Raise InputError, naming limit and value, for an instrument beyond the base's limits."""
         if instrument.ranges:
-            instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+            instrument.ranging.tof.check_bins(MIN_BIN_WIDTH_M)
         for name, value, limit in self._limits(instrument):
             if value > limit * (1 + ROUNDING):
                 raise InputError(f"{name} is {value:.6g}; at most {limit:.6g}, as of the base")

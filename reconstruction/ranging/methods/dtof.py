@@ -14,9 +14,9 @@ from ..ranges import MIN_SIGNAL, Paths, Ranges, ranges_from_paths
 NO_PILE_UP = 10_000
 """Factor on the cycles that makes pile-up negligible."""
 MAX_SCATTER_M = 0.3
-"""Maximum scatter, in range, of a threshold's stamps of one surface. One standard deviation of
-noise above a threshold of six, that of a Gaussian pulse is a fifth of its own: 0.16 m for 12 ns.
-Where the echo of fog ends it is metres."""
+"""Maximum scatter, in range, of a threshold's stamps of one surface. At a threshold of six times
+the noise that of a Gaussian pulse is at most a third of its own: 0.26 m for 12 ns. Where the echo
+of fog ends it is metres."""
 
 
 class DirectTof:

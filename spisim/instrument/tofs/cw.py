@@ -19,10 +19,14 @@ from spisim.base.config import Count, Section
 from spisim.instrument.demodulation import Modulation
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import Reading
-from spisim.instrument.tof import Emission, SpotLight, check_charge, overflow
-
-#: Bins interpolate light between neighbours, which damps a modulation of this period by 1 %.
-BINS_PER_PERIOD = 20
+from spisim.instrument.tof import (
+    BINS_PER_EDGE,
+    Emission,
+    SpotLight,
+    check_charge,
+    overflow,
+    path_step_m,
+)
 
 
 class CwTof(Section):
@@ -70,13 +74,17 @@ class CwTof(Section):
         amplifier_s = self.light_time_s(frequency_hz) * self.modulation.taps.noise_share
         return Reading("tap", time_s, time_s, amplifier_s)
 
+    @property
+    def edge_s(self) -> float:
+        return 1 / (np.pi * max(self.modulation.frequencies_hz))
+
     def check_bins(self, bin_width_m: float) -> None:
-        frequency = max(self.modulation.frequencies_hz)
-        highest = c / (BINS_PER_PERIOD * bin_width_m)
-        if frequency > highest:
+        if path_step_m(self) < bin_width_m:
+            frequency = max(self.modulation.frequencies_hz)
             raise InputError(
-                f"tof.modulation.frequencies_hz {frequency:g}: a period is shorter than "
-                f"{BINS_PER_PERIOD} bins of the path-length histogram; at most {highest:.4g}"
+                f"tof.modulation.frequencies_hz {frequency:g}: its edges are shorter than "
+                f"{BINS_PER_EDGE} bins of the path-length histogram; at most "
+                f"{frequency * path_step_m(self) / bin_width_m:.4g}"
             )
 
     def record(

@@ -51,8 +51,8 @@ class DirectTof(Section):
     """Width of a histogram bin."""
     bins: Annotated[int, Field(ge=3, le=2**20)]
     """Histogram bins, which make the gate."""
-    threshold_sigma: Annotated[Number, Field(ge=1)] | None = None
-    """Threshold of a photodiode over the rms noise of its current."""
+    threshold_sigma: Number | None = None
+    """Threshold of a photodiode over the rms noise of its current, at least 1."""
     detector: TofDetector
     """Detectors of the spots."""
 
@@ -84,8 +84,17 @@ class DirectTof(Section):
     def reading(self) -> Reading:
         return self.stamping.reading
 
+    @property
+    def edge_s(self) -> float:
+        if self.response is not None:
+            return self.response.edge_s
+        return self.pulse_sigma_s * math.sqrt(math.e)  # of a Gaussian
+
     def check_bins(self, bin_width_m: float) -> None:
-        check_pulse("pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
+        if self.response is None:
+            check_pulse(self, "pulse_fwhm_s", self.pulse_fwhm_s, bin_width_m)
+        else:
+            check_pulse(self, "response", self.response.edge_s, bin_width_m)
 
     def record(
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None

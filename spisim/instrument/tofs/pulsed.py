@@ -63,8 +63,12 @@ class PulsedTof(Section):
         time_s = self.pulses * self.pulse_width_s
         return Reading("window", time_s, time_s, time_s)
 
+    @property
+    def edge_s(self) -> float:
+        return self.pulse_width_s  # over which a window's part of the pulse rises
+
     def check_bins(self, bin_width_m: float) -> None:
-        check_pulse("pulse_width_s", self.pulse_width_s, bin_width_m)
+        check_pulse(self, "pulse_width_s", self.pulse_width_s, bin_width_m)
 
     def record(
         self, light: SpotLight, optics: SpotOptics, rng: np.random.Generator | None

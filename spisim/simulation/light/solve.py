@@ -16,7 +16,7 @@ from spisim.scene import Scene
 from spisim.simulation.light.extra import extra_light, weighted_light
 from spisim.simulation.light.noise_metric import image_error_metric
 from spisim.simulation.light.other_fog import OtherFog, Reweighted, in_each, over_fogs
-from spisim.simulation.light.path_bins import BIN_WIDTH_M
+from spisim.simulation.light.path_bins import MIN_BIN_WIDTH_M
 from spisim.simulation.light.spots import GROWTH, SampleBudget, bins_of, spot_metric, spots_of
 from spisim.simulation.light.stated_error import image_error, spot_error
 from spisim.simulation.light.steady import steady_light
@@ -183,7 +183,7 @@ def _solved(
 ) -> tuple[Transport, ...]:
     began = time.perf_counter()
     if instrument.ranges:
-        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+        instrument.ranging.tof.check_bins(MIN_BIN_WIDTH_M)
     if outputs.frequencies_hz or outputs.bins is not None:
         instrument.imaging  # noqa: B018 - raises for an instrument without pixels
     placed = InstrumentView.placed(scene, instrument)

@@ -10,7 +10,7 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.instrument.views import InstrumentView
 from spisim.simulation.light.noise_metric import spot_error_metric
-from spisim.simulation.light.path_bins import spot_bins
+from spisim.simulation.light.path_bins import bins_for
 from spisim.transport.engine.estimator import spot_histogram, transport_image
 from spisim.transport.engine.outputs import Outputs
 from spisim.transport.engine.path_weights import PathWeight
@@ -52,8 +52,7 @@ def trace_spots(
 
 def bins_of(instrument: Instrument, world: World, placed: InstrumentView) -> PathLengthBins:
     """Bins of the spots' histograms."""
-    longest_m = instrument.ranging.tof.unambiguous_range_m
-    return spot_bins(world.axis_distance_m(placed.beams), longest_m)
+    return bins_for(instrument.ranging.tof, world.axis_distance_m(placed.beams))
 
 
 def spot_metric(

@@ -31,7 +31,7 @@ class Around(NamedTuple):
 
 #: Chosen by how many estimates lie within 1, 2 and 4 stated errors (docs/theory/transport.md).
 PIXELS = Around((3, 3), 1.0)
-#: A bin, 2 cm of a path, is lit by fewer paths than a pixel.
+#: A bin, 2 cm of a path or less, is lit by fewer paths than a pixel.
 BINS = Around((1, 33), 2.0)
 
 

@@ -14,7 +14,7 @@ from spisim.instrument.views import InstrumentView, together
 from spisim.scene import Scene
 from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.lattice import LatticeLight
-from spisim.simulation.light.path_bins import BIN_WIDTH_M
+from spisim.simulation.light.path_bins import MIN_BIN_WIDTH_M
 from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
 from spisim.simulation.light.solve import Transport, spot_fields, streams_of
 from spisim.simulation.light.spots import trace_spots
@@ -68,7 +68,7 @@ def solve_spots(
     """
     began = time.perf_counter()
     aimed = instrument.aimed(directions)
-    aimed.ranging.tof.check_bins(BIN_WIDTH_M)
+    aimed.ranging.tof.check_bins(MIN_BIN_WIDTH_M)
     placed, world = InstrumentView.placed(scene, aimed), build_world(scene)
     warn_of_glints(world, placed.beams, placed.tof)
     budget = (spp, transport_noise_share)

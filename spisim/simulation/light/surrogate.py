@@ -30,7 +30,7 @@ from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.instrument.views import InstrumentView, together
 from spisim.scene import Scene
-from spisim.simulation.light.path_bins import BIN_WIDTH_M, spot_bins
+from spisim.simulation.light.path_bins import MIN_BIN_WIDTH_M, bins_for
 from spisim.simulation.light.sequence import LightSequence, at_key_times
 from spisim.simulation.light.solve import (
     Transport,
@@ -87,7 +87,7 @@ def surrogate(scene: Scene, instrument: Instrument, *, seed: int = 0) -> Transpo
     """
     began = time.perf_counter()
     if instrument.ranges:
-        instrument.ranging.tof.check_bins(BIN_WIDTH_M)
+        instrument.ranging.tof.check_bins(MIN_BIN_WIDTH_M)
     placed = InstrumentView.placed(scene, instrument)
     streams = np.random.SeedSequence(seed, spawn_key=(1,)).spawn(5)
     world = build_world(scene)
@@ -184,9 +184,7 @@ def _spots(
         none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
         extra = {"spot_orders": np.zeros((3, 0, 0))}
         return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
-    bins = spot_bins(
-        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
-    )
+    bins = bins_for(instrument.ranging.tof, world.axis_distance_m(placed.beams))
     result = ranging_histogram(
         world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )

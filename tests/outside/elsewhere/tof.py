@@ -78,6 +78,10 @@ class Stopwatch(Section):
     def reading(self):
         return Reading("delay", self.pulse_s, self.pulse_s, self.pulse_s, converted=False)
 
+    @property
+    def edge_s(self):
+        return self.pulse_s
+
     def check_bins(self, bin_width_m):
         pass
 
