@@ -142,7 +142,7 @@ def against_integral(instrument: Instrument, walls: list[Wall], seed: int) -> tu
     placed = InstrumentView.of(instrument, np.eye(4))
     world = build_world(scene(walls))
     bins = spot_bins(
-        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
+        world.axis_distances_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
     expected = integrated(instrument, walls, bins.centres_m)
     budget = PathBudget(PATHS, min_launches=LAUNCHES)

@@ -53,7 +53,7 @@ def trace_spots(
 def bins_of(instrument: Instrument, world: World, placed: InstrumentView) -> PathLengthBins:
     """Bins of the spots' histograms."""
     longest_m = instrument.ranging.tof.unambiguous_range_m
-    return spot_bins(world.axis_distance_m(placed.beams), longest_m)
+    return spot_bins(world.axis_distances_m(placed.beams), longest_m)
 
 
 def spot_metric(

@@ -185,7 +185,7 @@ def _spots(
         extra = {"spot_orders": np.zeros((3, 0, 0))}
         return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
     bins = spot_bins(
-        world.axis_distance_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
+        world.axis_distances_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
     )
     result = ranging_histogram(
         world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
