@@ -186,7 +186,8 @@ def _is_passed(material: Material) -> bool:
 def straight_back(material: Material, cosine: float) -> float:
     """Radiance back to the source relative to a white diffuse surface across the light.
 
-    Rough metals return by microfacets that face the source (Walter et al. 2007). Retroreflectors
+    Rough metals return by microfacets that face the source (Walter et al. 2007); what facets
+    scatter among themselves is left out, so metals are at least as bright. Retroreflectors
     count by their body alone: the rest depends on the detector's offset.
     """
     match material.bsdf:

@@ -24,6 +24,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.transport.coat import body_scale, plastic
+from spisim.transport.compensated import compensated_metal, compensated_plastic
 from spisim.transport.retroreflector import retroreflector
 
 Quantity = float | NDArray[np.float32]  # one value everywhere, or a picture
@@ -61,8 +62,9 @@ def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
         case Conductor(eta, k):
             return {"type": "conductor", **_metal(_texture(material), complex(eta, k))}
         case RoughConductor(roughness, eta, k, distribution):
-            metal = _metal(_texture(material), complex(eta, k))
-            return _rough("conductor", roughness, distribution) | metal
+            index, texture = complex(eta, k), _texture(material)
+            metal = _rough("conductor", roughness, distribution) | _metal(texture, index)
+            return compensated_metal(metal, index, roughness, distribution, _spectrum(texture))
         case Principled():
             return _principled(bsdf, material)
         case Retroreflector():
@@ -84,11 +86,13 @@ def _clear(bsdf: Clear) -> dict[str, Any]:
 
 def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
     root = math.sqrt(0.08 * bsdf.specular)  # of the coat's reflectance at normal incidence
+    reflectance = _reflectance(material)
+    metal = _rough("conductor", bsdf.roughness) | _metal(reflectance)
     return {
         "type": "blendbsdf",
         "weight": _spectrum(bsdf.metallic),
         "plastic": _plastic(material, (1 + root) / (1 - root), bsdf.roughness),
-        "metal": _rough("conductor", bsdf.roughness) | _metal(_reflectance(material)),
+        "metal": compensated_metal(metal, None, bsdf.roughness, "ggx", _spectrum(reflectance)),
     }
 
 
@@ -107,8 +111,11 @@ def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
 def _plastic(
     material: Material, ior: float, roughness: float, distribution: str = "ggx"
 ) -> dict[str, Any]:
-    scale = body_scale(ior, roughness, distribution)
-    return plastic(ior, roughness, distribution, _spectrum(_reflectance(material) * scale))
+    reflectance, model = _reflectance(material), (ior, roughness, distribution)
+    described = plastic(*model, _spectrum(reflectance * body_scale(*model)))
+    if roughness > 0:
+        described = compensated_plastic(described, *model, _spectrum(reflectance))
+    return described
 
 
 def _metal(reflectance: Quantity, index: complex | None = None) -> dict[str, Any]:
