@@ -1,6 +1,7 @@
 """Ground truth from the projector's pinhole: what a perfect instrument would measure.
 
-Of a ray that passes through panes or masks it is the surface that sends the most light back.
+Of a ray that passes through panes or masks it is the surface that sends the most light straight
+back. A mirror is where it is, not what it shows.
 """
 
 import math
@@ -19,9 +20,11 @@ from reconstruction.depth import CORRIDOR_M
 from spisim.instrument import Instrument
 from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, SceneObject
+from spisim.scene.materials import Picture
 from spisim.transport.backend import with_backend
+from spisim.transport.bsdf import spectrum
 from spisim.transport.geometry import rays_of
-from spisim.transport.jit import Float
+from spisim.transport.jit import Float, Hit
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
 from spisim.transport.sight import brightest, first_distance_m
@@ -184,18 +187,24 @@ def _met(objects: Sequence[SceneObject], meshes: Meshes, rays: Sequence[Rays]) -
     """What is seen along all rays."""
     origins, directions, ends = map(np.concatenate, zip(*rays, strict=True))
     si = brightest(meshes, rays_of(origins, directions), mi.Point3f(np.float32(ends.T)))
-    local: Float = si.t
-    textured = [n for n, thing in enumerate(objects) if thing.material.texture is not None]
-    if textured:
-        local = si.bsdf().eval_diffuse_reflectance(si).x
-    values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, local
+    values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, si.uv
     dr.eval(*values)  # at once
-    distance_m, owner, normal, pictured = (each.numpy() for each in values)
+    distance_m, owner, normal, uv = (each.numpy() for each in values)
     identity = owner.astype(np.int64)
     reflectance = np.array([*(thing.material.reflectance for thing in objects), np.nan])[identity]
-    own = np.isin(identity, textured)
-    reflectance[own] = pictured[own]
+    for number in set(identity.tolist()) - {-1}:
+        if (texture := objects[number].material.texture) is not None:
+            here = identity == number
+            reflectance[here] *= _texture_at(texture, uv[:, here])
     return _Met(distance_m, identity, normal.T.reshape(-1, 3), reflectance)
+
+
+def _texture_at(texture: Picture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A texture at Mitsuba's coordinates (2, n)."""
+    si: Hit = dr.zeros(mi.SurfaceInteraction3f, uv.shape[1])
+    si.uv = mi.Point2f(np.ascontiguousarray(uv))
+    values: Float = mi.load_dict(spectrum(texture)).eval(si).x
+    return np.asarray(values.numpy())
 
 
 def _truth(

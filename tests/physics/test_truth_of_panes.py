@@ -13,6 +13,7 @@ from spisim.scene import Material, Scene, SceneObject
 from spisim.scene.bsdf import (
     DIFFUSE,
     Bsdf,
+    Clear,
     Conductor,
     Dielectric,
     Diffuse,
@@ -117,6 +118,14 @@ def test_pixels_see_through_the_holes_of_a_mask() -> None:
     assert set(np.unique(truth.object_id)) == {0, 1}
     peak_m = peaks_m(scene)
     np.testing.assert_allclose(truth.spot_range_m, peak_m, atol=0.02)
+
+
+@pytest.mark.parametrize("name", [name for name in MODELS if not isinstance(MODELS[name], Clear)])
+def test_the_reflectance_is_that_of_the_texture_whatever_the_model(name: str) -> None:
+    texture = np.full((1, 1), 0.6, np.float32)
+    thing = sheet("thing", 4.0, MODELS[name], texture=texture, opacity=0.9)
+    truth = ground_truth(worlds.scene(thing), INSTRUMENT, subpixels=1)
+    np.testing.assert_allclose(truth.reflectance, 0.5 * 0.6, rtol=1e-5)
 
 
 def test_nothing_is_seen_of_what_is_not_there_or_reflects_no_light() -> None:
