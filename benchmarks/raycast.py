@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter, minimum_filter
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Instrument
 from spisim.scene import Scene
+from spisim.scene.bsdf import ThinPane
 from spisim.transport import ground_truth
 
 #: Every so many-th row and column of pixels: an R-tree takes milliseconds for a ray.
@@ -69,10 +70,14 @@ def compare(scene: Scene, instrument: Instrument) -> Comparison:
 
 
 def first_ranges(scene: Scene, rays: Floats) -> Floats:
-    """Distance (n,) from the drone along rays (n, 3) of its optical frame; inf where none."""
+    """Distance (n,) from the drone along rays (n, 3) of its optical frame; inf where none.
+
+    Rays pass through panes, which send no light back.
+    """
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True) @ scene.drone_pose[:3, :3].T
     origin = scene.drone_pose[:3, 3]
-    bare = [trimesh.Trimesh(o.mesh.vertices, o.mesh.faces, process=False) for o in scene.objects]
+    things = [o for o in scene.objects if not isinstance(o.material.bsdf, ThinPane)]
+    bare = [trimesh.Trimesh(o.mesh.vertices, o.mesh.faces, process=False) for o in things]
     mesh = trimesh.util.concatenate(bare)
     origins = np.tile(origin, (len(rays), 1))
     positions, ray, _ = mesh.ray.intersects_location(origins, rays, multiple_hits=False)

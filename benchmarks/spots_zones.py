@@ -141,7 +141,7 @@ def against_integral(instrument: Instrument, walls: list[Wall], seed: int) -> tu
     """
     placed = InstrumentView.of(instrument, np.eye(4))
     world = build_world(scene(walls))
-    bins = bins_for(instrument.ranging.tof, world.axis_distance_m(placed.beams))
+    bins = bins_for(instrument.ranging.tof, world.axis_distances_m(placed.beams))
     expected = integrated(instrument, walls, bins.centres_m)
     budget = PathBudget(PATHS, min_launches=LAUNCHES)
     estimate = ranging_histogram(

@@ -118,24 +118,28 @@ class Layout:
             text = ", ".join(f"spot {spot} {why}" for spot, why in self.lost.items())
             return f"at least {self.needs.min_spots} of the laser spots should return: {text}"
         fields = [np.linspace(-half, half, RAYS) for half in self.needs.half_field_deg]
-        field = first_hits(np.zeros(3), _rays(*fields), self._seen)
+        field = first_hits(np.zeros(3), _rays(*fields), self.triangles[self._in_view])
         if (near := min(field.min(), self._spots.min())) < MIN_DISTANCE_M:
             return f"the nearest surface in view is at {near:.2f} m, less than {MIN_DISTANCE_M} m"
         return None
 
     @cached_property
-    def _in_view(self) -> NDArray[np.int64]:
-        """Indices of the triangles that may be in view."""
-        return np.flatnonzero(_may_be_in_view(self.triangles, self.needs))
+    def _in_view(self) -> NDArray[np.bool_]:
+        """Which triangles may be in view."""
+        return _may_be_in_view(self.triangles, self.needs)
 
     @cached_property
-    def _seen(self) -> Floats:
-        return self.triangles[self._in_view]
+    def _ranged(self) -> NDArray[np.int64]:
+        """Indices of those in view that spots do not pass."""
+        things = self.scene.objects
+        stop = np.array([not _is_passed(thing.material) for thing in things], dtype=bool)
+        counts = [len(thing.mesh.faces) for thing in things]
+        return np.flatnonzero(self._in_view & np.repeat(stop, counts))
 
     @cached_property
     def _spots(self) -> Floats:
         """Ranges (spots,) of the spots."""
-        return first_hits(np.zeros(3), self.needs.beams, self._seen)
+        return first_hits(np.zeros(3), self.needs.beams, self.triangles[self._ranged])
 
     def _owner(self, triangle: int) -> SceneObject:
         """The object of a triangle."""
@@ -144,7 +148,7 @@ class Layout:
 
     def _why_dark(self, number: int) -> str | None:
         """Why a spot returns less than a fraction of a white surface at 1 m (1/m²), or None."""
-        needs, triangles = self.needs, self._seen
+        needs, triangles = self.needs, self.triangles[self._ranged]
         beam = needs.beams[number]
         (distance,), (index,) = first_met(np.zeros(3), beam[None], triangles)
         one, two, three = triangles[index]
@@ -155,7 +159,7 @@ class Layout:
         lens[:, :2] += needs.lens_ring_m * ON_LENS
         between = _along(beam, triangles, float(np.linalg.norm(lens, axis=1).max()))
         seen = np.mean([first_hits(point, (spot - point)[None], between)[0] > 1 for point in lens])
-        thing = self._owner(self._in_view[index])
+        thing = self._owner(int(self._ranged[index]))
         where = f"on {thing.name!r} ({thing.material.name}) at {distance:.3g} m"
         if seen < 0.5:
             return f"{where} is hidden from its detector"
@@ -173,12 +177,18 @@ def _along(beam: Floats, triangles: Floats, within_m: float) -> Floats:
     return triangles[aside <= radius + within_m + OFF_SURFACE_M]
 
 
+def _is_passed(material: Material) -> bool:
+    """Whether light passes the surface and none comes back."""
+    nothing = material.opacity is not None and not np.any(material.opacity)
+    return nothing or isinstance(material.bsdf, ThinPane)
+
+
 def straight_back(material: Material, cosine: float) -> float:
     """Radiance back to the source relative to a white diffuse surface across the light.
 
-    Rough metals return by microfacets that face the source (Walter et al. 2007). Retroreflectors
-    count by their body alone: the rest depends on the detector's offset. Mirrors and panes count as
-    dark, because light from behind a pane has another range than the true one.
+    Rough metals return by microfacets that face the source (Walter et al. 2007); what facets
+    scatter among themselves is left out, so metals are at least as bright. Retroreflectors
+    count by their body alone: the rest depends on the detector's offset.
     """
     match material.bsdf:
         case RoughConductor(roughness=alpha, distribution="beckmann"):

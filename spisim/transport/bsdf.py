@@ -24,6 +24,7 @@ from spisim.scene.bsdf import (
     ThinPane,
 )
 from spisim.transport.coat import body_scale, plastic
+from spisim.transport.compensated import compensated_metal, compensated_plastic
 from spisim.transport.retroreflector import retroreflector
 
 Quantity = float | NDArray[np.float32]  # one value everywhere, or a picture
@@ -39,7 +40,7 @@ def bsdf_dict(material: Material) -> dict[str, Any]:
     if not isinstance(material.bsdf, Clear):
         described = {"type": "twosided", "bsdf": described}
     if material.opacity is not None:
-        described = {"type": "mask", "opacity": _spectrum(material.opacity), "bsdf": described}
+        described = {"type": "mask", "opacity": spectrum(material.opacity), "bsdf": described}
     return described
 
 
@@ -51,7 +52,7 @@ def is_null_transmitting(material: Material) -> bool:
 def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
     match bsdf:
         case Diffuse():
-            return {"type": "diffuse", "reflectance": _spectrum(_reflectance(material))}
+            return {"type": "diffuse", "reflectance": spectrum(_reflectance(material))}
         case Plastic(ior):
             return _plastic(material, ior, 0.0)
         case RoughPlastic(roughness, ior, distribution):
@@ -61,8 +62,9 @@ def _model(bsdf: Bsdf, material: Material) -> dict[str, Any]:
         case Conductor(eta, k):
             return {"type": "conductor", **_metal(_texture(material), complex(eta, k))}
         case RoughConductor(roughness, eta, k, distribution):
-            metal = _metal(_texture(material), complex(eta, k))
-            return _rough("conductor", roughness, distribution) | metal
+            index, texture = complex(eta, k), _texture(material)
+            metal = _rough("conductor", roughness, distribution) | _metal(texture, index)
+            return compensated_metal(metal, index, roughness, distribution, spectrum(texture))
         case Principled():
             return _principled(bsdf, material)
         case Retroreflector():
@@ -84,21 +86,23 @@ def _clear(bsdf: Clear) -> dict[str, Any]:
 
 def _principled(bsdf: Principled, material: Material) -> dict[str, Any]:
     root = math.sqrt(0.08 * bsdf.specular)  # of the coat's reflectance at normal incidence
+    reflectance = _reflectance(material)
+    metal = _rough("conductor", bsdf.roughness) | _metal(reflectance)
     return {
         "type": "blendbsdf",
-        "weight": _spectrum(bsdf.metallic),
+        "weight": spectrum(bsdf.metallic),
         "plastic": _plastic(material, (1 + root) / (1 - root), bsdf.roughness),
-        "metal": _rough("conductor", bsdf.roughness) | _metal(_reflectance(material)),
+        "metal": compensated_metal(metal, None, bsdf.roughness, "ggx", spectrum(reflectance)),
     }
 
 
 def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
     """Lobe and body, each drawn in proportion to its brightness."""
     total = bsdf.returned + material.reflectance
-    white = _spectrum(total * _texture(material))
+    white = spectrum(total * _texture(material))
     return {
         "type": "blendbsdf",
-        "weight": _spectrum(bsdf.returned / total if total > 0 else 0.0),
+        "weight": spectrum(bsdf.returned / total if total > 0 else 0.0),
         "body": {"type": "diffuse", "reflectance": white},
         "lobe": retroreflector(bsdf.roughness, white),
     }
@@ -107,16 +111,19 @@ def _retroreflector(bsdf: Retroreflector, material: Material) -> dict[str, Any]:
 def _plastic(
     material: Material, ior: float, roughness: float, distribution: str = "ggx"
 ) -> dict[str, Any]:
-    scale = body_scale(ior, roughness, distribution)
-    return plastic(ior, roughness, distribution, _spectrum(_reflectance(material) * scale))
+    reflectance, model = _reflectance(material), (ior, roughness, distribution)
+    described = plastic(*model, spectrum(reflectance * body_scale(*model)))
+    if roughness > 0:
+        described = compensated_plastic(described, *model, spectrum(reflectance))
+    return described
 
 
 def _metal(reflectance: Quantity, index: complex | None = None) -> dict[str, Any]:
     """`reflectance` times that of a refractive index; without one, the same at every angle."""
-    described: dict[str, Any] = {"specular_reflectance": _spectrum(reflectance)}
+    described: dict[str, Any] = {"specular_reflectance": spectrum(reflectance)}
     if index is None:
         return described | {"material": "none"}
-    return described | {"eta": _spectrum(index.real), "k": _spectrum(index.imag)}
+    return described | {"eta": spectrum(index.real), "k": spectrum(index.imag)}
 
 
 def _rough(plugin: str, roughness: float, distribution: str = "ggx") -> dict[str, Any]:
@@ -131,7 +138,8 @@ def _reflectance(material: Material) -> Quantity:
     return material.reflectance * _texture(material)
 
 
-def _spectrum(value: Quantity) -> dict[str, Any]:
+def spectrum(value: Quantity) -> dict[str, Any]:
+    """A value or a picture as Mitsuba describes it."""
     if isinstance(value, np.ndarray):
         picture = np.ascontiguousarray(value[..., None], dtype=np.float32)
         return {"type": "bitmap", "bitmap": mi.Bitmap(picture), "raw": True}

@@ -8,9 +8,13 @@ import mitsuba as mi
 import numpy as np
 
 from reconstruction.base.arrays import Floats
-from spisim.transport.jit import Hit, Object, UInt, Vector
+from spisim.transport.jit import Float, Hit, Object, UInt, Vector
 
-_NODES, _WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
+#: Cosines of incidence, and weights of their quadrature from 0 to 1.
+NODES, WEIGHTS = (np.polynomial.legendre.leggauss(32) + np.array([[1.0], [0.0]])) / 2
+
+#: Facets per side of the square from which they are drawn, most of them at its edges: steep ones.
+FACETS = 96
 
 
 @cache
@@ -23,28 +27,36 @@ def body_scale(ior: float, roughness: float, distribution: str) -> float:
     (`roughness` 0) that is a fit, 0.1 % too bright; for a rough coat it lacks multiple scattering,
     which at a roughness of 0.2 is 20 % too dark.
     """
-    cosines = np.repeat(_NODES, _NODES.size), np.tile(_NODES, _NODES.size)
-    weights = 4 * np.outer(_NODES * _WEIGHTS, _NODES * _WEIGHTS).ravel()
+    cosines = np.repeat(NODES, NODES.size), np.tile(NODES, NODES.size)
+    weights = 4 * np.outer(NODES * WEIGHTS, NODES * WEIGHTS).ravel()
     body = _body_term(ior, roughness, distribution, *cosines)
-    through = _transmittance(ior, roughness, distribution)
-    return float(2 * _NODES * _WEIGHTS @ through / (weights @ body))
+    _, through = albedos(ior, roughness, distribution)
+    return float(2 * NODES * WEIGHTS @ through / (weights @ body))
 
 
-def _transmittance(ior: float, roughness: float, distribution: str) -> Floats:
-    """T at `_NODES`, cosines of incidence: light transmitted at the first pass, by quadrature."""
-    count = _NODES.size
-    cosine, first, second = (axis.ravel() for axis in np.meshgrid(*[_NODES] * 3, indexing="ij"))
+@cache
+def albedos(ior: float | None, roughness: float, distribution: str) -> tuple[Floats, Floats]:
+    """Light reflected and transmitted at the first facet at `NODES`; None for white facets."""
+    u, weights = (np.polynomial.legendre.leggauss(FACETS) + np.array([[1.0], [0.0]])) / 2
+    drawn = np.meshgrid(NODES, u, u, indexing="ij")
+    cosine, first, second = (axis.ravel() for axis in drawn)
     wi = _directions(cosine)
     kinds = mi.MicrofacetType
     kind = kinds.Beckmann if distribution == "beckmann" else kinds.GGX
     facets: Object = mi.MicrofacetDistribution(kind, roughness, True)
     normal, _ = facets.sample(wi, mi.Point2f(np.array([first, second], dtype=np.float32)))
-    index: UInt = mi.Float(ior)
-    reflected, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
+    index: UInt = mi.Float(ior or 1.0)
+    facing, inner, _, ratio = mi.fresnel(dr.dot(wi, normal), index)
+    fraction = mi.Float(1) if ior is None else facing
+
+    def left(fraction: Float, leaving: Vector, above: bool) -> Floats:
+        light = np.array((fraction * facets.smith_g1(leaving, normal)).numpy(), np.float64)
+        light[(leaving.z.numpy() > 0) != above] = 0
+        return np.asarray(light.reshape(NODES.size, -1) @ np.outer(weights, weights).ravel())
+
+    mirrored = mi.reflect(wi, mi.Normal3f(normal))
     inside = mi.refract(wi, normal, inner, ratio)
-    through = np.asarray(((1 - reflected) * facets.smith_g1(inside, normal)).numpy(), np.float64)
-    through[inside.z.numpy() >= 0] = 0
-    return through.reshape(count, count * count) @ np.outer(_WEIGHTS, _WEIGHTS).ravel()
+    return left(fraction, mirrored, True), left(1 - fraction, inside, False)
 
 
 def _body_term(

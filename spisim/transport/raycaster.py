@@ -15,6 +15,7 @@ from spisim.transport.bsdf import is_null_transmitting
 from spisim.transport.geometry import rays_of
 from spisim.transport.jit import Float, Hit, Ray
 from spisim.transport.meshes import Meshes
+from spisim.transport.sight import brightest
 
 #: Maximum number of surfaces or panes along a line of sight.
 MAX_PANES = 8
@@ -32,7 +33,7 @@ RAYS_AT_A_TIME = 2**20
 
 @dataclass(frozen=True, eq=False)
 class Surfaces:
-    """The first surface that each of n rays meets."""
+    """The surface that each of n rays sees."""
 
     range_m: Floats  # (n,), inf where there is none
     object_id: NDArray[np.int64]  # (n,), index into the scene's objects; -1 where there is none
@@ -60,8 +61,9 @@ class RayCaster:
         return cls(scene, Meshes.of(scene.objects))
 
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
-        """Range and object of the first surface, panes included, that each ray (n, 3) meets."""
-        si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
+        """Range and object of the surface that each ray (n, 3) sees, as in `ground_truth`."""
+        rays = rays_of(origins, directions)
+        si = brightest(self.meshes, rays, rays.o)
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
 

@@ -1,4 +1,8 @@
-"""Ground truth from the projector's pinhole: what a perfect instrument would measure."""
+"""Ground truth from the projector's pinhole: what a perfect instrument would measure.
+
+Of a ray that passes through panes or masks it is the surface that sends the most light straight
+back. A mirror is where it is, not what it shows.
+"""
 
 import math
 from collections.abc import Sequence
@@ -7,6 +11,7 @@ from itertools import groupby
 from typing import Any, NamedTuple
 
 import drjit as dr
+import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,11 +20,14 @@ from reconstruction.depth import CORRIDOR_M
 from spisim.instrument import Instrument
 from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene, SceneObject
+from spisim.scene.materials import Picture
 from spisim.transport.backend import with_backend
+from spisim.transport.bsdf import spectrum
 from spisim.transport.geometry import rays_of
-from spisim.transport.jit import Float
+from spisim.transport.jit import Float, Hit
 from spisim.transport.meshes import Meshes
 from spisim.transport.raycaster import RAYS_AT_A_TIME
+from spisim.transport.sight import brightest, first_distance_m
 
 #: Fields that are nan without an image.
 MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
@@ -27,6 +35,9 @@ MAPS = ("range_m", "depth_m", "reflectance", "normal", "coverage")
 SUBPIXELS = 4
 #: Distance between rays along the corridor.
 CORRIDOR_STEP_M = 0.02
+
+#: Origins, unit directions, and points where their light is received, (n, 3) each.
+Rays = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +62,13 @@ class GroundTruth:
     object_names
         Names of the scene's objects.
     spot_range_m
-        Range (spots,) of the surface that each laser, or the middle of each zone, meets in clear
-        air, m; nan for none.
+        Range (spots,) of the surface from which most light of each laser, or of the middle of each
+        zone, comes back in clear air, m; nan for none.
     spot_object
         Name (spots,) of its object; None for none.
     corridor_m
-        Distance along the optical axis to the first surface in the corridor ahead, m; nan for none.
+        Distance along the optical axis to the first surface in the corridor ahead, panes and nets
+        included, m; nan for none.
     pose
         World-from-optical pose (4, 4).
     """
@@ -121,29 +133,40 @@ def _of_the_same(views: Sequence[tuple[Scene, Instrument]], subpixels: int) -> l
     objects = views[0][0].objects
     meshes = Meshes.of(objects)
     placed = [InstrumentView.placed(*view) for view in views]
-    rays = [_rays(scene, each) for (scene, _), each in zip(views, placed, strict=True)]
-    origins, directions = (
-        np.concatenate([part for each in rays for part in each[end]]) for end in (0, 1)
-    )
-    parts = [len(part) for each in rays for part in each[0]]
-    met = _met(objects, meshes, origins, directions).split(parts)
+    rays = [
+        part for (scene, _), each in zip(views, placed, strict=True) for part in _rays(scene, each)
+    ]
+    met = _met(objects, meshes, rays).split([len(directions) for _, directions, _ in rays])
+    corridors_m = _corridors_m(meshes, [scene.drone_pose for scene, _ in views])
     return [
-        _truth(*view, each, meshes, met[3 * number : 3 * number + 3], subpixels)
-        for number, (view, each) in enumerate(zip(views, placed, strict=True))
+        _truth(*view, each, meshes, met[2 * number : 2 * number + 2], corridor_m, subpixels)
+        for number, (view, each, corridor_m) in enumerate(
+            zip(views, placed, corridors_m, strict=True)
+        )
     ]
 
 
-def _rays(scene: Scene, placed: InstrumentView) -> tuple[list[Floats], list[Floats]]:
-    """Origins and directions of rays through pixels, of lasers, and along the corridor."""
+def _rays(scene: Scene, placed: InstrumentView) -> tuple[Rays, Rays]:
+    """Rays through pixels, seen from the pinhole, and of lasers, seen from their detectors."""
     pose = scene.drone_pose
     pixels = _pixel_rays(placed, np.arange(placed.projector.shape[0]), 1) @ pose[:3, :3].T
+    pinhole = np.broadcast_to(pose[:3, 3], pixels.shape)
+    beams = placed.beams
+    return (
+        (pinhole, pixels, pinhole),
+        (beams.origins_m, beams.directions, placed.tof.positions_m),
+    )
+
+
+def _corridors_m(meshes: Meshes, poses: Sequence[Floats]) -> list[float]:
+    """Distance along the optical axis of each pose to the first surface; nan for none."""
     across = np.linspace(-CORRIDOR_M / 2, CORRIDOR_M / 2, round(CORRIDOR_M / CORRIDOR_STEP_M) + 1)
     offsets = np.stack(np.meshgrid(across, across), axis=-1).reshape(-1, 2)
-    ahead = pose[:3, 3] + offsets @ pose[:3, :2].T
-    return (
-        [np.broadcast_to(pose[:3, 3], pixels.shape), placed.beams.origins_m, ahead],
-        [pixels, placed.beams.directions, np.broadcast_to(pose[:3, 2], ahead.shape)],
-    )
+    origins = np.concatenate([pose[:3, 3] + offsets @ pose[:3, :2].T for pose in poses])
+    ahead = np.repeat([pose[:3, 2] for pose in poses], len(offsets), axis=0)
+    distance_m = first_distance_m(meshes, rays_of(origins, ahead)).numpy()
+    first_m = distance_m.astype(np.float64).reshape(len(poses), -1).min(axis=1)
+    return [each if math.isfinite(each) else math.nan for each in first_m.tolist()]
 
 
 class _Met(NamedTuple):
@@ -160,22 +183,28 @@ class _Met(NamedTuple):
         return [_Met(*part) for part in zip(*(np.split(each, ends) for each in self), strict=True)]
 
 
-def _met(
-    objects: Sequence[SceneObject], meshes: Meshes, origins: Floats, directions: Floats
-) -> _Met:
-    si = meshes.scene.ray_intersect(rays_of(origins, directions))
-    local: Float = si.t
-    textured = [n for n, thing in enumerate(objects) if thing.material.texture is not None]
-    if textured:
-        local = si.bsdf().eval_diffuse_reflectance(si).x
-    values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, local
+def _met(objects: Sequence[SceneObject], meshes: Meshes, rays: Sequence[Rays]) -> _Met:
+    """What is seen along all rays."""
+    origins, directions, ends = map(np.concatenate, zip(*rays, strict=True))
+    si = brightest(meshes, rays_of(origins, directions), mi.Point3f(np.float32(ends.T)))
+    values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, si.uv
     dr.eval(*values)  # at once
-    distance_m, owner, normal, pictured = (each.numpy() for each in values)
+    distance_m, owner, normal, uv = (each.numpy() for each in values)
     identity = owner.astype(np.int64)
     reflectance = np.array([*(thing.material.reflectance for thing in objects), np.nan])[identity]
-    own = np.isin(identity, textured)
-    reflectance[own] = pictured[own]
+    for number in set(identity.tolist()) - {-1}:
+        if (texture := objects[number].material.texture) is not None:
+            here = identity == number
+            reflectance[here] *= _texture_at(texture, uv[:, here])
     return _Met(distance_m, identity, normal.T.reshape(-1, 3), reflectance)
+
+
+def _texture_at(texture: Picture, uv: NDArray[np.float32]) -> NDArray[np.float32]:
+    """A texture at Mitsuba's coordinates (2, n)."""
+    si: Hit = dr.zeros(mi.SurfaceInteraction3f, uv.shape[1])
+    si.uv = mi.Point2f(np.ascontiguousarray(uv))
+    values: Float = mi.load_dict(spectrum(texture)).eval(si).x
+    return np.asarray(values.numpy())
 
 
 def _truth(
@@ -184,10 +213,11 @@ def _truth(
     placed: InstrumentView,
     meshes: Meshes,
     met: Sequence[_Met],
+    corridor_m: float,
     subpixels: int,
 ) -> GroundTruth:
     """Truth of a view from what its rays meet."""
-    pixels, spots, corridor = met
+    pixels, spots = met
     shape, names = placed.projector.shape, tuple(thing.name for thing in scene.objects)
     local = _pixel_rays(placed, np.arange(shape[0]), 1)
     range_m = pixels.distance_m.reshape(shape)
@@ -205,7 +235,6 @@ def _truth(
     }
     if not instrument.images:  # the only pixel is a placeholder
         maps |= {name: np.full_like(maps[name], np.nan) for name in MAPS}
-    distances = corridor.distance_m[np.isfinite(corridor.distance_m)]
     return GroundTruth(
         **maps,
         object_names=names,
@@ -213,7 +242,7 @@ def _truth(
         spot_object=tuple(
             names[number] if number >= 0 else None for number in spots.identity.tolist()
         ),
-        corridor_m=float(distances.min()) if distances.size else np.nan,
+        corridor_m=corridor_m,
         pose=scene.drone_pose,
     )
 
@@ -234,7 +263,8 @@ def _coverage(
     bands = []
     for rows in np.split(np.arange(height), range(step, height, step)):
         local = _pixel_rays(placed, rows, subpixels)
-        parts = meshes.scene.ray_intersect(rays_of(origin, local @ rotation.T))
+        rays = rays_of(origin, local @ rotation.T)
+        parts = brightest(meshes, rays, rays.o)
         seen = meshes.object_ids(parts).reshape(len(rows), subpixels, width, subpixels)
         bands.append((seen == identity[rows, None, :, None]).mean(axis=(1, 3)))
     return np.concatenate(bands)

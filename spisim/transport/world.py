@@ -79,10 +79,20 @@ class World:
         value = si.bsdf().eval(context, si, local, active).x
         return Scored(value, self.tracked.reflected(context, si, local, value, active))
 
-    def axis_distance_m(self, beams: BeamView) -> Floats:
-        """Distance along the axis of each beam to the first surface, (beams,); nan for none."""
-        si = self.geometry.scene.ray_intersect(rays_of(beams.origins_m, beams.directions))
-        return np.where(si.is_valid().numpy(), si.t.numpy(), np.nan)
+    def axis_distances_m(self, beams: BeamView) -> Floats:
+        """Distances along the axes of beams to all surfaces, past what lets light through, (n,)."""
+        ray, gone_m = rays_of(beams.origins_m, beams.directions), np.zeros(len(beams.directions))
+        result = [np.zeros(0)]
+        while len(gone_m):
+            si = self.geometry.scene.ray_intersect(ray)
+            passed = si.bsdf().eval_null_transmission(si, si.is_valid()).x.numpy()
+            gone_m = gone_m + si.t.numpy()
+            met = si.is_valid().numpy()
+            result.append(gone_m[met])
+            onward = np.flatnonzero(met & (passed > 0))
+            ray = dr.gather(mi.Ray3f, si.spawn_ray(ray.d), mi.UInt32(onward))
+            gone_m = gone_m[onward]
+        return np.concatenate(result)
 
 
 @with_backend

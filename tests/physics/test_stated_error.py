@@ -8,6 +8,8 @@ from error_coverage import LIMITS, coverage, student_coverage
 
 import worlds
 from spisim.atmosphere import fog
+from spisim.scene import Material
+from spisim.scene.bsdf import Mirror
 from spisim.simulation.light.stated_error import BINS, PIXELS, image_error, moderated
 from spisim.transport.engine.estimator import transport_image
 from spisim.transport.engine.sampling import MIN_LAUNCHES, PathBudget
@@ -54,3 +56,27 @@ def test_as_many_estimates_lie_within_their_errors_as_by_student(visibility_m):
     assert np.all(np.abs(off_student) < LIMITS)
     promised = np.mean(np.sum(errors**2, axis=1))
     assert np.sum(images.var(axis=0, ddof=1)) == pytest.approx(promised, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("extinction_per_m", [0.0, 0.06], ids=["clear", "fog"])
+def test_beside_a_mirror_few_paths_state_errors_as_good_as_documented(extinction_per_m):
+    """The exception of docs/theory/transport.md, at one path per pixel and launch."""
+    mirror = replace(
+        worlds.plane(4.5, tilt_rad=0.6, half_size_m=0.5),
+        name="mirror",
+        material=Material("mirror", 0.9, "test", Mirror()),
+    )
+    objects = (*worlds.room(), mirror)
+    scene = worlds.scene(*objects, extinction_per_m=extinction_per_m, g=0.8, albedo=0.98)
+    world, view = build_world(scene), worlds.projector(shape=(24, 24))
+    result = [
+        transport_image(world, view, END, PathBudget(MIN_LAUNCHES), seed=seed)
+        for seed in worlds.seeds(RUNS)
+    ]
+    images = np.array([each.mean["image"] for each in result])
+    errors = np.array([image_error(each, view.shape).ravel() for each in result])
+    one, two, beyond_four = coverage(images, errors)
+    assert 58 < one < 68
+    assert 83 < two < 94
+    assert beyond_four < 1.8

@@ -83,6 +83,18 @@ def load(bsdf: Bsdf, reflectance: float = 1.0, **pictures):
     return mi.load_dict(bsdf_dict(material(bsdf, reflectance, **pictures)))
 
 
+def load_single(bsdf: Bsdf, reflectance: float = 1.0):
+    """Light of single facets alone."""
+
+    def single(described):
+        if not isinstance(described, dict):
+            return described
+        described = described.get("nested", described)
+        return {key: single(value) for key, value in described.items()}
+
+    return mi.load_dict(single(bsdf_dict(material(bsdf, reflectance))))
+
+
 def context():
     """Light that travels from the projector: refraction then scales no radiance."""
     return mi.BSDFContext(mi.TransportMode.Importance)
@@ -144,6 +156,46 @@ def test_lossless_surfaces_return_everything(bsdf: Bsdf) -> None:
     for cosine in ANGLES:
         weights, *_ = sample(plugin, cosine)
         assert weights.mean() == pytest.approx(1, abs=4 * weights.std() / np.sqrt(SAMPLES) + 1e-4)
+
+
+@pytest.mark.parametrize(
+    ("bsdf", "reflectance"),
+    [
+        (RoughPlastic(0.1), 1.0),
+        (RoughPlastic(0.4), 1.0),
+        (RoughPlastic(1.0, 1.33), 1.0),
+        (RoughPlastic(0.4, distribution="beckmann"), 1.0),
+        (Principled(0.3), 1.0),
+        (Principled(0.71, metallic=0.5), 1.0),
+        (Principled(0.12, metallic=1.0), 1.0),
+        (Principled(0.3, metallic=1.0), 1.0),
+        (Principled(0.5, metallic=1.0), 1.0),
+        (Principled(0.5, metallic=1.0), 0.5),
+    ],
+    ids=lambda each: name(each) if not isinstance(each, float) else str(each),
+)
+def test_facets_lose_no_light_to_each_other(bsdf: Bsdf, reflectance: float) -> None:
+    """All light of a white surface, and of a metal as much as its reflectance."""
+    plugin = load(bsdf, reflectance)
+    for angle_deg in (0, 30, 60, 75, 85):
+        weights, *_ = sample(plugin, float(np.cos(np.radians(angle_deg))))
+        error = weights.std() / np.sqrt(SAMPLES)
+        assert weights.mean() == pytest.approx(reflectance, abs=4 * error + 1e-3), angle_deg
+
+
+@pytest.mark.parametrize("bsdf", [each for each in ROUGH if not isinstance(each, Clear)], ids=name)
+def test_light_is_the_same_with_its_ends_swapped(bsdf: Bsdf) -> None:
+    rng, plugin = np.random.default_rng(0), load(bsdf, 0.6)
+    first, second = rng.normal(size=(2, 3, 1000)).astype(np.float32)
+    first[2], second[2] = np.abs(first[2]), np.abs(second[2])
+    first, second = (each / np.linalg.norm(each, axis=0) for each in (first, second))
+
+    def scattered(incoming, outgoing) -> np.ndarray:
+        si = mi.SurfaceInteraction3f()
+        si.wi = mi.Vector3f(incoming)
+        return plugin.eval(context(), si, mi.Vector3f(outgoing)).x.numpy() / outgoing[2]
+
+    np.testing.assert_allclose(scattered(first, second), scattered(second, first), rtol=2e-3)
 
 
 @pytest.mark.parametrize("bsdf", ROUGH, ids=name)
@@ -209,7 +261,7 @@ def test_metal_reflects_by_its_index_and_mirror_by_its_reflectance() -> None:
 )
 def test_roughness_is_the_width_of_the_facets_slopes(bsdf: Bsdf, reflectance: float) -> None:
     """GGX, seen straight on: half of all facets have a slope below α."""
-    _, wo, _, si = sample(load(bsdf, reflectance), 1.0)
+    _, wo, _, si = sample(load_single(bsdf, reflectance), 1.0)
     facet = wo.numpy() + si.wi.numpy()
     slope = np.hypot(facet[0], facet[1]) / facet[2]
     assert np.mean(slope < 0.2) == pytest.approx(0.5, abs=4 * 0.5 / np.sqrt(SAMPLES))
@@ -221,7 +273,7 @@ def test_slopes_as_beckmann_has_them() -> None:
         RoughConductor(0.2, **METAL, distribution="beckmann"),
         RoughPlastic(0.2, distribution="beckmann"),
     ):
-        weights, wo, _, si = sample(load(bsdf, 0.0), 1.0)
+        weights, wo, _, si = sample(load_single(bsdf, 0.0), 1.0)
         facet = wo.numpy() + si.wi.numpy()
         slope = np.hypot(facet[0], facet[1]) / facet[2]
         assert np.mean(slope[weights > 0] < 0.2) == pytest.approx(1 - np.exp(-1), abs=0.01)
@@ -236,7 +288,7 @@ def test_straight_back_is_what_the_surface_sends(
     """Mitsuba's shadowing of Beckmann's slopes is a fit, good to 0.4 %."""
     bsdf = RoughConductor(roughness, **METAL, distribution=distribution)
     si = arriving(cosine, 1)
-    value = np.pi * load(bsdf).eval(context(), si, si.wi).x.numpy()[0]
+    value = np.pi * load_single(bsdf).eval(context(), si, si.wi).x.numpy()[0]
     metal = material(bsdf, fresnel_reflectance(bsdf))
     assert straight_back(metal, cosine) == pytest.approx(value, rel=0.01)
 

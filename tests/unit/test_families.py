@@ -12,7 +12,7 @@ from reconstruction.base.errors import InputError
 from spisim.instrument import load_instrument, needs
 from spisim.scene import Scene, draw_scene, find_material, make_scene
 from spisim.scene.families import FAMILIES
-from spisim.scene.layout import OFFERED, Needs, layout_problem, straight_back
+from spisim.scene.layout import OFFERED, Layout, Needs, layout_problem, straight_back
 from spisim_worlds.parts.shapes import tube
 
 SEEDS = [0, 1, pytest.param(2, marks=pytest.mark.slow)]
@@ -154,7 +154,7 @@ def test_a_family_whose_draws_are_all_unfit_is_told(monkeypatch: pytest.MonkeyPa
         ("material: aluminium-polished, translate_m: [5, 0, 1.5]", "too faint"),
         ("material: aluminium-brushed, translate_m: [5, 0, 1.5]", None),
         ("material: aluminium-brushed, rotate_deg: [0, 0, 60], translate_m: [5, 0, 1.5]", "faint"),
-        ("material: glass-pane, translate_m: [5, 0, 1.5]", "too faint"),
+        ("material: glass-pane, translate_m: [5, 0, 1.5]", "meets nothing"),
     ],
 )
 def test_spots_must_return(pane: str, reported: str | None) -> None:
@@ -165,6 +165,20 @@ objects: [{{name: board, shape: box, size_m: [0.01, 8, 8], {pane}}}]
 """
     problem = layout_problem(make_scene(text, Path(), "text"), ALL_FOUR)
     assert problem is None if reported is None else problem is not None and reported in problem
+
+
+def test_spots_pass_what_sends_no_light_back() -> None:
+    text = """
+name: window
+drone: {position_m: [0, 0, 1.5], look_at_m: [5, 0, 1.5]}
+materials:
+  nothing: {reflectance: 0.5, opacity: 0, source: made up}
+objects:
+  - {name: nothing, shape: box, size_m: [0.01, 8, 8], material: nothing, translate_m: [2, 0, 1.5]}
+  - {name: pane, shape: box, size_m: [0.01, 8, 8], material: glass-pane, translate_m: [3, 0, 1.5]}
+  - {name: wall, shape: box, size_m: [0.01, 8, 8], material: concrete, translate_m: [6, 0, 1.5]}
+"""
+    assert Layout(make_scene(text, Path(), "text"), ALL_FOUR).lost == {}
 
 
 def test_draws_offer_what_the_instrument_of_the_paper_needs() -> None:

@@ -51,12 +51,12 @@ def test_brightness_follows_reflectance_and_hidden_sky() -> None:
     assert np.isnan(open_wall.shaded(HERE, -AHEAD)[0])
 
 
-def test_panes_are_looked_through_in_pictures_and_met_by_rays() -> None:
-    glass = Material("glass", 0.0, "test", opacity=0.0)
-    pane = SceneObject("pane", plane(2).mesh, glass)
+def test_what_sends_no_light_back_is_looked_through() -> None:
+    nothing = Material("nothing", 0.0, "test", opacity=0.0)
+    pane = SceneObject("pane", plane(2).mesh, nothing)
     caster = RayCaster.of(scene(plane(5, 0.25), pane))
     assert caster.shaded(HERE, AHEAD)[0] == pytest.approx(0.5, abs=0.01)
-    assert caster.along(HERE, AHEAD).object_id.tolist() == [1]
+    assert caster.along(HERE, AHEAD).object_id.tolist() == [0]
 
 
 def test_survey_agrees_with_the_truth() -> None:

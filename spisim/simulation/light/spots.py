@@ -52,7 +52,7 @@ def trace_spots(
 
 def bins_of(instrument: Instrument, world: World, placed: InstrumentView) -> PathLengthBins:
     """Bins of the spots' histograms."""
-    return bins_for(instrument.ranging.tof, world.axis_distance_m(placed.beams))
+    return bins_for(instrument.ranging.tof, world.axis_distances_m(placed.beams))
 
 
 def spot_metric(

@@ -184,7 +184,7 @@ def _spots(
         none = {name: np.zeros((0, 0)) for name in ("spot_histogram", "spot_histogram_error")}
         extra = {"spot_orders": np.zeros((3, 0, 0))}
         return none | {"path_length_m": np.zeros(0), "dropped": 0, "paths": 0, "extra": extra}
-    bins = bins_for(instrument.ranging.tof, world.axis_distance_m(placed.beams))
+    bins = bins_for(instrument.ranging.tof, world.axis_distances_m(placed.beams))
     result = ranging_histogram(
         world, placed, bins, PathBudget(SPOT_PATHS), seed=seed, max_vertices=1
     )
