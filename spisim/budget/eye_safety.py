@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 
 from reconstruction.base.errors import InputError
+from spisim.budget.apertures import Worst, flood_fraction, worst_apertures
 from spisim.instrument import Emission, Instrument
 
 #: Wavelengths that these limits are for.
@@ -35,8 +36,8 @@ RISK_GROUPS: tuple[RiskGroupName, ...] = ("exempt", "1", "2", "3")
 #: Measuring distance of lasers for the naked eye, and apertures: a pupil of 7 mm up to 1400 nm, 3.5
 #: mm for long exposures of the cornea.
 MEASURED_AT_M, PUPIL_M, APERTURE_M = 0.1, 7e-3, 3.5e-3
-#: Frames of a scan that are looked at.
-SCANNED = 1024
+#: Frames of a scan that are looked at, at least; period above which it counts as standing.
+SCANNED, LONGEST = 1024, 4096
 #: Class 3R is five times class 1.
 TIMES_3R = 5.0
 #: Rounding tolerance of a power at its limit.
@@ -94,17 +95,19 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
         For a wavelength outside 700 to 1800 nm.
     """
     lasers, zones = instrument.ranging.lasers, instrument.ranging.zones
-    power_w, beams, fraction, dwell_s = lasers.power_w, 1, 1.0, 0.0
+    power_w, worst = lasers.power_w, Worst(1, 1.0, 0.0)
     if zones is not None:
-        pupil_sr = math.pi * (_limiting_m(instrument) / 2 / MEASURED_AT_M) ** 2
-        power_w *= min(1.0, zones.peak_intensity * pupil_sr)
-    elif lasers.steering is not None and lasers.steering.is_safeguarded:
-        beams, fraction, dwell_s = _passes(instrument)
+        pupil_rad = math.atan(_limiting_m(instrument) / 2 / MEASURED_AT_M)
+        power_w *= flood_fraction(zones, pupil_rad)
+    elif _scans(instrument):
+        worst = _passes(instrument)
     else:
         beams = _beams_together(instrument)
+        worst = Worst(beams, float(beams), 0.0)
     one = instrument.ranging.tof.emission(power_w)
+    beams = worst.beams
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
-    mean_margin, pulse_margin = _margins(together, instrument.wavelength_nm, fraction, dwell_s)
+    mean_margin, pulse_margin = _margins(one, instrument.wavelength_nm, worst)
     return LaserSafety(
         laser_class=_class(together, max(mean_margin, pulse_margin), instrument.wavelength_nm),
         beams=beams,
@@ -191,19 +194,16 @@ def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> b
     return declared is not None and classes.index(computed) > classes.index(declared)
 
 
-def _margins(
-    one: Emission, wavelength_nm: float, fraction: float, dwell_s: float
-) -> tuple[float, float]:
-    """Mean power, and merged and repeated pulses, over their limits of class 1.
+def _margins(one: Emission, wavelength_nm: float, worst: Worst) -> tuple[float, float]:
+    """Mean power, and merged and repeated pulses, of the worst apertures over limits of class 1.
 
-    The beams hit the aperture for a `fraction` of the time, at most `dwell_s` on end, which counts
-    as a pulse, too (C5 is 1 for such long ones of a point source); 1 and 0 for standing beams.
+    A dwell counts as a pulse, too (C5 is 1 for such long ones of a point source).
     """
-    mean = fraction * one.mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
-    pulse = _pulse_margin(one, wavelength_nm, fraction)
-    if dwell_s == 0:
-        return mean, pulse
-    return mean, max(pulse, one.mean_w * dwell_s / accessible_energy_j(dwell_s, wavelength_nm))
+    beams, mean_w = worst.beams, worst.mean * one.mean_w
+    mean = mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
+    together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
+    pulse = _pulse_margin(together, wavelength_nm, worst.mean / beams)
+    return mean, max(pulse, one.mean_w * worst.dwell)
 
 
 def _pulse_margin(one: Emission, wavelength_nm: float, fraction: float) -> float:
@@ -228,22 +228,26 @@ def _class(one: Emission, margin: float, wavelength_nm: float) -> LaserClass:
 
 
 def _beams_together(instrument: Instrument) -> int:
-    """Maximum number of beams within one limiting aperture, wherever their mirrors may stand."""
-    lasers = instrument.ranging.lasers
-    if lasers.steering is None:
-        positions = MEASURED_AT_M * lasers.directions / lasers.directions[:, 2:]
-        apart = np.linalg.norm(positions[:, None] - positions, axis=-1)
-    else:
-        closest_deg = lasers.steering.closest_deg(np.array(lasers.directions_deg))
-        apart = MEASURED_AT_M * np.radians(closest_deg)
-    return int(np.max(np.sum(apart < _aperture_m(instrument), axis=1)))
+    """Maximum number of beams within one limiting aperture, wherever their mirrors may stand.
+
+    Exact for beams that keep their pattern; of mirrors that turn on their own, all beams count that
+    come closer than the aperture to one.
+    """
+    lasers, radius_rad = instrument.ranging.lasers, _aperture_rad(instrument)
+    home_deg, steering = np.array(lasers.directions_deg), lasers.steering
+    if steering is None or steering.mirrors == "common":
+        reached = home_deg[None] if steering is None else home_deg + steering.extremes(1)
+        return worst_apertures(reached, radius_rad, np.zeros(len(reached) + 1)).beams
+    highest_deg = np.abs(home_deg + steering.extremes(len(home_deg)))[..., 1].max()
+    apart = np.radians(steering.closest_deg(home_deg)) * math.cos(math.radians(highest_deg))
+    return int(np.max(np.sum(apart <= 2 * radius_rad, axis=1)))
 
 
-def _aperture_m(instrument: Instrument) -> float:
-    """Diameter of the limiting aperture, and of the beam around its axis."""
+def _aperture_rad(instrument: Instrument) -> float:
+    """Half the angle that the limiting aperture and a beam around its axis take up."""
     lasers = instrument.ranging.lasers
-    width = 4e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
-    return width + _limiting_m(instrument)
+    beam_m = 2e-3 * math.hypot(lasers.waist_mm, lasers.divergence_mrad * MEASURED_AT_M)
+    return math.atan((beam_m + _limiting_m(instrument) / 2) / MEASURED_AT_M)
 
 
 def _limiting_m(instrument: Instrument) -> float:
@@ -251,28 +255,32 @@ def _limiting_m(instrument: Instrument) -> float:
     return PUPIL_M if instrument.wavelength_nm < RETINA_UP_TO_NM else APERTURE_M
 
 
-def _passes(instrument: Instrument) -> tuple[int, float, float]:
-    """Beams at once in the aperture that gets most, the fraction of the time, and longest dwell, s.
+def _scans(instrument: Instrument) -> bool:
+    """Whether no beam stands, and a scan has been everywhere within the time base."""
+    steering = instrument.ranging.lasers.steering
+    if steering is None or not steering.is_safeguarded:
+        return False
+    fits = steering.period * instrument.frame_time_s <= TIME_BASE_S
+    return fits and steering.period <= LONGEST
 
-    The aperture is centred on any of the directions of the first frames. A beam whose axis lies
-    within half an aperture and its own width counts as a whole, for the whole frame.
+
+def _passes(instrument: Instrument) -> Worst:
+    """Worst apertures of a scan, dwells by their energy over the limit, per watt of a beam.
+
+    A beam whose axis lies within half an aperture and its own width counts as a whole, for the
+    whole frame.
     """
-    lasers, radius_m = instrument.ranging.lasers, _aperture_m(instrument) / 2
+    lasers, frame_s = instrument.ranging.lasers, instrument.frame_time_s
     assert lasers.steering is not None
     home_deg = np.array(lasers.directions_deg)
-    reached = [home_deg + lasers.steering.aimed(frame, home_deg, None) for frame in range(SCANNED)]
-    at_m = MEASURED_AT_M * np.tan(np.radians(reached))  # (frames, spots, 2)
-    centres = at_m.reshape(-1, 2)[:SCANNED]
-    inside = np.zeros((SCANNED, SCANNED), np.intp)  # beams, by frame and centre
-    for beam in at_m.swapaxes(0, 1):
-        inside += np.linalg.norm(beam[:, None] - centres, axis=-1) < radius_m
-    run, longest = np.zeros((2, SCANNED), np.intp)
-    for beams in inside:
-        run = np.where(beams > 0, run + 1, 0)
-        longest = np.maximum(longest, run)
-    most = int(inside.max())
-    dwell_s = int(longest.max()) * instrument.frame_time_s
-    return most, float(inside.mean(axis=0).max()) / most, dwell_s
+    frames = max(SCANNED, lasers.steering.period)
+    reached = np.array(
+        [home_deg + lasers.steering.aimed(frame, home_deg, None) for frame in range(frames)]
+    )
+    dwell_s = frame_s * np.arange(1, frames + 1)
+    limits_j = [accessible_energy_j(time_s, instrument.wavelength_nm) for time_s in dwell_s]
+    hazard = np.maximum.accumulate(np.concatenate([[0.0], dwell_s / limits_j]))
+    return worst_apertures(reached, _aperture_rad(instrument), hazard)
 
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:

@@ -31,6 +31,7 @@ from spisim.dataset.manifest import DamagedManifest, Manifest, read_manifest
 from spisim.dataset.pack import INDEX
 from spisim.dataset.plan import Keep
 from spisim.dataset.planned import PlannedSet, order_of
+from spisim.dataset.values import has_integer_bounds
 from spisim.version import __version__
 
 Say = Callable[[str], None]
@@ -144,6 +145,12 @@ def _check_same_files(planned: PlannedSet, manifest: Manifest, layout: Layout) -
         return
     before, now = json.loads(meta["files"]), _digests(planned.files)
     changed = [name for name in now if before.get(name) != now[name]]
+    if not changed and has_integer_bounds(planned.fields):
+        raise InputError(
+            f"{layout.folder} holds samples of which {{uniform: [low, high]}} with integer bounds "
+            "drew integers; it draws real numbers now, or integers with integer: true; "
+            "use another folder"
+        )
     if not changed:  # the plan changed, and its earlier text is lost
         raise InputError(
             f"{layout.folder} holds samples of another plan; use another folder, or restore the "

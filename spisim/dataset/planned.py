@@ -26,7 +26,7 @@ from spisim.base.config import (
 from spisim.base.config.distributions import stream
 from spisim.dataset.plan import SCENE_SEEDS, Plan, SceneSource, is_field
 from spisim.dataset.poses import View
-from spisim.dataset.values import drawn_value, section_of, set_field
+from spisim.dataset.values import drawn_value, has_integer_bounds, section_of, set_field
 from spisim.instrument import Instrument
 from spisim.instrument.model import PRESETS
 from spisim.scene import scenes_folder
@@ -83,6 +83,8 @@ class PlannedSet:
     def digest(self) -> str:
         """SHA-256 of all that samples depend on: the plan except their number, and its files."""
         content = [self.fields, order_of(self.fields), self.files]
+        if has_integer_bounds(self.fields):
+            content.append("real numbers")
         return hashlib.sha256(yaml.safe_dump(content).encode()).hexdigest()
 
     def with_samples(self, samples: int) -> PlannedSet:

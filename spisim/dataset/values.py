@@ -63,6 +63,20 @@ def possible(value: Any) -> Sequence[Any]:
     return [value]
 
 
+def has_integer_bounds(value: Any) -> bool:
+    """Whether a value holds `{uniform: [-3, 3]}`, which drew integers before `integer` was asked.
+
+    Real numbers are drawn now, so samples of both do not belong together.
+    """
+    if is_distribution(value) and "uniform" in value:
+        bounds = value["uniform"]
+        return not value.get("integer") and all(isinstance(bound, int) for bound in bounds)
+    if isinstance(value, Mapping):
+        return any(map(has_integer_bounds, value.values()))
+    is_list = isinstance(value, Sequence) and not isinstance(value, str)
+    return is_list and any(map(has_integer_bounds, value))
+
+
 def drawn_value(value: Any, seed: int, *keys: str | int) -> Any:
     """Draw all distributions within a value; everything else stays as it is.
 

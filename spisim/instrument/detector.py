@@ -136,3 +136,12 @@ class TofDetector(Detector):
 
     positions_m: Annotated[tuple[Vector, ...], Field(min_length=1, max_length=MAX_SPOTS)]
     """Positions, optical frame: one per laser, in order, or one for all."""
+
+    @model_validator(mode="after")
+    def _noise_is_white(self) -> TofDetector:
+        if self.amplifier is not None and not self.amplifier.is_steady:
+            raise InputError(
+                "amplifier.corner_hz and drift_pa_per_min should be 0: ranging modulates its light "
+                "far above them"
+            )
+        return self

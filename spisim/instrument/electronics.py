@@ -23,6 +23,10 @@ class Amplifier(Section):
 
     noise_pa_per_sqrt_hz: NonNegative
     """One-sided, input-referred current noise."""
+    corner_hz: NonNegative = 0.0
+    """Corner frequency of 1/f noise, below which it exceeds the white noise; bucket detectors."""
+    drift_pa_per_min: Number = 0.0
+    """Drift of the input current over a recording; bucket detectors."""
     bandwidth_hz: Positive | None = None
     """Frequency of its pole; no relevant pole by default."""
     coupling: Literal["dc", "ac"] = "dc"
@@ -35,6 +39,11 @@ class Amplifier(Section):
         if (self.coupling == "ac") != (self.low_cut_hz is not None):
             raise InputError("low_cut_hz goes with coupling ac, and ac needs it")
         return self
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether noise is white and the current does not drift."""
+        return self.corner_hz * self.noise_pa_per_sqrt_hz == 0 and self.drift_pa_per_min == 0
 
     @property
     def time_constant_s(self) -> float:

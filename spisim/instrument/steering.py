@@ -14,6 +14,7 @@ mirror, or through one as large as their lens); one that is shared stares.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, TypeAlias
 
@@ -79,6 +80,11 @@ class Mirror(Section):
     def is_safeguarded(self) -> bool:
         """Whether no beam stands still: it scans, and light stops with the scan."""
         return self.scans and self.scan_safeguard
+
+    @property
+    def period(self) -> int:
+        """Frames in which a scan has been everywhere; 1 where none is defined."""
+        return 1
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         """Commanded angles (mirrors, 2) of a frame in degrees: to the right, up."""
@@ -219,6 +225,10 @@ class Raster(Mirror):
     shape: tuple[Count, Count]
     """[rows, columns] of the grid, whose cells' centres are met."""
 
+    @property
+    def period(self) -> int:
+        return math.prod(self.shape)
+
     def offsets(self, frame: int, mirrors: int) -> Floats:
         rows, columns = self.shape
         row, column = divmod(frame % (rows * columns), columns)
@@ -236,6 +246,12 @@ class Lissajous(Mirror):
     """Mode discriminator."""
     cycles_per_frame: tuple[Positive, Positive]
     """[across, up] frequencies of the two sines."""
+
+    @property
+    def period(self) -> int:
+        """Of the slower of the two beats of the sines with every other frame."""
+        halves = 2 * np.array(self.cycles_per_frame)
+        return math.ceil(2 / max(np.abs(halves - np.rint(halves)).min(), 1e-9))
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         unit = np.sin(2 * np.pi * frame * np.array(self.cycles_per_frame))

@@ -14,14 +14,16 @@ def sensor(**changes: float) -> Spad:
     return Spad(**fields | {"dark_count_rate_hz": 0, "dead_time_s": 1e-6} | changes)
 
 
-def events(mean: float, dead_s: float, trials: int, rng: np.random.Generator) -> np.ndarray:
+def events(
+    mean: float, dead_s: float, trials: int, rng: np.random.Generator, afterpulse: float = 0.0
+) -> np.ndarray:
     """Counts of a diode that is blind after each detection, one event after the other."""
-    time = np.zeros(trials)
+    time = rng.exponential(EXPOSURE_S / mean, trials)
     counts = np.zeros(trials)
     while (time < EXPOSURE_S).any():
-        time += rng.exponential(EXPOSURE_S / mean, trials)
         counts += time < EXPOSURE_S
-        time += dead_s
+        follows = rng.random(trials) < afterpulse
+        time += dead_s + np.where(follows, 0, rng.exponential(EXPOSURE_S / mean, trials))
     return counts
 
 
@@ -34,6 +36,20 @@ def test_dead_time_shapes_the_counts(mean: float) -> None:
         a, b = drawn.astype(float) ** power, true**power
         z = (a.mean() - b.mean()) / np.sqrt((a.var() + b.var()) / trials)
         assert abs(z) < 4
+
+
+@pytest.mark.parametrize(
+    ("probability", "load"), [(0.04, 5.0), (0.2, 1.0), (0.2, 5.0), (0.5, 20.0)]
+)
+def test_after_pulses_beyond_the_end_are_not_counted(probability: float, load: float) -> None:
+    """Mean and variance at `load` photons per dead time."""
+    trials, mean = 20_000, load * EXPOSURE_S / 1e-6
+    diode = sensor(afterpulse_probability=probability)
+    drawn = diode.draw_counts(np.full(trials, mean), EXPOSURE_S, np.random.default_rng(5))
+    true = events(mean, 1e-6, trials, np.random.default_rng(6), probability)
+    assert drawn.max() <= 60
+    for a, b in ((drawn, true), ((drawn - true.mean()) ** 2, (true - true.mean()) ** 2)):
+        assert abs(a.mean() - b.mean()) < 4 * np.sqrt((a.var() + b.var()) / trials)
 
 
 def test_mean_counts_saturate_at_one_per_dead_time() -> None:

@@ -84,6 +84,22 @@ def test_another_order_of_the_grids_is_another_plan(tmp_path: Path) -> None:
         Run(ordered([*reversed(grids)]), tmp_path / "set")
 
 
+def test_samples_that_drew_integers_are_not_continued_with_real_numbers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    plan = write_plan(tmp_path, PLAN.replace("[20.0, 90.0]", "[20, 90]"))
+    visibilities = {plan.sample(i).parameters["scene.fog.visibility_m"] for i in range(5)}
+    assert not any(float(each).is_integer() for each in visibilities)
+    with monkeypatch.context() as earlier:
+        earlier.setattr("spisim.dataset.planned.has_integer_bounds", lambda _: False)
+        Run(write_plan(tmp_path, plan.text), tmp_path / "set")
+    with pytest.raises(InputError, match="draws real numbers now, or integers with integer: true"):
+        Run(plan, tmp_path / "set")
+    integers = plan.text.replace("[20, 90]", "[20, 90], integer: true")
+    drawn = write_plan(tmp_path, integers).sample(0).parameters["scene.fog.visibility_m"]
+    assert isinstance(drawn, int)
+
+
 def test_another_scene_file_is_refused(tmp_path: Path) -> None:
     scene = tmp_path / "room.yaml"
     scene.write_text("name: room\n")

@@ -23,10 +23,13 @@ def test_uniform_numbers_have_its_mean_and_spread() -> None:
     assert abs(values.mean() - 3) < 4 * (2 / np.sqrt(12)) / np.sqrt(len(values))
 
 
-def test_whole_bounds_give_whole_numbers_both_included() -> None:
-    assert set(draws({"uniform": [1, 4]})) == {1, 2, 3, 4}
-    assert len(set(draws({"uniform": [1.0, 4.0]}))) > 1000
-    assert max(draws({"uniform": [1, 10**30]})) > 10**29  # more than whole numbers of 64 bits
+def test_integers_are_drawn_where_asked_for_both_bounds_included() -> None:
+    integers = draws({"uniform": [1, 4], "integer": True})
+    assert set(integers) == {1, 2, 3, 4}
+    assert all(isinstance(each, int) for each in integers)
+    assert len(set(draws({"uniform": [-3, 3]}))) > 3900
+    np.testing.assert_array_equal(draws({"uniform": [-3, 3]}), draws({"uniform": [-3.0, 3.0]}))
+    assert max(draws({"uniform": [1, 10**30]})) > 10**29
 
 
 def test_logarithms_are_uniform() -> None:
@@ -71,6 +74,9 @@ def test_streams_depend_on_seed_and_keys_alone() -> None:
         ({"choice": [1, 2], "weights": [1e308, 1e308]}, r"within ±1e\+30"),
         ({"uniform": [-1.7e308, 1.7e308]}, r"within ±1e\+30"),
         ({"uniform": [1, 2], "extra": 1}, "unknown field 'extra'"),
+        ({"uniform": [1, 2], "integer": 1}, "valid boolean"),
+        ({"uniform": [1.5, 4], "integer": True}, r"should be integers within ±2⁵³, not \[1.5, 4"),
+        ({"uniform": [0, 10**17], "integer": True}, "should be integers within ±2⁵³"),
     ],
 )
 def test_what_cannot_be_drawn_from_is_refused(description: dict[str, Any], reported: str) -> None:

@@ -483,18 +483,18 @@ def test_a_safeguarded_raster_is_in_the_pupil_for_its_cells_within():
     assert safety.beams == 1
     fraction = safety.mean_margin / standing.mean_margin
     assert 5 * full / frames <= fraction <= 5 * (full + 1) / frames
-    dwell_s = 3 * instrument.frame_time_s  # along a row
+    dwell_s = 4 * instrument.frame_time_s  # around a turn, in two rows
     assert safety.pulse_margin == pytest.approx(5e-3 * dwell_s / 8e-3)
     assert safety.laser_class == "1"
 
 
 def test_a_safeguarded_random_scan_is_in_the_pupil_for_its_share_of_the_range():
-    """The four beams of one mirror cover ranges apart: each aperture gets one."""
+    """Each aperture gets one of four beams, the worst up to a fifth more visits than the mean."""
     instrument = steered(mode="random", half_range_deg=[4.5, 4.5], scan_safeguard=True)
     standing = laser_safety(load_instrument("paper"))
     fraction = laser_safety(instrument).mean_margin / standing.mean_margin
     radius_deg = np.degrees(np.arctan(1.75e-3 / 0.1))
-    assert fraction == pytest.approx(np.pi * radius_deg**2 / 81, rel=0.1)
+    assert 1 < fraction / (np.pi * radius_deg**2 / 81) < 1.2
 
 
 def test_mirrors_of_their_own_may_bring_standing_beams_together():

@@ -115,10 +115,10 @@ def test_classes_of_floods_are_those_of_their_data_sheets(name: str) -> None:
 
 
 def test_a_pupil_takes_in_its_part_of_the_flood() -> None:
-    """7 mm at 10 cm: π (3.5 mm / 10 cm)² of a uniform cone of 2π (1 - cos 32.5°)."""
+    """7 mm at 10 cm, a half angle of atan(0.035), of a uniform cone of 32.5°."""
     mean_w = PRESET.tof.emission(PRESET.zones.power_w).mean_w
-    part = 0.035**2 / (2 * (1 - np.cos(np.radians(32.5))))
-    assert laser_safety(PRESET).mean_w == pytest.approx(part * mean_w, rel=1e-12)
+    part = (1 - np.cos(np.arctan(0.035))) / (1 - np.cos(np.radians(32.5)))
+    assert laser_safety(PRESET).mean_w == pytest.approx(part * mean_w, rel=1e-5)
 
 
 def test_the_link_of_a_wall_is_that_of_the_radiometry() -> None:

@@ -11,15 +11,15 @@ from typing import Annotated, Any
 from zlib import crc32
 
 import numpy as np
-from pydantic import Discriminator, Field, StrictInt, Tag, model_validator
+from pydantic import Discriminator, Field, StrictBool, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from spisim.base.config.fields import Number, Positive, Section
 
 #: Minimum probability within the bounds: rejection sampling would take too long below it.
 MIN_WITHIN = 1e-4
-#: Larger integers are drawn as floating-point numbers.
-_Whole = Annotated[StrictInt, Field(ge=-(2**62), le=2**62)]
+#: Up to here floating-point numbers hold all integers.
+MAX_INTEGER = 2**53
 
 
 def stream(seed: int, *keys: str | int) -> np.random.Generator:
@@ -37,21 +37,29 @@ def _rising(bounds: tuple[float, float]) -> None:
 
 
 class Uniform(Section):
-    """Uniform between two bounds; integers, both bounds included, if both bounds are integers."""
+    """Uniform between two bounds."""
 
-    uniform: tuple[_Whole, _Whole] | tuple[Number, Number]
+    uniform: tuple[Number, Number]
     """Lower and upper bound."""
+    integer: StrictBool = False
+    """Whether to draw integers, both bounds included."""
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Uniform:
         _rising(self.uniform)
+        if self.integer and any(b % 1 or abs(b) > MAX_INTEGER for b in self.uniform):
+            raise PydanticCustomError(
+                "range",
+                "bounds of integers should be integers within ±2⁵³, not {bounds}",
+                {"bounds": list(self.uniform)},
+            )
         return self
 
     def draw(self, rng: np.random.Generator) -> float | int:
         """Draw one value."""
         low, high = self.uniform
-        if isinstance(low, int) and isinstance(high, int):
-            return int(rng.integers(low, high + 1))
+        if self.integer:
+            return int(rng.integers(int(low), int(high) + 1))
         return float(rng.uniform(low, high))
 
 

@@ -138,7 +138,10 @@ class Spad(Sensor):
         return counts.astype(np.int32)
 
     def _events(self, primaries: Floats, time_s: Each, rng: np.random.Generator) -> Floats:
-        """Counts, simulated detection by detection for all readings at once."""
+        """Counts, simulated detection by detection for all readings at once.
+
+        A reading begins live; after-pulses beyond its end are not counted.
+        """
         counts = np.zeros(primaries.shape)
         with np.errstate(divide="ignore"):
             waits = time_s / primaries
@@ -149,9 +152,15 @@ class Spad(Sensor):
             on = times < time_s
             going, waits, times = going[on], waits[on], times[on]
             cascade = rng.geometric(1 - self.afterpulse_probability, going.size)
-            counts[going] += cascade
+            counts[going] += np.minimum(cascade, self._room(time_s - times))
             times += cascade * self.dead_time_s
         return counts
+
+    def _room(self, left_s: Floats) -> Floats:
+        """Detections one dead time apart, from now on, within the times that are left."""
+        if self.dead_time_s == 0:
+            return np.full_like(left_s, np.inf)
+        return np.asarray(np.ceil(left_s / self.dead_time_s))
 
     def warnings(
         self, name: str, detector: FrontEnd, time_s: float, background: float, whole: float

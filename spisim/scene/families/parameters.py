@@ -39,7 +39,8 @@ Model = TypeVar("Model", bound=Parameters)
 
 def drawn(low: float, high: float, text: str) -> Any:
     """A parameter uniform between two bounds, an integer if both are; `text` describes it."""
-    return _field(Uniform(uniform=(low, high)), text, ge=low, le=high)
+    integer = isinstance(low, int) and isinstance(high, int)
+    return _field(Uniform(uniform=(low, high), integer=integer), text, ge=low, le=high)
 
 
 def drawn_log(low: float, high: float, text: str) -> Any:
@@ -53,7 +54,7 @@ def one_of(*words: str, text: str) -> Any:
 
 
 def _field(distribution: Distribution, text: str, **limits: Any) -> Any:
-    extra: dict[str, Any] = {"drawn": distribution.model_dump(mode="json", exclude_none=True)}
+    extra: dict[str, Any] = {"drawn": distribution.model_dump(mode="json", exclude_defaults=True)}
     return Field(description=text, json_schema_extra=extra, **limits)
 
 

@@ -117,7 +117,9 @@ def record_frames(
             spots = replace(spots, pointing=steered.pointing.read)
     if instrument.images:
         mean = bucket_light(instrument, light, frames, drops, first=first, before=before)
-        buckets, pattern_taps = record_buckets(instrument, mean, for_buckets if noise else None)
+        buckets, pattern_taps = record_buckets(
+            instrument, mean, for_buckets if noise else None, first
+        )
     else:
         assert spots is not None
         mean, buckets = no_light(frames, max(1, len(truths))), capture_from_spots(spots).buckets

@@ -4,9 +4,14 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.random import Generator
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Amplifier
+
+#: Steps per exposure period of simulated 1/f noise, and recordings that its longest period spans.
+STEPS, SPAN = 8, 4
+PA, MINUTE_S = 1e-12, 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,37 @@ def slow_part(
     taken_off = np.asarray(level + followed).reshape(electrons.shape)
     last = float(taken_off[-1, -1])
     return taken_off, last + step * (float(electrons[-1, -1]) - last)
+
+
+def drifting_current_a(
+    amplifier: Amplifier,
+    periods: int,
+    period_s: float,
+    exposure_time_s: float,
+    rng: Generator,
+    first: int = 0,
+) -> Floats:
+    """Input current (periods,) in the exposures at the end of each period: 1/f noise and drift.
+
+    The one-sided density of 1/f noise is i_n² f_c / f; what is slower than four times these periods
+    is left out. Drift begins `first` periods before. An AC-coupled amplifier high-passes the noise
+    and takes the drift off.
+    """
+    if amplifier.is_steady:
+        return np.zeros(periods)
+    samples, step_s = SPAN * STEPS * periods, period_s / STEPS
+    frequency = np.fft.rfftfreq(samples, step_s)[1:]
+    density = (amplifier.noise_pa_per_sqrt_hz * PA) ** 2 * amplifier.corner_hz / frequency
+    if amplifier.low_cut_hz is not None:
+        density /= 1 + (amplifier.low_cut_hz / frequency) ** 2
+    waves = rng.standard_normal((2, len(frequency))) * np.sqrt(density * frequency[0])
+    current = np.fft.irfft(np.append(0, waves[0] - 1j * waves[1]), samples) * samples / 2
+    charge = np.append(0, np.cumsum(current[: STEPS * periods])) * step_s
+    edges, ends = np.arange(len(charge)) * step_s, np.arange(1, periods + 1) * period_s
+    starts = ends - exposure_time_s
+    noise = (np.interp(ends, edges, charge) - np.interp(starts, edges, charge)) / exposure_time_s
+    drift_a_per_s = amplifier.drift_pa_per_min * PA / MINUTE_S * (amplifier.low_cut_hz is None)
+    return np.asarray(noise + drift_a_per_s * (first * period_s + ends - exposure_time_s / 2))
 
 
 def carried_over(
