@@ -7,6 +7,7 @@ import re
 import struct
 from codecs import BOM_UTF8, BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import TypeAlias
 
 import numpy as np
@@ -24,8 +25,8 @@ MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
 COMMENTED = re.compile(r"^((?:v|vt|vn|vp|f|l|p) [^#\n]*)#.*$", re.M)
 #: A comment after a name, in which there may be a `#` at the beginning of a word.
 COMMENT = re.compile(r" +#(?: .*)?$", re.M)
-POLYGON = re.compile(r"^f(?: +\S+){4,} *$", re.M)
-RELATIVE = re.compile(r"^f .*(?<![\d.])-\d", re.M)
+POLYGON = re.compile(r"^f(?: ++\S++){4,} *$", re.M)
+RELATIVE = re.compile(r"^f [^\n]*?[ /]-\d", re.M)
 #: Kinds of vertices that a corner of an OBJ file refers to, in its order.
 REFERRED = ("v", "vt", "vn")
 #: Bytes of an STL file before its triangles, and of each of those.
@@ -45,26 +46,32 @@ def decoded(data: bytes) -> str:
 def plain_obj(text: str) -> tuple[str, str]:
     """OBJ text of triangles with absolute indices, without comments, and faults of its polygons."""
     _check_indices(text)
-    text = re.sub(r"^ +", "", text.replace("\t", " "), flags=re.M)
-    text = re.sub(r"^#.*$", "", text, flags=re.M)
-    text = COMMENTED.sub(r"\1", re.sub(r"\\ *\n", " ", text))
-    text = re.sub(r"^usemtl .*$", lambda line: COMMENT.sub("", line[0]), text, flags=re.M)
+    text = text.replace("\t", " ")
+    if text.startswith(" ") or "\n " in text:
+        text = re.sub(r"^ +", "", text, flags=re.M)
+    if "#" in text:
+        text = re.sub(r"^#.*$", "", text, flags=re.M)
+    if "\\" in text:
+        text = re.sub(r"\\ *\n", " ", text)
+    if "#" in text:
+        text = COMMENTED.sub(r"\1", text)
+        text = re.sub(r"^usemtl .*$", lambda line: COMMENT.sub("", line[0]), text, flags=re.M)
     if RELATIVE.search(text):
         text = "\n".join(_absolute(text.split("\n")))
-    rows = [line.split()[1:] for line in POLYGON.findall(text)]
-    if not rows:
+    faces = POLYGON.findall(text)
+    if not faces:
         return text, ""
     points = np.loadtxt(re.findall(r"^v (.*)$", text, re.M), usecols=(0, 1, 2), ndmin=2)
-    words = [word for row in rows for word in row]
-    indices = [int(word.partition("/")[0]) - 1 for word in words]
-    triangles = triangulate(points, [len(row) for row in rows], indices)
-    lines: list[list[str]] = [[] for _ in rows]
-    for polygon, (a, b, c) in zip(
-        triangles.polygons.tolist(), triangles.corners.tolist(), strict=True
-    ):
-        lines[polygon].append(f"f {words[a]} {words[b]} {words[c]}")
-    each = iter(lines)
-    return POLYGON.sub(lambda _: "\n".join(next(each)), text), triangles.fault
+    counts = [len(face.split()) - 1 for face in faces]
+    words = " ".join(face[2:] for face in faces).split()
+    indices = np.array(re.sub(r"/\S*", "", " ".join(words)).split(), np.int64) - 1
+    triangles = triangulate(points, counts, indices)
+    if triangles.are_fans:
+        return text, triangles.fault
+    lines = [f"f {words[a]} {words[b]} {words[c]}\n" for a, b, c in triangles.corners.tolist()]
+    ends = np.searchsorted(triangles.polygons, np.arange(len(faces)), side="right").tolist()
+    each = iter("".join(lines[start:end]) for start, end in pairwise([0, *ends]))
+    return POLYGON.sub(lambda _: next(each), text), triangles.fault
 
 
 def _check_indices(text: str) -> None:

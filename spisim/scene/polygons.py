@@ -25,13 +25,15 @@ MAX_CORNERS = 100_000
 class Triangles:
     """Triangles of t polygons by the places (t, 3) of their corners in the list of all corners.
 
-    `polygons` (t,) are the numbers of their polygons, in ascending order. `fault` is a sentence on
-    polygons that cross themselves or have no area, or "".
+    `polygons` (t,) are the numbers of their polygons, in ascending order. With `are_fans` the
+    polygons are cut from their first corners, as most programs do. `fault` is a sentence on those
+    that cross themselves or have no area, or "".
     """
 
     corners: Ints
     polygons: Ints
-    fault: str = ""
+    are_fans: bool
+    fault: str
 
 
 def triangulate(points: ArrayLike, counts: ArrayLike, indices: ArrayLike) -> Triangles:
@@ -76,6 +78,7 @@ def triangulate(points: ArrayLike, counts: ArrayLike, indices: ArrayLike) -> Tri
         return np.bincount(whose, signed < -ROUNDING * area[whose], len(counts)) > 0
 
     bad = folded(vectors) & ~flat
+    are_fans = not bad.any()
     first = starts[whose]
     turned = first[:, None] + (corners[many] - first[:, None] + 1) % counts[whose][:, None]
     mended = bad & ~folded(_vectors(points[indices[turned]]))
@@ -92,7 +95,7 @@ def triangulate(points: ArrayLike, counts: ArrayLike, indices: ArrayLike) -> Tri
         owners = np.concatenate([owners[kept], cut[whose]])
         order = np.argsort(owners, kind="stable")
         corners, owners = corners[order], owners[order]
-    return Triangles(corners, owners, _fault(bad | flat, covered, area))
+    return Triangles(corners, owners, are_fans, _fault(bad | flat, covered, area))
 
 
 @np.errstate(all="ignore")  # vertices that are not finite are refused elsewhere

@@ -24,14 +24,13 @@ FAR_M = 1e4
 def to_origin(content: Content, origin: Origin) -> tuple[Content, Floats]:
     """Return the content, in metres with z up, relative to an origin (3,), and that origin.
 
-    With "auto" it is the middle of the parts, in whole metres, along the axes where this is far.
+    With "auto" it is that of a part, in whole metres, along the axes where most parts are far.
     Meshes that are far from their own origin get one in their middle.
     """
     middles = {id(part.geometry): _middle(part.geometry) for part in content.parts}
     if origin == "auto":
         placed = [part.to_world @ [*middles[id(part.geometry)], 1] for part in content.parts]
-        middle = np.median(np.reshape(placed, (-1, 4))[:, :3], axis=0) if placed else np.zeros(3)
-        chosen = np.where(np.abs(middle) > FAR_M, np.round(middle), 0.0)
+        chosen = _far_middle(np.reshape(placed, (-1, 4))[:, :3])
     else:
         chosen = np.asarray(origin, np.float64)
     if not np.isfinite(chosen).all():
@@ -53,6 +52,15 @@ def to_origin(content: Content, origin: Origin) -> tuple[Content, Floats]:
     cameras = [move @ camera for camera in content.cameras]
     glows = [moved_glow(glow, move, 1.0) for glow in content.glows]
     return replace(content, parts=parts, hazes=hazes, cameras=cameras, glows=glows), chosen
+
+
+def _far_middle(places: Floats) -> Floats:
+    """Median by distance along each axis of places (n, 3), the lower one, or zero if near."""
+    if not len(places):
+        return np.zeros(3)
+    median = np.argsort(np.abs(places), axis=0)[(len(places) - 1) // 2]
+    middle = places[median, range(3)]
+    return np.asarray(np.where(np.abs(middle) > FAR_M, np.round(middle), 0.0))
 
 
 def _middle(geometry: trimesh.Trimesh | Shape) -> Floats:
