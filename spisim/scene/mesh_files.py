@@ -135,6 +135,9 @@ def plain_stl(data: bytes) -> tuple[bytes, str]:
         return data[:needed], what
     text = data.removeprefix(BOM_UTF8).lstrip()
     if text[:5].lower() == b"solid" and b"\0" not in text[:1024]:
+        loops = re.findall(rb"^\s*(vertex|endloop)\s", text, re.M | re.I)
+        if len(loops) != 4 * sum(word.lower() == b"endloop" for word in loops):
+            raise InputError("cannot be read as STL: its loops should have three corners each")
         return text, ""
     if len(data) >= STL_HEADER and surplus:
         raise InputError(

@@ -17,7 +17,8 @@ Ints = NDArray[np.int64]
 #: Relative tolerance of areas: polygons far from the origin are rounded.
 TOLERANCE = 1e-6
 ROUNDING = 1e-9
-#: Corners of a polygon that a fan does not fit; ears take quadratic time, 3 to 12 s for 100,000.
+#: Corners of a polygon that fans do not fit; of several, the root of the sum of squares, as ears
+#: take quadratic time: 3 to 12 s for so many.
 MAX_CORNERS = 100_000
 
 
@@ -142,10 +143,11 @@ def _ears(seen: Floats, counts: Ints, area: Floats) -> tuple[Ints, Ints, Floats]
 
     Ears may come out wrong where seams touch, but not once these are cut open to rings.
     """
-    if counts.max() > MAX_CORNERS:
+    if (effort := float(np.linalg.norm(counts))) > MAX_CORNERS:
         raise LimitError(
-            f"a concave polygon of {counts.max():,} corners; at most {MAX_CORNERS:,}: have the "
-            "program that made it cut it into triangles"
+            f"{len(counts):,} concave polygons of up to {counts.max():,} corners, {effort:,.0f} by "
+            f"the root of the sum of squares; at most {MAX_CORNERS:,}: have the program that made "
+            "them cut them into triangles"
         )
     starts = (np.cumsum(counts) - counts).tolist()
     outlines = [np.arange(start, start + n) for start, n in zip(starts, counts, strict=True)]

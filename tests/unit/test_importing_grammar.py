@@ -238,6 +238,14 @@ def test_a_binary_stl_of_another_length_is_refused(tmp_path: Path, surplus: int)
             read(path)
 
 
+def test_loops_of_stl_have_three_corners(tmp_path: Path) -> None:
+    path = tmp_path / "a.stl"
+    path.write_bytes(SOLID.replace(b"endloop", b"vertex 5 5 0\nendloop"))
+    for read in (load_mesh, taken):
+        with pytest.raises(InputError, match="three corners each"):
+            read(path)
+
+
 def test_bytes_after_the_last_triangle_are_named(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.write_bytes(BINARY_STL + b"\n")
