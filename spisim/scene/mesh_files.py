@@ -1,6 +1,6 @@
 """OBJ, OFF and STL files as trimesh reads them well.
 
-It folds concave polygons over, and knows only some of what these formats allow.
+It folds concave polygons over, and takes only some of what these formats allow.
 """
 
 import re

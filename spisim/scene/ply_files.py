@@ -1,4 +1,4 @@
-"""PLY files of polygons as files of triangles: trimesh knows no binary ones of several sizes."""
+"""PLY files of polygons as files of triangles: trimesh reads no binary ones of several sizes."""
 
 import re
 import struct

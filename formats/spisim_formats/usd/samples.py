@@ -13,15 +13,15 @@ def settle(layer: Any, content: Content) -> None:
     """
     from pxr import Sdf
 
-    found: list[Any] = []
+    sampled: list[Any] = []
 
     def collect(path: Any) -> None:
         if path.IsPropertyPath() and layer.GetNumTimeSamplesForPath(path):
-            found.append(path)
+            sampled.append(path)
 
     layer.Traverse(Sdf.Path.absoluteRootPath, collect)
     settled = []
-    for path in found:
+    for path in sampled:
         attribute = layer.GetAttributeAtPath(path)
         if attribute is None or attribute.HasDefaultValue():
             continue
