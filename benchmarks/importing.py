@@ -205,18 +205,26 @@ def holds_shapes(path: Path, there: set[str]) -> bool:
 
 
 def equal(content: Content, other: trimesh.Trimesh) -> bool:
-    """Same number of triangles, same bounds, same area and middle of the area."""
+    """Same number of triangles, same bounds, same area and middle of the area.
+
+    trimesh folds concave polygons over: where it has more area, the vector area is compared alone,
+    which folds do not change.
+    """
     placed = [as_mesh(p.geometry).copy().apply_transform(p.to_world) for p in content.parts]
     low = np.min([mesh.bounds[0] for mesh in placed], axis=0)
     high = np.max([mesh.bounds[1] for mesh in placed], axis=0)
-    count = sum(len(mesh.faces) for mesh in placed)
-    far = np.abs([low, high] - other.bounds).max()
+    if np.abs([low, high] - other.bounds).max() > TOLERANCE * other.extents.max():
+        return False
     areas = np.concatenate([mesh.area_faces for mesh in placed])
+    if other.area > (1 + TOLERANCE) * areas.sum():
+        vectors = sum(mesh.triangles_cross.sum(axis=0) for mesh in placed)
+        difference = np.linalg.norm(vectors - other.triangles_cross.sum(axis=0)) / 2
+        return bool(difference <= TOLERANCE * other.area)
     middle = np.average(np.concatenate([m.triangles_center for m in placed]), axis=0, weights=areas)
     theirs = np.average(other.triangles_center, axis=0, weights=other.area_faces)
     return (
-        count == len(other.faces)
-        and bool(max(far, np.abs(middle - theirs).max()) <= TOLERANCE * other.extents.max())
+        len(areas) == len(other.faces)
+        and bool(np.abs(middle - theirs).max() <= TOLERANCE * other.extents.max())
         and bool(abs(areas.sum() / other.area - 1) <= TOLERANCE)
     )
 

@@ -19,8 +19,9 @@ from spisim_formats.format import Reader, readers
 from spisim_formats.library import drone as drones
 from spisim_formats.library.content import Content
 from spisim_formats.library.drone import DronePose, Surroundings
-from spisim_formats.library.files import Folders
+from spisim_formats.library.files import Folders, shown
 from spisim_formats.library.materials import Match, check_map, match, read_map
+from spisim_formats.library.origin import Origin, to_origin
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.source_material import SourceMaterials
 from spisim_formats.library.surround import ground, ground_material
@@ -74,6 +75,9 @@ class Options:
         Pose of the drone, by default chosen from the scene's size.
     overwrite
         Whether to replace existing files.
+    origin
+        Point of the file that becomes the scene's origin, metres, z up; "auto" is near the content
+        where that is far from zero.
     """
 
     units: str = "auto"
@@ -89,6 +93,7 @@ class Options:
     position_m: Vector3 | None = None
     look_at_m: Vector3 | None = None
     overwrite: bool = False
+    origin: Origin = "auto"
 
 
 @dataclass(frozen=True)
@@ -100,6 +105,7 @@ class Import:
     unit_why: str
     up: str
     up_why: str
+    origin_m: Floats  # (3,)
     triangles: int
     bounds_m: Floats  # (2, 3)
     drone: DronePose
@@ -142,7 +148,8 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     content.check_not_empty(file)
     content = _lit(content, options.lamps)
     with _naming_once(file):
-        content, placed = _meshes_of(to_metres(content, options.scale))
+        content, origin_m = to_origin(to_metres(content, options.scale), options.origin)
+        content, placed = _meshes_of(content)
     content.check_not_empty(file)
     with _naming_once(file):
         _check_size(placed)
@@ -167,7 +174,10 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     around = Surroundings.of(placed)
     bounds_m = np.array([around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)])
     drone = _drone(around, content, options)
-    fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, file.name)
+    source = shown(file.name)
+    if origin_m.any():
+        source += ", whose {:.12g}, {:.12g}, {:.12g} m is the origin".format(*origin_m)
+    fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, source)
     own = pictured.rows | (sources.rows if sources else {})
     if own:
         fields["materials"] = own
@@ -185,6 +195,7 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         content.unit_why,
         content.up,
         content.up_why,
+        origin_m,
         sum(len(mesh.faces) for mesh in placed),
         bounds_m,
         drone,
@@ -235,8 +246,8 @@ def _meshes_of(content: Content) -> tuple[Content, list[trimesh.Trimesh]]:
     ]
     distances = [float(np.abs(mesh.bounds).max()) for mesh in placed]
     faults = {
-        index: f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m: see --units "
-        "and --scale"
+        index: f"reaches {far:.3g} m from the origin; at most {MAX_COORDINATE_M:g} m: see "
+        "--origin, --units and --scale"
         for index, far in enumerate(distances)
         if not far <= MAX_COORDINATE_M
     }

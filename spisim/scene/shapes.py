@@ -1,6 +1,7 @@
 """Meshes of objects, from files and simple shapes."""
 
-import re
+import io
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,9 @@ from spisim.scene.description import (
     RectangleObject,
     SphereObject,
 )
+from spisim.scene.mesh_files import decoded, plain_obj, plain_off, plain_stl
+from spisim.scene.model import SceneWarning
+from spisim.scene.ply_files import plain_ply
 
 SPHERE_SUBDIVISIONS = 4  # 5120 triangles, radius true to 0.1 %
 CYLINDER_SECTIONS = 96  # radius true to 0.05 %
@@ -63,26 +67,38 @@ def load_mesh(path: Path) -> trimesh.Trimesh:
         )
     if suffix not in FORMATS:
         raise InputError(f"mesh {path.name!r} has an unknown format; allowed: {' '.join(FORMATS)}")
-    if suffix == ".obj":
-        check_obj_indices(path.read_bytes(), f"mesh {path.name!r}")
     try:
-        mesh = _read_ply(path) if suffix == ".ply" else _read(path)
+        data, fault = plain_mesh(path.read_bytes(), suffix)
+        mesh = _read_ply(data) if suffix == ".ply" else _read(data, suffix[1:])
+    except InputError as error:
+        raise InputError(f"mesh {path.name!r}: {error}") from None
     # trimesh's parsers raise many kinds of exceptions.
     except Exception:
         raise InputError(f"mesh {path.name!r} cannot be read: damaged, or not {suffix}") from None
     check_mesh(mesh, path.name)
+    if fault:
+        warnings.warn(f"mesh {path.name!r}: {fault}", SceneWarning, stacklevel=2)
     return mesh
 
 
-def _read(path: Path) -> trimesh.Trimesh:
-    mesh = trimesh.load_mesh(path, process=False, skip_materials=True)
+def plain_mesh(data: bytes, suffix: str) -> tuple[bytes, str]:
+    """Mesh file as trimesh reads it well, and what is wrong with its polygons or left out."""
+    if suffix == ".stl":
+        return plain_stl(data)
+    if suffix == ".ply":
+        return plain_ply(data)
+    text, fault = plain_obj(decoded(data)) if suffix == ".obj" else plain_off(decoded(data))
+    return text.encode(), fault
+
+
+def _read(data: bytes, kind: str) -> trimesh.Trimesh:
+    mesh = trimesh.load_mesh(io.BytesIO(data), file_type=kind, process=False, skip_materials=True)
     return mesh.to_mesh() if isinstance(mesh, trimesh.Scene) else mesh
 
 
-def _read_ply(path: Path) -> trimesh.Trimesh:
+def _read_ply(data: bytes) -> trimesh.Trimesh:
     """Read without trimesh's scene, which copies a mesh three times."""
-    with path.open("rb") as file:
-        parts = load_ply(file, skip_materials=True)
+    parts = load_ply(io.BytesIO(data), skip_materials=True)
     parts.pop("metadata", None)  # a second copy of the file
     return trimesh.Trimesh(**parts, process=False)
 
@@ -112,13 +128,6 @@ def check_mesh(mesh: trimesh.Trimesh, name: str) -> None:
         )
     if not mesh.area > 0:
         raise InputError(f"mesh {name!r} has no area: all its triangles are degenerate")
-
-
-def check_obj_indices(data: bytes, name: str) -> None:
-    """InputError for vertex 0 in an OBJ file, which counts from 1: trimesh takes the last one."""
-    if zero := re.search(rb"^[ \t]*f[ \t](?:[^\r\n]*[ \t])?0+(?=[/\s]|\Z)", data, re.M):
-        line = data.count(b"\n", 0, zero.end()) + 1
-        raise InputError(f"{name}: line {line}: a face of vertex 0; an OBJ file counts from 1")
 
 
 def check_triangles(count: int) -> None:

@@ -77,9 +77,13 @@ def check_meshes(folder: Path, inputs: Iterable[Path] = ()) -> None:
 
 
 def mesh_folder(output: Path) -> Path:
-    """Mesh folder of a scene file; InputError if the file has no name."""
+    """Mesh folder of a scene file; InputError if the file has no name, or none in UTF-8."""
     if not output.name:
         raise InputError(f"{output} is a folder; a file name is needed")
+    try:
+        output.name.encode()
+    except UnicodeEncodeError:
+        raise InputError(f"{output}: its name should be UTF-8, as it is in the file") from None
     return output.with_name(f"{output.stem}-meshes")
 
 

@@ -206,7 +206,7 @@ PLY = (
         ("a.ply", PLY.format(3, 2) + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "1 of 2 faces|as PLY"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "cannot be read as OBJ|not in the file"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 x\n", "cannot be read as OBJ"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 5 5 5\n", "negative indices"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 -2 -1\nv 5 5 5\n", "v -4, but 3 are before"),
         ("a.obj", "v 0 0 0\n", "holds no triangles"),
         ("a.obj", "v 0\nv 1\nv 2\nf 1 2 3\n", "not triangles in 3-D"),
         ("a.stl", "solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 z\n"

@@ -47,6 +47,14 @@ def command(
         str | None, typer.Option(metavar="AXIS", help="Axis that is up in the file: x, y or z.")
     ] = None,
     scale: Annotated[float, real_option("Additional scale factor.", metavar="S")] = 1.0,
+    origin: Annotated[
+        str,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Point of the file that becomes the origin, metres, z up; auto: near the content "
+            "where that is more than 10 km away, as in coordinates of maps.",
+        ),
+    ] = "auto",
     materials: Annotated[
         Path | None,
         typer.Option(metavar="YAML", help="Lines of `name in the file: material of spisim`."),
@@ -106,6 +114,7 @@ def command(
         None if drone is None else _point("--drone", drone),
         None if look_at is None else _point("--look-at", look_at),
         overwrite,
+        "auto" if origin == "auto" else _point("--origin", origin),
     )
     report = import_scene(file, output, options)
     warn(report.warnings)
@@ -148,6 +157,7 @@ def _summary(report: Import) -> dict[str, Any]:
         "unit_why": report.unit_why,
         "up": report.up,
         "up_why": report.up_why,
+        "origin_m": report.origin_m.tolist(),
         "materials": [{**vars(match), "parts": parts} for match, parts in report.materials],
         "drone": {
             **vars(drone),
@@ -172,6 +182,9 @@ def _print(report: Import) -> None:
         f"({drone.why}); nearest surface {drone.nearest_m:.2f} m, "
         + (f"ahead {drone.ahead_m:.2f} m" if math.isfinite(drone.ahead_m) else "nothing ahead"),
     }
+    if report.origin_m.any():
+        place = ", ".join(f"{value:.12g}" for value in report.origin_m)
+        lines["origin"] = f"{place} m in the file (--origin)"
     for title, text in lines.items():
         results.print(f"{title:8} {text}", soft_wrap=True)
     table = word_table("in the file", "material", "how", "why", "parts")

@@ -37,7 +37,8 @@ def load_document(root: Element, data: bytes | None, file: str, content: Content
                 content.note(f"{LEFT_OUT}{file}: {faults[child]}")
         return bool(faults)
 
-    mends = [_mend_pictures(root), _mend_commas(root), leave_out(_unusable), leave_out(_dangling)]
+    mends = [_mend_pictures(root), _mend_commas(root), _mend_holes(root)]
+    mends += [leave_out(_unusable), leave_out(_dangling)]
     document = _load(tostring(root) if data is None or any(mends) else data)
     if document is None:
         leave_out(_unread)
@@ -151,6 +152,22 @@ def _mend_commas(root: Element) -> bool:
     for number in commas:
         number.text = (number.text or "").replace(",", ".")
     return bool(commas)
+
+
+def _mend_holes(root: Element) -> bool:
+    """Join the holes of polygons to their outlines by seams, as pycollada skips such polygons."""
+    holed = [each for each in root.iter() if _tag(each) == "ph"]
+    for polygons in (each for each in root.iter() if _tag(each) == "polygons"):
+        stride = 1 + max((int(each.get("offset", 0)) for each in polygons.iter()), default=0)
+        for polygon in (each for each in polygons if _tag(each) == "ph"):
+            outline, *holes = [(ring.text or "").split() for ring in polygon]
+            joined = [*outline, *outline[:stride]]
+            for hole in holes:
+                joined += [*hole, *hole[:stride], *outline[:stride]]
+            polygon.tag = polygon.tag.replace("ph", "p")
+            polygon[:] = []
+            polygon.text = " ".join(joined)
+    return bool(holed)
 
 
 def _tag(element: Element) -> str:

@@ -12,6 +12,7 @@ import trimesh
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, LimitError
+from spisim.scene.polygons import triangulate
 from spisim.scene.shapes import check_mesh
 from spisim_formats.collada.lamps import light
 from spisim_formats.collada.mending import load_document
@@ -145,7 +146,13 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
     result = []
     for primitive in geometry.primitives:
         with content.leaving_out(f"geometry {quoted(name)}"):
-            triangles = primitive.triangleset() if isinstance(primitive, Polylist) else primitive
+            triangles = primitive
+            if isinstance(primitive, Polylist) and primitive.vertex is not None:
+                cut = triangulate(primitive.vertex, primitive.vcounts, primitive.vertex_index)
+                if cut.fault:
+                    content.note(f"geometry {quoted(name)}: {cut.fault}")
+                index = primitive.index[cut.corners].ravel()
+                triangles = TriangleSet(primitive.sources, primitive.material, index)
             if not isinstance(triangles, TriangleSet) or triangles.vertex is None:
                 content.note(f"geometry {quoted(name)}: lines are left out")
                 continue

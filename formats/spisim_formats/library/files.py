@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,15 +44,18 @@ class Folders:
         """Return the path of the file or folder that a file in folder `beside` refers to.
 
         `reference` is a path or a URI: relative to `beside` or `more` folders, `model://name/…` in
-        one of the roots, `file://…` in either, or `https://fuel…` in Gazebo's downloads. Raises
-        InputError, starting with `referrer`, if it is missing, outside the roots, or on the
-        network.
+        one of the roots, `file://…` in either, or `https://fuel…` in Gazebo's downloads. A file of
+        another case, or whose name is in Latin-1, will do. Raises InputError, starting with
+        `referrer`, if it is missing, outside the roots, or on the network.
         """
         candidates = self._candidates(reference.strip(), (beside, *more), referrer)
         try:
             resolved = [path.resolve() for path in candidates]
             inside = [path for path in resolved if self._holds(path)]
             result = [path for path in inside if path.exists()]
+            if not result:
+                other = [path.resolve() for each in inside for path in _alike(each)]
+                result = [path for path in other if self._holds(path)]
         except (OSError, RuntimeError, ValueError):  # loops of links, names that cannot be
             raise InputError(f"{referrer}: {quoted(reference)} is no usable path") from None
         if result:
@@ -127,6 +131,14 @@ class Folders:
         return ", ".join(map(str, dict.fromkeys(self.roots)))
 
 
+def _alike(path: Path) -> list[Path]:
+    """Return files of a folder whose names differ in case or encoding alone."""
+    folder, name = path.parent, path.name.casefold()
+    if not folder.is_dir():
+        return []
+    return [each for each in sorted(folder.iterdir()) if shown(each.name).casefold() == name]
+
+
 def read_bytes(path: Path) -> bytes:
     """Read a file. Raises InputError if it is missing, empty, not regular, or larger than 2 GB."""
     if not path.is_file():
@@ -148,6 +160,15 @@ def _split(reference: str) -> tuple[str, str]:
         return "", reference
     parts = urlsplit(reference)
     return parts.scheme.lower(), unquote(parts.netloc + parts.path)
+
+
+def shown(name: str) -> str:
+    """Name of a file as text; one that is not in UTF-8 is taken for Latin-1."""
+    data = os.fsencode(name)
+    try:
+        return data.decode()
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
 
 
 def quoted(reference: str) -> str:

@@ -77,8 +77,8 @@ def to_metres(content: Content, scale: float) -> Content:
             haze,
             to_world=turn @ grow @ haze.to_world,
             extinction=haze.extinction / factor,
-            density=_moved_grid(haze.density, turn @ grow),
-            brightness=_moved_grid(haze.brightness, turn @ grow),
+            density=moved_grid(haze.density, turn @ grow),
+            brightness=moved_grid(haze.brightness, turn @ grow),
         )
         for haze in content.hazes
     ]
@@ -86,20 +86,21 @@ def to_metres(content: Content, scale: float) -> Content:
     if daylight is not None:
         daylight = replace(daylight, sun_direction=turn[:3, :3] @ daylight.sun_direction)
     cameras = [turn @ grow @ camera @ shrink for camera in content.cameras]
-    glows = [_moved(glow, turn @ grow, factor) for glow in content.glows]
+    glows = [moved_glow(glow, turn @ grow, factor) for glow in content.glows]
     return replace(
         content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight, glows=glows
     )
 
 
-def _moved_grid(grid: Lattice | None, move: Floats) -> Lattice | None:
+def moved_grid(grid: Lattice | None, move: Floats) -> Lattice | None:
+    """Return a grid moved by a matrix (4, 4)."""
     if grid is None:
         return None
     within = None if grid.within is None else move @ grid.within
     return replace(grid, to_world=move @ grid.to_world, within=within)
 
 
-def _moved(glow: Glow, move: Floats, factor: float) -> Glow:
+def moved_glow(glow: Glow, move: Floats, factor: float) -> Glow:
     """Scale a lamp so that it lights things `factor` times as large just as brightly."""
     fields = dict(glow.fields)
     for name in ("intensity_w_per_sr", "luminous_flux_lm"):

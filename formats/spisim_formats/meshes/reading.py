@@ -2,9 +2,7 @@
 
 import io
 import re
-import struct
 import warnings
-from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from dataclasses import replace
 from pathlib import Path
 from typing import TypeAlias
@@ -12,8 +10,9 @@ from typing import TypeAlias
 import numpy as np
 import trimesh
 
-from reconstruction.base.errors import InputError
-from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, check_obj_indices, texture_coordinates
+from reconstruction.base.errors import InputError, naming
+from spisim.scene.mesh_files import COMMENT, MARKS, decoded, plain_obj
+from spisim.scene.shapes import MAX_TRIANGLES, check_mesh, plain_mesh, texture_coordinates
 from spisim_formats.library.content import (
     Content,
     Part,
@@ -27,8 +26,6 @@ from spisim_formats.library.textures import Texture
 
 #: NumPy's message when trimesh parses a truncated file or invalid numbers.
 CUT_SHORT = "string or file could not be read to its end"
-#: Byte order marks of Unicode other than UTF-8.
-MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
 #: Options between `map_Kd` and the file name: words, or up to three numbers.
 MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
@@ -40,10 +37,8 @@ Color: TypeAlias = tuple[float, float, float]
 
 def read_obj(path: Path, folders: Folders) -> Content:
     """Read the parts of an OBJ file, one per object and material."""
-    text = _text(path)
-    check_obj_indices(text.encode(), str(path))
-    _refuse_relative_indices(text, path)
     content = Content()
+    text = _text(path, content)
     if re.search(r"^[lp]\s", text, re.M):
         content.note(f"{path.name}: points and lines are left out")
         if not re.search(r"^f\s", text, re.M):
@@ -72,16 +67,7 @@ def read_obj(path: Path, folders: Folders) -> Content:
 
 def read_stl(path: Path, folders: Folders) -> Content:
     """Read the solids of an STL file; it has no materials."""
-    data = read_bytes(path)
-    is_text = data[:5].lower() == b"solid" and b"\0" not in data[:1024]
-    if not is_text and len(data) >= 84:
-        (count,) = struct.unpack_from("<I", data, 80)
-        if 84 + 50 * count != len(data):
-            raise InputError(
-                f"{path}: cannot be read as STL: {count:,} triangles need {84 + 50 * count:,} "
-                f"bytes; the file has {len(data):,}"
-            )
-    return _without_materials(data, path)
+    return _without_materials(read_bytes(path), path)
 
 
 def read_ply(path: Path, folders: Folders) -> Content:
@@ -112,6 +98,10 @@ def read_off(path: Path, folders: Folders) -> Content:
 
 def _without_materials(data: bytes, path: Path) -> Content:
     content = Content()
+    kind = path.suffix.lower()
+    with readable(str(path), kind[1:].upper()), naming(path):
+        data, fault = plain_mesh(data, kind)
+    _note_fault(content, path, fault)
     scene = _trimesh(data, path, resolver={}, skip_materials=True)
     for mesh in scene.geometry.values():
         _add(content, path, path.stem, mesh, Surface())
@@ -137,12 +127,19 @@ def _trimesh(data: bytes, path: Path, **options: object) -> trimesh.Scene:
         return trimesh.load_scene(io.BytesIO(data), file_type=kind, process=False, **options)
 
 
-def _text(path: Path) -> str:
+def _text(path: Path, content: Content) -> str:
     data = read_bytes(path)
-    coding = next((name for mark, name in MARKS.items() if data.startswith(mark)), "utf-8")
-    if coding == "utf-8" and b"\0" in data[:4096]:
+    if b"\0" in data[:4096] and data[:2] not in MARKS:
         raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
-    return data.decode(coding, errors="replace").replace("\r\n", "\n").removeprefix("\ufeff")
+    with readable(str(path), "OBJ"), naming(path):
+        text, fault = plain_obj(decoded(data))
+    _note_fault(content, path, fault)
+    return text
+
+
+def _note_fault(content: Content, path: Path, fault: str) -> None:
+    if fault:
+        content.note(f"{path.name}: {fault}")
 
 
 def _grouped(text: str) -> str:
@@ -153,26 +150,16 @@ def _grouped(text: str) -> str:
     return re.sub(r"^g(?=[ \t]+\S)", "o", text, flags=re.M)
 
 
-def _refuse_relative_indices(text: str, path: Path) -> None:
-    """Reject negative indices, which trimesh counts from the end of the file, not from the line."""
-    first = re.search(r"^f\s.*(?<![\d.])-\d", text, re.M)
-    if first and re.search(r"^v\s", text[first.start() :], re.M):
-        raise InputError(
-            f"{path}: counts vertices backwards (negative indices) before the last vertex, which "
-            "is not supported; export with absolute indices"
-        )
-
-
 def _material_library(
     text: str, path: Path, folders: Folders, content: Content
 ) -> tuple[dict[str, Color], dict[str, Texture]]:
     """Return colours and textures of an OBJ file's material libraries; note missing files."""
     colors: dict[str, Color] = {}
     textures: dict[str, Texture] = {}
-    for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
+    for name in _libraries(text):
         try:
             library = folders.find(name, path.parent, f"{path.name}: mtllib")
-            lines = read_bytes(library).decode("utf-8", errors="replace").splitlines()
+            lines = decoded(read_bytes(library)).split("\n")
         except InputError as error:
             content.note(f"{error}; materials go by their names alone")
             continue
@@ -181,7 +168,7 @@ def _material_library(
             if len(words) < 2:
                 continue
             if words[0] == "newmtl":
-                current = words[1].strip()
+                current = COMMENT.sub("", words[1]).strip()
             elif words[0] == "Kd" and (color := _color(words[1])):
                 colors[current] = color
             elif words[0].lower() == "map_kd":
@@ -193,6 +180,16 @@ def _material_library(
         for material in pictured:  # exporters leave Kd black or white beside a texture
             colors.pop(material, None)
     return colors, textures
+
+
+def _libraries(text: str) -> list[str]:
+    """Names of files in the lines `mtllib`, of which each may list several."""
+    lines = re.findall(r"^mtllib +(.+)$", text, re.M)
+    return [
+        name
+        for line in lines
+        for name in re.findall(r"\S.*?\.mtl(?= |$)", line, re.I) or [COMMENT.sub("", line).strip()]
+    ]
 
 
 def _color(text: str) -> Color | None:

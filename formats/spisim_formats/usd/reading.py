@@ -16,6 +16,7 @@ import trimesh
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, LimitError
+from spisim.scene.polygons import triangulate
 from spisim.scene.shapes import check_mesh, check_triangles
 from spisim_formats.library import shapes
 from spisim_formats.library.content import (
@@ -32,6 +33,7 @@ from spisim_formats.library.content import (
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.usd.lamps import read_lamp
 from spisim_formats.usd.package import check_package
+from spisim_formats.usd.samples import settle
 from spisim_formats.usd.surfaces import read_surface
 
 MAX_LAYERS = 1000
@@ -43,7 +45,7 @@ ABOUT = {"X": [0.0, 1.0, 0.0], "Y": [-1.0, 0.0, 0.0], "Z": [0.0, 0.0, 0.0]}
 
 
 def read_usd(path: Path, folders: Folders) -> Content:
-    """Read the parts of a stage at its start time; unreadable ones are left out with a note.
+    """Read the parts of a stage as at its earliest time; unreadable ones are left out with a note.
 
     Raises InputError if it is not a stage, or has layers outside of the folders.
     """
@@ -58,6 +60,8 @@ def read_usd(path: Path, folders: Folders) -> Content:
     content = Content()
     layers = _readable_layers(path, folders, content)
     with readable(str(path), "OpenUSD"):
+        for layer in layers:
+            settle(layer, content)
         stage = Usd.Stage.Open(layers[0])
         for layer in stage.GetUsedLayers():
             if file := layer.realPath.partition("[")[0]:
@@ -176,7 +180,7 @@ class _Stage:
         original = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
         key = str(original.GetPath())
         if key not in self._meshes:
-            self._meshes[key] = READERS[kind](prim)
+            self._meshes[key] = READERS[kind](prim, self._content)
             every = (mesh for meshes in self._meshes.values() for mesh, _ in meshes)
             check_triangles(sum(len(shapes.as_mesh(mesh).faces) for mesh in every))
         for geometry, bound in self._meshes[key]:
@@ -196,7 +200,8 @@ class _Stage:
         from pxr import Usd, UsdGeom
 
         instancer = UsdGeom.PointInstancer(prim)
-        poses = instancer.ComputeInstanceTransformsAtTime(0.0, 0.0)
+        now = Usd.TimeCode.Default()
+        poses = instancer.ComputeInstanceTransformsAtTime(now, now)
         numbers = instancer.GetProtoIndicesAttr().Get() or []
         if len(numbers) > MAX_PARTS:
             raise LimitError(f"more than {MAX_PARTS:,} parts (instances counted)")
@@ -211,7 +216,7 @@ class _Stage:
                 self._add(inner, pose)
 
 
-def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+def _mesh_parts(prim: Any, content: Content) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
     """Return triangles of a mesh; subsets with their own material are separate."""
     from pxr import UsdGeom, UsdShade
 
@@ -222,12 +227,16 @@ def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
     check_triangles(int(np.maximum(counts - 2, 0).sum()))
     if counts.sum() != len(corners) or (counts < 0).any():
         raise InputError(f"mesh {prim.GetPath()}: its faces and their corners do not fit")
-    faces, owners = _fans(counts, corners)
+    triangles = triangulate(points, counts, corners)
+    if triangles.fault:
+        content.note(f"{quoted(str(prim.GetPath()))}: {triangles.fault}")
+    faces, owners = corners[triangles.corners], triangles.polygons
     if str(made.GetOrientationAttr().Get()) == "leftHanded":
         faces = faces[:, ::-1]
     bound = _bound(prim)
     parts = []
     left = np.ones(len(counts), bool)
+    left[np.array(made.GetHoleIndicesAttr().Get() or [], np.int64)] = False
     subsets = UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()
     for subset in subsets:
         chosen = np.array(subset.GetIndicesAttr().Get() or [], np.int64)
@@ -252,18 +261,6 @@ def _mesh_parts(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
     return result
 
 
-def _fans(counts: Any, corners: Any) -> tuple[Any, Any]:
-    """Return triangles (t, 3) of polygons about their first corners, and the polygon of each."""
-    starts = np.cumsum(counts) - counts
-    each = np.maximum(counts - 2, 0)
-    owners = np.repeat(np.arange(len(counts)), each)
-    step = np.arange(each.sum()) - np.repeat(np.cumsum(each) - each, each)
-    first = starts[owners]
-    return np.column_stack(
-        [corners[first], corners[first + step + 1], corners[first + step + 2]]
-    ), owners
-
-
 def _bound(prim: Any) -> Any:
     from pxr import UsdShade
 
@@ -273,8 +270,8 @@ def _bound(prim: Any) -> Any:
 
 def _simple(
     make: Callable[[Any, str], trimesh.Trimesh | Shape],
-) -> Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]:
-    def read(prim: Any) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
+) -> Callable[[Any, Content], list[tuple[trimesh.Trimesh | Shape, Any]]]:
+    def read(prim: Any, _: Content) -> list[tuple[trimesh.Trimesh | Shape, Any]]:
         return [(make(prim, f"{prim.GetTypeName()} {prim.GetPath()}"), _bound(prim))]
 
     return read
@@ -291,7 +288,7 @@ def _get(prim: Any, name: str) -> float:
     return float(prim.GetAttribute(name).Get())
 
 
-READERS: dict[str, Callable[[Any], list[tuple[trimesh.Trimesh | Shape, Any]]]] = {
+READERS: dict[str, Callable[[Any, Content], list[tuple[trimesh.Trimesh | Shape, Any]]]] = {
     "Mesh": _mesh_parts,
     "Cube": _simple(lambda prim, what: shapes.box([_get(prim, "size")] * 3, what)),
     "Sphere": _simple(lambda prim, what: shapes.sphere(_get(prim, "radius"), what)),
