@@ -5,9 +5,7 @@ import re
 import struct
 import warnings
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
-from dataclasses import replace
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -23,19 +21,24 @@ from spisim_formats.library.content import (
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.shapes import as_mesh
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.vertex_colors import mean_color, tinted
+from spisim_formats.meshes.library import Described, read_library
+from spisim_formats.meshes.rest import (
+    MTL,
+    OBJ,
+    unread_off,
+    unread_ply,
+    unread_stl,
+    unread_words,
+)
 
 #: NumPy's message when trimesh parses a truncated file or invalid numbers.
 CUT_SHORT = "string or file could not be read to its end"
 #: Byte order marks of Unicode other than UTF-8.
 MARKS = {BOM_UTF16_LE: "utf-16", BOM_UTF16_BE: "utf-16"}
-#: Options between `map_Kd` and the file name: words, or up to three numbers.
-MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
 #: Maximum groups of an OBJ file that become objects; some programs have one per face.
 MAX_GROUPS = 1000
-
-Color: TypeAlias = tuple[float, float, float]
 
 
 def read_obj(path: Path, folders: Folders) -> Content:
@@ -48,7 +51,8 @@ def read_obj(path: Path, folders: Folders) -> Content:
         content.note(f"{path.name}: points and lines are left out")
         if not re.search(r"^f\s", text, re.M):
             return content
-    colors, textures = _material_library(text, path, folders, content)
+    content.records.append((path.name, unread_words(text, OBJ).copy))
+    materials = _material_library(text, path, folders, content)
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
     # trimesh keeps the name of a material only if a library defines it.
     library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
@@ -64,8 +68,8 @@ def read_obj(path: Path, folders: Folders) -> Content:
         if surface.name not in names:
             surface = Surface()
         else:
-            valid = surface.name or ""
-            surface = Surface(surface.name, colors.get(valid), texture=textures.get(valid))
+            name_there = surface.name or ""
+            surface = materials.get(name_there, Described()).surface(name_there, content)
         _add(content, path, name, mesh, surface)
     return content
 
@@ -81,7 +85,9 @@ def read_stl(path: Path, folders: Folders) -> Content:
                 f"{path}: cannot be read as STL: {count:,} triangles need {84 + 50 * count:,} "
                 f"bytes; the file has {len(data):,}"
             )
-    return _without_materials(data, path)
+    content = _without_materials(data, path)
+    content.records.append((path.name, unread_stl(data).copy))
+    return content
 
 
 def read_ply(path: Path, folders: Folders) -> Content:
@@ -99,6 +105,7 @@ def read_ply(path: Path, folders: Folders) -> Content:
             )
         faces = int(count) if kind == b"face" else faces
     content = _without_materials(data, path)
+    content.records.append((path.name, unread_ply(header).copy))
     result = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
     if result < faces and not content.left_out:
         raise InputError(f"{path}: cut off: {result:,} of {faces:,} faces are there")
@@ -107,7 +114,10 @@ def read_ply(path: Path, folders: Folders) -> Content:
 
 def read_off(path: Path, folders: Folders) -> Content:
     """Read the mesh of an OFF file; it has no materials."""
-    return _without_materials(read_bytes(path), path)
+    data = read_bytes(path)
+    content = _without_materials(data, path)
+    content.records.append((path.name, unread_off(data).copy))
+    return content
 
 
 def _without_materials(data: bytes, path: Path) -> Content:
@@ -127,6 +137,9 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
         check_mesh(plain, name)
         if (uv := texture_coordinates(mesh)) is not None:
             plain = with_texture_coordinates(plain, uv)
+        elif isinstance(mesh.visual, trimesh.visual.ColorVisuals) and mesh.visual.kind == "vertex":
+            color = mean_color(mesh.visual.vertex_colors / 255, mesh.faces, mesh.area_faces)
+            surface = tinted(surface, color, content, name)
         content.add(Part(name, plain, np.eye(4), surface))
 
 
@@ -165,10 +178,9 @@ def _refuse_relative_indices(text: str, path: Path) -> None:
 
 def _material_library(
     text: str, path: Path, folders: Folders, content: Content
-) -> tuple[dict[str, Color], dict[str, Texture]]:
-    """Return colours and textures of an OBJ file's material libraries; note missing files."""
-    colors: dict[str, Color] = {}
-    textures: dict[str, Texture] = {}
+) -> dict[str, Described]:
+    """Return the materials of an OBJ file's libraries; note missing files."""
+    materials: dict[str, Described] = {}
     for name in re.findall(r"^mtllib\s+(.+)$", text, re.M):
         try:
             library = folders.find(name, path.parent, f"{path.name}: mtllib")
@@ -176,28 +188,7 @@ def _material_library(
         except InputError as error:
             content.note(f"{error}; materials go by their names alone")
             continue
-        current, pictured = "", set()
-        for words in (line.split(maxsplit=1) for line in lines):
-            if len(words) < 2:
-                continue
-            if words[0] == "newmtl":
-                current = words[1].strip()
-            elif words[0] == "Kd" and (color := _color(words[1])):
-                colors[current] = color
-            elif words[0].lower() == "map_kd":
-                pictured.add(current)
-                name = MAP_OPTIONS.sub("", words[1]).strip()
-                what = f"{library.name}: texture"
-                if result := content.texture(name, library.parent, folders, what):
-                    textures[current] = replace(result, fits=name == words[1].strip())
-        for material in pictured:  # exporters leave Kd black or white beside a texture
-            colors.pop(material, None)
-    return colors, textures
-
-
-def _color(text: str) -> Color | None:
-    try:
-        red, green, blue = (float(word) for word in text.split()[:3])
-    except ValueError:
-        return None
-    return red, green, blue
+        materials |= read_library(lines, library, folders, content)
+        unread = unread_words("\n".join(lines), MTL, "materials")
+        content.records.append((library.name, unread.copy))
+    return materials

@@ -1,0 +1,71 @@
+"""What of mesh files is not read: keywords, elements, properties, and colours of faces."""
+
+import re
+from collections import Counter
+from collections.abc import Collection
+
+import numpy as np
+
+from spisim_formats.library.records import Rest, words
+
+#: Keywords of OBJ that are read, or say nothing of where a surface is.
+OBJ = words("v vt vn f o g s usemtl mtllib l p")
+#: Keywords of MTL that are read, and ambient light.
+MTL = words("newmtl kd map_kd d tr map_d ka map_ka illum")
+STL = words("solid facet outer vertex endloop endfacet endsolid")
+#: Elements of PLY and their properties: places, directions, texture coordinates, colours.
+PLY = {
+    "vertex": words("x y z nx ny nz s t u v texture_u texture_v red green blue r g b"),
+    "face": words("vertex_indices vertex_index texcoord texnumber"),
+}
+
+
+def unread_words(text: str, read: Collection[str], owner: str = "") -> Rest:
+    """Count the lines whose first word, in lower case, is none of those that are read."""
+    first = Counter(re.findall(r"^[ \t]*([A-Za-z][\w:.-]*)", text, re.M))
+    return Counter(
+        {(owner, word): count for word, count in first.items() if word.lower() not in read}
+    )
+
+
+def unread_ply(header: bytes) -> Rest:
+    """Count elements and properties of a header that are not read, and pictures in comments."""
+    rest: Rest = Counter()
+    element = ""
+    for line in header.decode("ascii", errors="replace").splitlines():
+        match line.split():
+            case ["element", name, *_]:
+                element = name
+                if name not in PLY:
+                    rest["", name] += 1
+            case ["property", *_, name] if element in PLY and name not in PLY[element]:
+                rest[element, name] += 1
+            case ["comment", "TextureFile", *_]:
+                rest["comment", "TextureFile"] += 1
+    return rest
+
+
+def unread_stl(data: bytes) -> Rest:
+    """Count triangles with attributes, which some programs use for colours, or keywords."""
+    if data[:5].lower() == b"solid" and b"\0" not in data[:1024]:
+        return unread_words(data.decode("utf-8", errors="replace"), STL)
+    records = np.frombuffer(data[84 : 84 + (len(data) - 84) // 50 * 50], np.uint8).reshape(-1, 50)
+    count = int(records[:, 48:].any(axis=1).sum())
+    return Counter({("triangles", "attribute (a colour)"): count} if count else {})
+
+
+def unread_off(data: bytes) -> Rest:
+    """Count numbers that follow the places of vertices and the corners of faces."""
+    lines = [line.split() for line in re.sub(rb"#.*", b"", data).splitlines() if line.strip()]
+    rows = [line for line in lines if line and re.match(rb"[-+.\d]", line[0])]
+    try:
+        vertices, faces = int(rows[0][0]), int(rows[0][1])
+        longer = {
+            ("vertices", "further numbers"): sum(len(row) > 3 for row in rows[1 : 1 + vertices]),
+            ("faces", "further numbers (colours)"): sum(
+                len(row) > 1 + int(row[0]) for row in rows[1 + vertices : 1 + vertices + faces]
+            ),
+        }
+    except (IndexError, ValueError):
+        return Counter()
+    return Counter({key: count for key, count in longer.items() if count})
