@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, usual_float_errors
 from reconstruction.base.errors import InputError, naming, nearest
 from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.pose import Vector3
@@ -109,6 +109,7 @@ class Import:
     warnings: tuple[str, ...]
 
 
+@usual_float_errors
 def import_scene(file: Path, output: Path, options: Options | None = None) -> Import:
     """Convert a file of another program to a scene file, and its meshes to PLY files beside it.
 

@@ -59,12 +59,14 @@ class RayCaster:
         """Build the ray caster of a scene."""
         return cls(scene, Meshes.of(scene.objects))
 
+    @with_backend
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
         """Range and object of the first surface, panes included, that each ray (n, 3) meets."""
         si = self.meshes.scene.ray_intersect(rays_of(origins, directions))
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
 
+    @with_backend
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness of what each ray sees, as a drawing without light transport.
 

@@ -10,6 +10,7 @@ import pytest
 
 import reconstruction
 import spisim
+from spisim.transport import RayCaster
 from spisim.transport.backend import activate, active
 
 #: A user id without an entry in the password database, wherever the tests run.
@@ -37,6 +38,13 @@ def simulated() -> spisim.Simulation:
 
 def test_a_variant_of_the_user_is_selected_again(own_variant: str) -> None:
     simulated()
+    assert mi.variant() == own_variant
+
+
+def test_rays_are_cast_in_our_variant(own_variant: str) -> None:
+    caster = RayCaster.of(spisim.load_scene("target-plane"))
+    surfaces = caster.along(np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0]]))
+    assert surfaces.range_m.shape == (1,)
     assert mi.variant() == own_variant
 
 

@@ -49,8 +49,8 @@ def mitsuba(body: str, more: str = "") -> str:
 def sdf(body: str = "", more: str = "", scene: str = "") -> str:
     return (
         f'<sdf version="1.9"><world name="w">{scene}<model name="m"><link name="l">'
-        f'<visual name="v"><geometry><box><size>1 1 1</size></box></geometry>{body}</visual>{more}</link></model>'
-        "</world></sdf>"
+        f'<visual name="v"><geometry><box><size>1 1 1</size></box></geometry>{body}</visual>{more}'
+        "</link></model></world></sdf>"
     )
 
 

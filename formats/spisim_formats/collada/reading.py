@@ -81,7 +81,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
     # for what it refuses, too: pycollada's own parser expands entities
     root = parse_lenient_xml(data, path, content.note)
     with readable(str(path), "a COLLADA file"):
-        content.records.append((path.name, partial(_unread, root)))
+        content.records.append((path.name, _unread(root).copy))  # before it is mended
         document = load_document(root, None if content.notes else data, path.name, content)
         _take_asset(document.assetInfo, content)
         scene = document.scene or next(iter(document.scenes), None)
