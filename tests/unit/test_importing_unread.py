@@ -125,6 +125,13 @@ def test_what_no_reader_asks_for_is_named(
     assert sum(note in each for each in report.notes) == 1, report.notes
 
 
+def test_spectra_of_files_are_named(tmp_path: Path) -> None:
+    """Mitsuba would open them."""
+    body = '<bsdf type="conductor"><spectrum name="eta" filename="gold.spd"/></bsdf>'
+    notes = taken(file(tmp_path / "a.xml", mitsuba(body))).notes
+    assert "a.xml: not read of conductor: 'eta' of 'gold.spd'" in notes
+
+
 def test_keywords_of_material_libraries_are_named(tmp_path: Path) -> None:
     file(tmp_path / "a.mtl", "newmtl brick\nKd 1 1 1\nKd 1 1 1\nPr 0.5\n")
     report = taken(file(tmp_path / "a.obj", f"mtllib a.mtl\n{SQUARE}usemtl brick\n{FACE}"))
@@ -334,6 +341,39 @@ def test_transparency_of_other_formats_stays(
 ) -> None:
     report = taken(file(tmp_path / name, body))
     assert {thing.material.opacity for thing in report.written.scene.objects} == {opaque}
+
+
+@pytest.mark.parametrize(("mode", "opaque"), [("A_ONE", [1.0, 0.2]), ("RGB_ZERO", [0.75, 0.75])])
+def test_pictures_of_transparency_of_collada_stay(
+    tmp_path: Path, mode: str, opaque: list[float]
+) -> None:
+    """Without texture coordinates their mean counts."""
+    half_picture(tmp_path / "half.png")
+    picture = (
+        '<newparam sid="u"><surface type="2D"><init_from>i</init_from></surface></newparam>'
+        '<newparam sid="w"><sampler2D><source>u</source></sampler2D></newparam><technique sid="t">'
+    )
+    transparent = (
+        f'</diffuse><transparent opaque="{mode}"><texture texture="w" texcoord="c"/></transparent>'
+        "<transparency><float>0.25</float></transparency>"
+    )
+    body = collada(texture="half.png").replace('<technique sid="t">', picture)
+    report = taken(file(tmp_path / "a.dae", body.replace("</diffuse>", transparent)))
+    expected = np.mean(opaque) if mode == "RGB_ZERO" else 0.25 * np.mean(opaque)
+    for thing in report.written.scene.objects:
+        assert thing.material.opacity == pytest.approx(expected, rel=2e-3)
+    assert not report.warnings
+
+
+def test_equal_transparency_makes_one_material(tmp_path: Path) -> None:
+    visual = (
+        '<visual name="{}"><pose>{} 0 0 0 0 0</pose><geometry><sphere/></geometry>'
+        "<transparency>0.75</transparency></visual>"
+    )
+    more = "".join(visual.format(f"v{number}", 3 * number) for number in (1, 2))
+    taken(file(tmp_path / "a.sdf", sdf("", more)))
+    text = (tmp_path / "taken" / "scene.yaml").read_text()
+    assert text.count("opacity: 0.25") == 1
 
 
 def test_what_colladas_call_transparent_altogether_stays_with_a_warning(tmp_path: Path) -> None:

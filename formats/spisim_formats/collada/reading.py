@@ -26,7 +26,7 @@ from spisim_formats.library.content import (
     with_texture_coordinates,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
-from spisim_formats.library.opacity import Opacity, uniform
+from spisim_formats.library.opacity import Opacity, cut
 from spisim_formats.library.records import (
     RecordedElement,
     Rest,
@@ -35,7 +35,7 @@ from spisim_formats.library.records import (
     unread_elements,
     words,
 )
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.textures import Texture, read_channels
 from spisim_formats.library.vertex_colors import Color, mean_color, tinted
 from spisim_formats.library.xml import parse_lenient_xml
 
@@ -231,32 +231,36 @@ def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return with_texture_coordinates(whole, uv[each[:, 1], :2])
 
 
-def _opacity(effect: Any, name: str, content: Content) -> Opacity | None:
+def _opacity(
+    effect: Any, pictures: dict[str, Texture | None], name: str, content: Content
+) -> Opacity | None:
     """Return what of an effect is opaque.
 
     Of one that is transparent altogether nothing is taken, because exporters write it for opaque
     ones.
     """
     given, factor = getattr(effect, "transparent", None), getattr(effect, "transparency", None)
-    if hasattr(given, "sampler") or hasattr(factor, "sampler"):
-        content.warn(f"material {quoted(name)}: its picture of transparency is left out")
-        return None
-    if given is None and factor is None:
-        return None
     alpha = 1.0 if factor is None else float(factor)
-    if given is not None and effect.opaque_mode == "RGB_ZERO":
-        opaque = 1 - alpha * float(np.mean(given[:3]))
-    else:
-        opaque = alpha * (1.0 if given is None or len(given) < 4 else float(given[3]))
-    if not opaque > 0:
+    by_color = given is not None and effect.opaque_mode == "RGB_ZERO"
+    fraction: Any = 1.0
+    if (sampler := getattr(given, "sampler", None)) is not None:
+        texture = pictures.get(sampler.surface.image.id)
+        if texture is None:
+            raise InputError("its picture is missing")
+        (fraction,) = read_channels(texture, 0 if by_color else 3)
+    elif given is not None and len(given) >= 3:
+        fraction = float(np.mean(given[:3])) if by_color else float([*given, 1.0][3])
+    opaque = np.atleast_2d(1 - alpha * fraction if by_color else alpha * fraction)
+    if not (opaque > 0).any():
         content.warn(f"material {quoted(name)}: transparent altogether; it is taken for opaque")
         return None
-    return uniform(opaque)
+    return cut(opaque.astype(np.float32))
 
 
 def _surface(material: Any, pictures: dict[str, Texture | None], content: Content) -> Surface:
     name = material.name or material.id
-    opacity = cache(partial(_opacity, material.effect, name, content))
+    opaque = partial(_opacity, material.effect, pictures, name, content)
+    opacity = cache(partial(content.attempt, f"material {quoted(name)}: opacity", opaque))
     diffuse = getattr(material.effect, "diffuse", None)
     sampler = getattr(diffuse, "sampler", None)
     if sampler is not None:

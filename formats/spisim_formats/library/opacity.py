@@ -60,7 +60,7 @@ class CutOuts:
         self.files: dict[str, NDArray[np.uint16]] = {}
         self.notes: list[str] = []
         self._own = own
-        self._names: dict[tuple[str, int, bool], str] = {}
+        self._names: dict[tuple[str, float, bool], str] = {}
 
     def material(self, material: str, opacity: Opacity, geometry: object) -> str:
         """Return the name of a material with an opacity.
@@ -77,7 +77,7 @@ class CutOuts:
             and isinstance(geometry, trimesh.Trimesh)
             and texture_coordinates(geometry) is not None
         )
-        key = material, id(opacity), whole
+        key = material, id(opacity) if fraction.size > 1 else float(fraction[0, 0]), whole
         if key not in self._names:
             self._names[key] = self._add(material, fraction, whole)
         return self._names[key]

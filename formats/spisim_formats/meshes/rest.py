@@ -22,10 +22,9 @@ PLY = {
 
 def unread_words(text: str, read: Collection[str], owner: str = "") -> Rest:
     """Count the lines whose first word, in lower case, is none of those that are read."""
-    first = Counter(re.findall(r"^[ \t]*([A-Za-z][\w:.-]*)", text, re.M))
-    return Counter(
-        {(owner, word): count for word, count in first.items() if word.lower() not in read}
-    )
+    known = "|".join(map(re.escape, read))
+    others = re.findall(rf"^[ \t]*(?!(?:{known})(?:\s|$))([a-z][\w:.-]*)", text, re.M | re.I)
+    return Counter((owner, word) for word in others)
 
 
 def unread_ply(header: bytes) -> Rest:
@@ -55,17 +54,14 @@ def unread_stl(data: bytes) -> Rest:
 
 
 def unread_off(data: bytes) -> Rest:
-    """Count numbers that follow the places of vertices and the corners of faces."""
-    lines = [line.split() for line in re.sub(rb"#.*", b"", data).splitlines() if line.strip()]
-    rows = [line for line in lines if line and re.match(rb"[-+.\d]", line[0])]
+    """Name numbers that follow the place of the first vertex and the corners of the first face."""
+    lines = re.sub(rb"#.*", b"", data).split(b"\n")
+    rows = [line for line in lines if re.match(rb"\s*[-+.\d]", line)]
+    rest: Rest = Counter()
     try:
-        vertices, faces = int(rows[0][0]), int(rows[0][1])
-        longer = {
-            ("vertices", "further numbers"): sum(len(row) > 3 for row in rows[1 : 1 + vertices]),
-            ("faces", "further numbers (colours)"): sum(
-                len(row) > 1 + int(row[0]) for row in rows[1 + vertices : 1 + vertices + faces]
-            ),
-        }
-    except (IndexError, ValueError):
-        return Counter()
-    return Counter({key: count for key, count in longer.items() if count})
+        vertex, face = rows[1].split(), rows[1 + int(rows[0].split()[0])].split()
+        rest["vertices", "further numbers"] += len(vertex) > 3
+        rest["faces", "further numbers (colours)"] += len(face) > 1 + int(face[0])
+    except (IndexError, ValueError):  # damaged, which its reader says
+        pass
+    return +rest

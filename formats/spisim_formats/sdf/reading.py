@@ -255,6 +255,7 @@ class _Reader:
         name = (element.findtext("name") or included.get("name") or "").strip()
         model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))
         model.name = name
+        included.find("pose")  # counts as read where the include's comes before it
         posed = included if element.find("pose") is None else element
         pose, relative_to = read_pose(posed.find("pose"), what)
         placement = (element.findtext("placement_frame") or "").strip()

@@ -28,8 +28,8 @@ from spisim_formats.sdf.visual import Visuals
 
 #: What light does not see, and of joints what does not place links.
 HARMLESS = words("""
-robot@name robot@version link@type material@name visual@name joint@type axis calibration collision
-dynamics inertial limit mimic safety_controller sensor transmission
+robot/material robot@name robot@version link@type material@name visual@name joint@type axis
+calibration collision dynamics inertial limit mimic safety_controller sensor transmission
 """)
 
 
