@@ -16,7 +16,7 @@ from spisim.dataset.reader import DataSet, open_dataset
 from spisim.dataset.runner import run_dataset
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
-from spisim.transport.backend import active
+from spisim.transport.backend import check_backend
 
 logger = logging.getLogger(__name__)
 
@@ -62,8 +62,7 @@ def make_dataset(
     planned = stated_plan(plan) if isinstance(plan, Mapping) else load_plan(Path(plan))
     folder = Path(folder).absolute()
     check(planned)
-    with active:  # fails once here rather than in every process
-        pass
+    check_backend()  # fails once here rather than in every process
     state = run_dataset(
         planned,
         folder,

@@ -69,6 +69,12 @@ class _Active:
 active = _Active()
 
 
+def check_backend() -> None:
+    """Raise InputError as `activate`, and leave the user's variant as it is."""
+    with active:
+        pass
+
+
 def has_cuda() -> bool:
     """Whether Dr.Jit found a CUDA device."""
     return bool(dr.has_backend(dr.JitBackend.CUDA))
