@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from .base.arrays import Floats
+from .base.arrays import Floats, usual_float_errors
 from .base.errors import InputError
 from .base.timing import timed
 from .capture import Frames, Recording, Setup, Spots
@@ -74,6 +74,7 @@ class Reconstructor:
         the background, or if ``min_free`` does not lie between 0 and 1.
     """
 
+    @usual_float_errors
     def __init__(
         self,
         setup: Setup,
@@ -114,6 +115,7 @@ class Reconstructor:
             *(", ".join(names) or "none" for names in (self._images, self._rangings, self._depths)),
         )
 
+    @usual_float_errors
     def __call__(self, frame: Frames) -> Result:
         """Reconstruct one frame.
 
@@ -126,6 +128,7 @@ class Reconstructor:
             raise InputError(f"got {len(frame)} frames, expected one; `batch` takes several")
         return self.batch(frame)[0]
 
+    @usual_float_errors
     def batch(self, frames: Frames) -> list[Result]:
         """Reconstruct any number of frames, in order; some methods are faster with many at once.
 
@@ -315,6 +318,7 @@ class _Decoded(NamedTuple):
     estimates: dict[str, Estimate]
 
 
+@usual_float_errors
 def reconstruct(
     recording: Recording,
     frame: int = 0,

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 import trimesh
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, usual_float_errors
 from reconstruction.base.errors import InputError, naming, nearest
 from spisim.scene.placing import MAX_COORDINATE_M
 from spisim.scene.pose import Vector3
@@ -17,10 +17,11 @@ from spisim.scene.shapes import check_triangles
 from spisim.scene.write import Written, check_free, write_scene
 from spisim_formats.format import Reader, readers
 from spisim_formats.library import drone as drones
-from spisim_formats.library.content import Content
+from spisim_formats.library.content import Content, Part
 from spisim_formats.library.drone import DronePose, Surroundings
 from spisim_formats.library.files import Folders, shown
 from spisim_formats.library.materials import Match, check_map, match, read_map
+from spisim_formats.library.opacity import CutOuts
 from spisim_formats.library.origin import Origin, to_origin
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.source_material import SourceMaterials
@@ -114,6 +115,7 @@ class Import:
     warnings: tuple[str, ...]
 
 
+@usual_float_errors
 def import_scene(file: Path, output: Path, options: Options | None = None) -> Import:
     """Convert a file of another program to a scene file, and its meshes to PLY files beside it.
 
@@ -146,7 +148,7 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         content = reader(file, folders)
     content = choose_up(choose_unit(content, options.units), options.up)
     content.check_not_empty(file)
-    content = _lit(content, options.lamps)
+    content = _visible(_lit(content, options.lamps))
     with _naming_once(file):
         content, origin_m = to_origin(to_metres(content, options.scale), options.origin)
         content, placed = _meshes_of(content)
@@ -158,7 +160,11 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     pictured = Pictured(options.textures)
     sources = SourceMaterials() if options.surfaces == "file" else None
     matches = [match(part, chosen, pictured, sources) for part in content.parts]
-    content.notes += pictured.notes
+    cut_outs = CutOuts(pictured.rows)
+    matches = [
+        _cut(each, part, cut_outs) for each, part in zip(matches, content.parts, strict=True)
+    ]
+    content.notes += pictured.notes + cut_outs.notes
     if sources is not None:
         _check_stated(sources, file)
         content.notes += sources.notes
@@ -166,6 +172,7 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         content.note(
             f"textures taken as reflectances, by a rule of thumb: {len(pictured.rows)}; {BEWARE}"
         )
+    content.tell_unread()
     if options.ground is not None:
         floor = ground(placed)
         content.parts.append(floor)
@@ -178,10 +185,11 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     if origin_m.any():
         source += ", whose {:.12g}, {:.12g}, {:.12g} m is the origin".format(*origin_m)
     fields, meshes, arrays = scene_fields(output.stem, content, matches, drone, source)
-    own = pictured.rows | (sources.rows if sources else {})
+    own = pictured.rows | (sources.rows if sources else {}) | cut_outs.rows
     if own:
         fields["materials"] = own
     more = sources.files if sources else {}
+    more = more | cut_outs.files
     written = write_scene(output, fields, meshes, HEADER, arrays | pictured.files | more)
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
@@ -201,7 +209,7 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         drone,
         _counted(matches),
         tuple(content.notes),
-        (*odd, *written.warnings),
+        (*odd, *content.warnings, *written.warnings),
     )
 
 
@@ -299,6 +307,28 @@ def _lit(content: Content, lamps: Literal["off", "watts"]) -> Content:
     content.note(f"lamps: {count}, {OFF}")
     dark = [replace(part, radiance=0.0) if part.radiance else part for part in content.parts]
     return replace(content, parts=dark, glows=[])
+
+
+def _visible(content: Content) -> Content:
+    """Return the content without surfaces that let all light pass, with notes."""
+    clear = {
+        index: "lets all light pass (opacity 0)"
+        for index, part in enumerate(content.parts)
+        if part.surface.opacity is not None
+        and (opacity := part.surface.opacity()) is not None
+        and opacity.is_clear
+    }
+    return content.without(clear)
+
+
+def _cut(match: Match, part: Part, cut_outs: CutOuts) -> Match:
+    """Return the match with what of the surface is opaque; materials of the file have theirs."""
+    if match.how == "file" or part.surface.opacity is None:
+        return match
+    opacity = part.surface.opacity()
+    if opacity is None:
+        return match
+    return replace(match, material=cut_outs.material(match.material, opacity, part.geometry))
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..base.arrays import usual_float_errors
 from ..base.errors import InputError
 from ..capture import Capture, FrameTruth
 from ..depth import pixel_rays
@@ -13,6 +14,7 @@ from ..result import BASELINE, Result
 from .depths import depth_metrics, number
 
 
+@usual_float_errors
 def evaluate(result: Result, recording: Capture) -> dict[str, Any]:
     """Compare a result with the truth of its frame.
 

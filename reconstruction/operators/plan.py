@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ..base.arrays import Floats
+from ..base.arrays import Floats, usual_float_errors
 from ..base.errors import InputError, nearest
 from .bases import basis_of
 from .bases.dense import Dense
@@ -134,6 +134,7 @@ NO_PATTERN = PatternPlan((1, 1), np.zeros(1, np.int32), np.zeros(1, np.int8))
 """Plan of recordings without an image: one exposure of a dark pixel."""
 
 
+@usual_float_errors
 def make_plan(
     shape: tuple[int, int],
     patterns: int | None = None,

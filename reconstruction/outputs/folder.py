@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from ..base.arrays import usual_float_errors
 from ..base.files import Output, write_atomically
 from ..capture import Setup
 from ..depth import DEPTH_METHODS, MAX_RANGE_M, pixel_rays, point_cloud_ply
@@ -42,6 +43,7 @@ def outputs_in(directory: str | Path) -> list[Output]:
     ]
 
 
+@usual_float_errors
 def write_outputs(result: Result, recording: Recorded, directory: str | Path) -> dict[str, Path]:
     """Write result.h5, cloud.ply, and a picture of each image and depth map.
 

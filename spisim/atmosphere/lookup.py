@@ -22,6 +22,7 @@ from spisim.atmosphere.droplets import KINDS, Particles
 from spisim.atmosphere.indices import check_wavelength
 from spisim.atmosphere.mie import Optics, Sums, class_sums, particle_optics
 from spisim.atmosphere.spectrum import SpectrumSizes
+from spisim.base.home import home
 
 PATH = Path(__file__).with_name("mie.npz")
 #: Visibility is defined at 550 nm; lidars and cameras work at 850 to 1550 nm.
@@ -90,16 +91,13 @@ def cache_folder() -> Path:
     if own := os.environ.get("SPISIM_CACHE"):
         return Path(own)
     if sys.platform == "darwin":
-        return Path.home() / "Library" / "Caches" / "spisim"
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "spisim"
+        return home() / "Library" / "Caches" / "spisim"
+    return Path(os.environ.get("XDG_CACHE_HOME") or home() / ".cache") / "spisim"
 
 
 def cached(key: str, make: Callable[[], Arrays]) -> Arrays:
     """What `make` returns, from the cache if possible; a damaged cache only costs time."""
-    try:
-        path = cache_folder() / f"mie-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
-    except RuntimeError:  # no home folder
-        return make()
+    path = cache_folder() / f"mie-{hashlib.sha256(key.encode()).hexdigest()[:24]}.npz"
     # Results from a damaged file are computed again.
     with suppress(Exception), path.open("rb") as opened, np.load(opened) as file:
         if str(file["key"]) == key:

@@ -17,6 +17,7 @@ from functools import cache
 from pathlib import Path
 
 from reconstruction.base.errors import InputError
+from spisim.base.home import home
 
 logger = logging.getLogger(__name__)
 
@@ -26,7 +27,7 @@ WHEEL = "karellen-llvm-core"
 # Filled by `spisim doctor --install-llvm`.
 PRIVATE_FOLDER = Path(sys.prefix).resolve() / "lib" / "llvm"
 #: Cache of compiled kernels of Dr.Jit.
-KERNELS = Path.home() / ".drjit"
+KERNELS = home() / ".drjit"
 
 _LIBRARY_NAME = re.compile(r"libLLVM(-\d[\d.]*)?\.(so[\d.]*|dylib)")
 _VERSION_IN_NAME = re.compile(r"libLLVM-(\d{2,})|libLLVM\.so\.(\d{2,})")

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
+from reconstruction.base.arrays import usual_float_errors
 from reconstruction.base.errors import InputError
 from spisim.dataset.planned import load_plan, stated_plan
 from spisim.dataset.preview import check
@@ -15,11 +16,12 @@ from spisim.dataset.reader import DataSet, open_dataset
 from spisim.dataset.runner import run_dataset
 from spisim.dataset.sample import Maker
 from spisim.dataset.workers import LocalExecutor
-from spisim.transport.backend import activate
+from spisim.transport.backend import check_backend
 
 logger = logging.getLogger(__name__)
 
 
+@usual_float_errors
 def make_dataset(
     plan: str | Path | Mapping[str, Any],
     folder: str | Path,
@@ -60,7 +62,7 @@ def make_dataset(
     planned = stated_plan(plan) if isinstance(plan, Mapping) else load_plan(Path(plan))
     folder = Path(folder).absolute()
     check(planned)
-    activate()  # fails once here rather than in every process
+    check_backend()  # fails once here rather than in every process
     state = run_dataset(
         planned,
         folder,

@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from pydantic_core import InitErrorDetails
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, usual_float_errors
 from reconstruction.base.display import html_summary, text_summary
 from reconstruction.base.errors import InputError
 from reconstruction.capture.spots import SpotOptics
@@ -364,6 +364,7 @@ def list_presets() -> list[str]:
     return sorted(path.stem for path in PRESETS.glob("*.yaml"))
 
 
+@usual_float_errors
 def load_instrument(name_or_path: str | Path) -> Instrument:
     """Load an instrument from a YAML file, or a shipped one by its name ("paper").
 

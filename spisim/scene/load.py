@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from reconstruction.base.arrays import usual_float_errors
 from spisim.atmosphere.sections import WEATHER
 from spisim.base.config import check_fields, dump_yaml, find_named, read_mapping, read_text, shipped
 from spisim.base.config.yaml import load_yaml
@@ -26,6 +27,7 @@ def list_scenes() -> list[str]:
     return sorted(path.stem for path in scenes_folder().glob("*.yaml"))
 
 
+@usual_float_errors
 def load_scene(
     path: str | Path,
     changes: Mapping[str, Any] | Callable[[Mapping[str, Any]], Mapping[str, Any]] | None = None,

@@ -25,7 +25,7 @@ from spisim.simulation.light import (
 from spisim.simulation.light.sequence import at_key_times
 from spisim.simulation.measurement import record
 from spisim.transport import GroundTruth, ground_truth
-from spisim.transport.backend import activate
+from spisim.transport.backend import activate, with_backend
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +50,7 @@ class Simulation:
         return f"Simulation of {self.capture!r}"
 
 
+@with_backend
 def simulate(
     scene: Scene,
     instrument: Instrument,
@@ -144,6 +145,7 @@ def simulate(
     return simulation
 
 
+@with_backend
 def simulate_from(
     scene: Scene,
     instrument: Instrument,

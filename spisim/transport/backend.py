@@ -1,20 +1,23 @@
-"""Choice of the Dr.Jit backend, made once, when the first scene is built."""
+"""Choice of the Dr.Jit backend, and of the Mitsuba variant while this package uses it."""
 
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import wraps
+from threading import Lock
 from typing import Any
 
 import drjit as dr
 import mitsuba as mi
 
+from reconstruction.base.arrays import usual_float_errors
 from reconstruction.base.errors import InputError
 from spisim.base.llvm import KERNELS, MIN_VERSION, VARIABLE, find_llvm
 
 #: One wavelength, just-in-time compiled, on the GPU where there is one.
 CUDA_VARIANT = "cuda_ad_mono"
 LLVM_VARIANT = "llvm_ad_mono"
+OURS = (CUDA_VARIANT, LLVM_VARIANT)
 
 _user_of_cuda: dict[str, int] = {}
 
@@ -29,7 +32,7 @@ def activate() -> str:
         from one that uses CUDA.
     """
     variant = mi.variant()
-    if variant not in (CUDA_VARIANT, LLVM_VARIANT):
+    if variant not in OURS:
         variant = CUDA_VARIANT if has_cuda() else LLVM_VARIANT
     if variant == LLVM_VARIANT:
         _check_llvm()
@@ -38,6 +41,38 @@ def activate() -> str:
     if variant != mi.variant():
         mi.set_variant(variant)
     return str(variant)
+
+
+class _Active:
+    """Our variant within, which all threads share; the last to leave restores the user's own."""
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._users = 0
+        self._before: str | None = None
+
+    def __enter__(self) -> str:
+        with self._lock:
+            if self._users == 0:
+                self._before = mi.variant()
+            variant = activate()
+            self._users += 1
+        return variant
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._users == 0 and self._before not in (None, *OURS):
+                mi.set_variant(self._before)
+
+
+active = _Active()
+
+
+def check_backend() -> None:
+    """Raise InputError as `activate`, and leave the user's variant as it is."""
+    with active:
+        pass
 
 
 def has_cuda() -> bool:
@@ -96,13 +131,14 @@ def _check_llvm() -> None:
 
 
 def with_backend(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate an entry point of this package, which may be the first to need Mitsuba."""
+    """Decorate an entry point of this package that needs Mitsuba, in a variant of our own."""
 
     @wraps(function)
+    @usual_float_errors
     def wrapper(*args: Any, **kwargs: Any) -> Any:
-        activate()
         try:
-            return function(*args, **kwargs)
+            with active:
+                return function(*args, **kwargs)
         except RuntimeError as error:  # Dr.Jit's, of an interruption while a loop is traced
             if isinstance(error.__cause__, KeyboardInterrupt):
                 raise KeyboardInterrupt from None

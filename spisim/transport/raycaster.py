@@ -60,6 +60,7 @@ class RayCaster:
         """Build the ray caster of a scene."""
         return cls(scene, Meshes.of(scene.objects))
 
+    @with_backend
     def along(self, origins: Floats, directions: Floats) -> Surfaces:
         """Range and object of the surface that each ray (n, 3) sees, as in `ground_truth`."""
         rays = rays_of(origins, directions)
@@ -67,6 +68,7 @@ class RayCaster:
         distance = dr.select(si.is_valid(), si.t, dr.inf)
         return Surfaces(np.asarray(distance.numpy(), dtype=np.float64), self.meshes.object_ids(si))
 
+    @with_backend
     def shaded(self, origins: Floats, directions: Floats) -> NDArray[np.float32]:
         """Brightness of what each ray sees, as a drawing without light transport.
 

@@ -23,7 +23,7 @@ def bad(monkeypatch: pytest.MonkeyPatch) -> dict[int, str]:
         return OfPlan(folder, trouble, planned=planned)
 
     monkeypatch.setattr(making, "Maker", maker)
-    monkeypatch.setattr(making, "activate", lambda: None)
+    monkeypatch.setattr(making, "check_backend", lambda: None)
     return trouble
 
 

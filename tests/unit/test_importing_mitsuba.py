@@ -139,7 +139,11 @@ def test_parameters_includes_and_references(tmp_path: Path) -> None:
          "aluminium-rough"),  # bare, and as bright as gold to 0.2; not painted
         ('<bsdf type="thindielectric"/>', "glass-pane"),
         ('<bsdf type="diffuse" id="red brick"/>', "brick"),
-        ('<bsdf type="mask"><bsdf type="diffuse" id="grass"/></bsdf>', "grass"),
+        (
+            '<bsdf type="mask"><float name="opacity" value="1"/><bsdf type="diffuse" id="grass"/>'
+            "</bsdf>",
+            "grass",
+        ),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.01"/></bsdf>', "paint-black"),
         ('<bsdf type="diffuse"><rgb name="reflectance" value="0.9 0.9 0.85"/></bsdf>',
          "paint-white"),

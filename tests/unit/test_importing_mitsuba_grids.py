@@ -12,6 +12,7 @@ from scipy.ndimage import map_coordinates
 
 from foreign import taken
 from spisim.scene import Volume
+from spisim.transport.backend import activate
 
 RNG = np.random.default_rng(3)
 SIGMA = RNG.random((3, 4, 5)).astype(np.float32) * 4
@@ -21,11 +22,10 @@ ALBEDO = RNG.random((3, 4, 5)).astype(np.float32)
 @pytest.fixture(autouse=True)
 def scalar():
     """Mitsuba without a compiler, for once."""
-    before = mi.variant()
+    before = activate()
     mi.set_variant("scalar_rgb")
     yield
-    if before:
-        mi.set_variant(before)
+    mi.set_variant(before)
 
 
 def write_volume(path: Path, values: np.ndarray, *, cut: int = 0, kind: int = 1) -> None:

@@ -53,7 +53,8 @@ def test_media_in_boxes(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_light_and_media_that_are_told(tmp_path: Path, body: str, message: str) -> None:
-    notes = taken(scene(tmp_path / "a.xml", body)).notes
+    report = taken(scene(tmp_path / "a.xml", body))
+    notes = report.notes + report.warnings
     assert any(re.search(message, note) for note in notes), notes
 
 

@@ -238,6 +238,7 @@ def test_buffers_count_together(tmp_path: Path, monkeypatch) -> None:
     rows = [{"bufferView": i, "componentType": 5126, "count": 2, "type": "VEC3"} for i in range(3)]
     meshes = [{"primitives": [{"attributes": {"POSITION": i}}]} for i in range(3)]
     header = triangle_header(buffers=buffers, bufferViews=views, accessors=rows, meshes=meshes)
+    header |= {"nodes": [{"mesh": i} for i in range(3)], "scenes": [{"nodes": [0, 1, 2]}]}
     (tmp_path / "a.gltf").write_text(json.dumps(header))
     refused(tmp_path / "a.gltf", "its buffers hold more than 2 GB together")
 

@@ -235,7 +235,7 @@ def test_what_is_left_out_is_told(tmp_path: Path) -> None:
     )
     report = taken(world(tmp_path / "a.sdf", body))
     text = " ".join(report.notes)
-    assert all(word in text for word in ("lamps", "actors", "polyline", "ghost"))
+    assert all(word in text for word in ("lamps", "<actor>", "polyline", "ghost"))
     assert len(report.written.scene.objects) == 1
 
 

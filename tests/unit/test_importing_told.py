@@ -24,17 +24,17 @@ from spisim.scene.bsdf import (
     RoughPlastic,
     ThinPane,
 )
+from spisim.transport.backend import activate
 from spisim_formats.library.metals import METALS, WAVELENGTHS_NM
 
 
 @pytest.fixture(autouse=True)
 def scalar():
     """Mitsuba without a compiler, for once."""
-    before = mi.variant()
+    before = activate()
     mi.set_variant("scalar_rgb")
     yield
-    if before is not None:
-        mi.set_variant(before)
+    mi.set_variant(before)
 
 
 def scene(path: Path, body: str) -> Path:

@@ -9,17 +9,17 @@ import pytest
 from reconstruction.base.errors import InputError
 from spisim.base.config.linear import read_hdr_red
 from spisim.scene import load_scene
+from spisim.transport.backend import activate
 
 HEAD = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 8\n"
 
 
 @pytest.fixture(autouse=True)
 def scalar():
-    before = mi.variant()
+    before = activate()
     mi.set_variant("scalar_rgb")
     yield
-    if before is not None:
-        mi.set_variant(before)
+    mi.set_variant(before)
 
 
 @pytest.mark.parametrize("width", [5, 40])

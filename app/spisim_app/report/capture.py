@@ -8,7 +8,7 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from reconstruction import Capture, Result
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, usual_float_errors
 from reconstruction.capture import FrameTruth, Spots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.depth import MAX_RANGE_M, Corridor, pixel_rays
@@ -45,6 +45,7 @@ MEDIUM = {
 
 
 @plot_style()
+@usual_float_errors
 def write_report(
     path: str | Path,
     capture: Capture,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 
 from reconstruction.base.errors import InputError
+from spisim.base.home import home
 from spisim_app.cli.console import print_json, results, say, warn
 from spisim_app.cli.options import Json, Overwrite, real_option
 from spisim_app.cli.tables import print_table, word_table
@@ -141,7 +142,7 @@ def _search_path() -> list[Path]:
 
 def _fuel_cache() -> Path | None:
     """Return Gazebo's folder of downloaded models, if it exists."""
-    folder = Path(os.environ.get("GZ_FUEL_CACHE_PATH") or Path.home() / ".gz" / "fuel")
+    folder = Path(os.environ.get("GZ_FUEL_CACHE_PATH") or home() / ".gz" / "fuel")
     return folder if folder.is_dir() else None
 
 

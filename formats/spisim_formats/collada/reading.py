@@ -4,8 +4,10 @@ trimesh's loader ignores `unit` and `up_axis`, and drops the names of materials.
 """
 
 import math
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import trimesh
@@ -25,13 +27,46 @@ from spisim_formats.library.content import (
     with_texture_coordinates,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.opacity import Opacity, cut
+from spisim_formats.library.records import (
+    RecordedElement,
+    Rest,
+    mark,
+    plain,
+    unread_elements,
+    words,
+)
+from spisim_formats.library.textures import Texture, read_channels
+from spisim_formats.library.vertex_colors import Color, mean_color, tinted
 from spisim_formats.library.xml import parse_lenient_xml
 
 AXES: dict[str, Axis] = {"X_UP": "x", "Y_UP": "y", "Z_UP": "z"}
 #: Cameras look along -z, with x to the right.
 LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 BOUND = "skins are left out: skinned meshes are in their bind pose"
+#: Elements that pycollada reads, or this module, with attributes; all that describe the file only.
+READ = words("""
+accessor ambient bind_material bind_shape_matrix blinn bool_array camera COLLADA color constant
+constant_attenuation controller diffuse directional effect falloff_angle falloff_exponent float
+float_array geometry h IDREF_array image init_from input instance_camera instance_controller
+instance_effect instance_geometry instance_light instance_material instance_node
+instance_visual_scene int_array joints lambert library_cameras library_controllers library_effects
+library_geometries library_images library_lights library_materials library_nodes
+library_visual_scenes light linear_attenuation lines linestrips lookat material matrix mesh morph
+Name_array newparam node optics orthographic p param perspective ph phong point polygons polylist
+profile_COMMON quadratic_attenuation rotate sampler2D scale scene SIDREF_array skeleton skin source
+spot surface targets technique technique_common texture translate transparency transparent
+triangles trifans tristrips v vcount vertex_weights vertices visual_scene
+""")
+HARMLESS = words("""
+asset extra camera/* sampler2D/* surface/* phong/ambient blinn/ambient lambert/ambient
+bind_material/bind instance_material/bind instance_material/bind_vertex_input @schemaLocation
+skeleton
+""")
+ATTRIBUTES = words("""
+base closed_path count digits id layer magnitude material meter method name offset opaque
+profile semantic set sid source stride symbol target texcoord texture type url version
+""")
 #: Maximum nesting of instanced nodes.
 MAX_DEPTH = 400
 MAX_NODES = 200_000
@@ -47,6 +82,7 @@ def read_collada(path: Path, folders: Folders) -> Content:
     # for what it refuses, too: pycollada's own parser expands entities
     root = parse_lenient_xml(data, path, content.note)
     with readable(str(path), "a COLLADA file"):
+        content.records.append((path.name, _unread(root).copy))  # before it is mended
         document = load_document(root, None if content.notes else data, path.name, content)
         _take_asset(document.assetInfo, content)
         scene = document.scene or next(iter(document.scenes), None)
@@ -55,6 +91,15 @@ def read_collada(path: Path, folders: Folders) -> Content:
             walk.add(node, np.eye(4), path.stem, 0)
         content.check_not_empty(path, "holds no triangles" if scene else "has no scene")
         return content
+
+
+def _unread(root: Element) -> Rest:
+    """Return what of a document neither pycollada nor this module reads."""
+    for element in root.iter():
+        if plain(element.tag) in READ and isinstance(element, RecordedElement):
+            mark(element)
+            element.asked |= {name for name in element.keys() if plain(name) in ATTRIBUTES}  # noqa: SIM118
+    return unread_elements(root, HARMLESS)
 
 
 def _take_asset(asset: Any, content: Content) -> None:
@@ -79,7 +124,7 @@ class _Walk:
     def __init__(self, content: Content, pictures: dict[str, Texture | None]) -> None:
         self._content = content
         self._pictures = pictures
-        self._meshes: dict[int, list[tuple[trimesh.Trimesh, str | None]]] = {}
+        self._meshes: dict[int, list[tuple[trimesh.Trimesh, str | None, Color | None]]] = {}
         self._nodes = 0
 
     def add(self, node: Any, parent: Floats, name: str, depth: int) -> None:
@@ -131,14 +176,20 @@ class _Walk:
     def _add_geometry(self, geometry: Any, materials: Any, to_world: Floats, name: str) -> None:
         if id(geometry) not in self._meshes:
             self._meshes[id(geometry)] = _meshes(geometry, self._content)
-        surfaces = {bound.symbol: _surface(bound.target, self._pictures) for bound in materials}
-        for mesh, symbol in self._meshes[id(geometry)]:
+        surfaces = {
+            bound.symbol: _surface(bound.target, self._pictures, self._content)
+            for bound in materials
+        }
+        for mesh, symbol, color in self._meshes[id(geometry)]:
             surface = surfaces.get(symbol, Surface(symbol))
+            surface = tinted(surface, color, self._content, name or geometry.name)
             self._content.add(Part(name or geometry.name, mesh, to_world, surface))
 
 
-def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str | None]]:
-    """Return triangles of a geometry, and the symbol of their material."""
+def _meshes(
+    geometry: Any, content: Content
+) -> list[tuple[trimesh.Trimesh, str | None, Color | None]]:
+    """Return triangles of a geometry, the symbol of their material, and their mean colour."""
     from collada.polylist import Polylist
     from collada.triangleset import TriangleSet
 
@@ -158,9 +209,18 @@ def _meshes(geometry: Any, content: Content) -> list[tuple[trimesh.Trimesh, str 
                 continue
             mesh = trimesh.Trimesh(triangles.vertex, triangles.vertex_index, process=False)
             check_mesh(mesh, name)
+            color = _color(triangles, mesh.area_faces)
             mesh.remove_unreferenced_vertices()
-            result.append((_textured(triangles, mesh), primitive.material))
+            result.append((_textured(triangles, mesh), primitive.material, color))
     return result
+
+
+def _color(triangles: Any, areas: Any) -> Color | None:
+    """Return the mean of the colours at the triangles' corners, if there are any."""
+    given = triangles.sources.get("COLOR")
+    if not given or len(areas) != len(triangles.index):
+        return None
+    return mean_color(given[0][4].data, triangles.index[:, :, given[0][0]], areas)
 
 
 def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -178,16 +238,45 @@ def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     return with_texture_coordinates(whole, uv[each[:, 1], :2])
 
 
-def _surface(material: Any, pictures: dict[str, Texture | None]) -> Surface:
+def _opacity(
+    effect: Any, pictures: dict[str, Texture | None], name: str, content: Content
+) -> Opacity | None:
+    """Return what of an effect is opaque.
+
+    Of one that is transparent altogether nothing is taken, because exporters write it for opaque
+    ones.
+    """
+    given, factor = getattr(effect, "transparent", None), getattr(effect, "transparency", None)
+    alpha = 1.0 if factor is None else float(factor)
+    by_color = given is not None and effect.opaque_mode == "RGB_ZERO"
+    fraction: Any = 1.0
+    if (sampler := getattr(given, "sampler", None)) is not None:
+        texture = pictures.get(sampler.surface.image.id)
+        if texture is None:
+            raise InputError("its picture is missing")
+        (fraction,) = read_channels(texture, 0 if by_color else 3)
+    elif given is not None and len(given) >= 3:
+        fraction = float(np.mean(given[:3])) if by_color else float([*given, 1.0][3])
+    opaque = np.atleast_2d(1 - alpha * fraction if by_color else alpha * fraction)
+    if not (opaque > 0).any():
+        content.warn(f"material {quoted(name)}: transparent altogether; it is taken for opaque")
+        return None
+    return cut(opaque.astype(np.float32))
+
+
+def _surface(material: Any, pictures: dict[str, Texture | None], content: Content) -> Surface:
     name = material.name or material.id
+    opaque = partial(_opacity, material.effect, pictures, name, content)
+    opacity = cache(partial(content.attempt, f"material {quoted(name)}: opacity", opaque))
     diffuse = getattr(material.effect, "diffuse", None)
     sampler = getattr(diffuse, "sampler", None)
     if sampler is not None:
-        return Surface(name, texture=pictures.get(sampler.surface.image.id))
+        texture = pictures.get(sampler.surface.image.id)
+        return Surface(name, texture=texture, opacity=opacity)
     if not isinstance(diffuse, tuple | list) or len(diffuse) < 3:  # nothing
-        return Surface(name)
+        return Surface(name, opacity=opacity)
     red, green, blue = (float(value) for value in diffuse[:3])
-    return Surface(name, (red, green, blue))
+    return Surface(name, (red, green, blue), opacity=opacity)
 
 
 def _pictures(

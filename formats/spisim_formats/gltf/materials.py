@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,9 @@ from spisim_formats.gltf.buffers import Buffers, unquoted, within
 from spisim_formats.library.content import Content, Surface
 from spisim_formats.library.files import Folders, quoted
 from spisim_formats.library.metallic import Metallic
+from spisim_formats.library.opacity import Opacity, cut, uniform
 from spisim_formats.library.source_material import SourceMaterial
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.textures import Texture, read_channels
 
 #: Extensions that name another picture of the same, in a format that may be read where its is not.
 OTHER_PICTURES = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu")
@@ -30,7 +31,7 @@ LAYER = "KHR_materials_"
 RETAINED = ("KHR_materials_ior", "KHR_materials_specular", "KHR_materials_emissive_strength")
 #: What the channels of pictures are of.
 CHANNELS = {
-    "baseColorTexture": {"base": 0, "opacity": 3},
+    "baseColorTexture": {"base": 0},
     "metallicRoughnessTexture": {"roughness": 1, "metal": 2},
 }
 
@@ -47,22 +48,32 @@ def read_surfaces(
     surfaces = []
     for number, row in enumerate(header.get("materials", [])):
         try:
-            surfaces.append(
-                replace(_surface(row, textures), source=_source_material(row, textures))
-            )
+            surface = _surface(row, textures)
+            what, opaque = f"material {number}", partial(_opacity, row, textures)
+            opacity = cache(partial(content.attempt, f"{what}: opacity", opaque))
+            whole = partial(_source_material, row, textures, opacity)
+            source = cache(partial(content.attempt, what, whole))
+            surfaces.append(replace(surface, source=source, opacity=opacity))
         except (AttributeError, IndexError, KeyError, TypeError, ValueError):
             content.note(f"material {number} is damaged: it is not used")
             surfaces.append(Surface())
     return surfaces
 
 
+def _base(row: dict[str, Any]) -> tuple[Any, Any]:
+    """Return the factor of a material's colour and opacity, and its picture."""
+    extensions, pbr = row.get("extensions", {}), row.get("pbrMetallicRoughness", {})
+    color, picture = pbr.get("baseColorFactor"), pbr.get("baseColorTexture")
+    if SPECULAR in extensions and picture is None and color is None:
+        glossy = extensions[SPECULAR]
+        return glossy.get("diffuseFactor"), glossy.get("diffuseTexture")
+    return color, picture
+
+
 def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
     extensions = row.get("extensions", {})
     pbr = row.get("pbrMetallicRoughness", {})
-    color, picture = pbr.get("baseColorFactor"), pbr.get("baseColorTexture")
-    if SPECULAR in extensions and picture is None and color is None:
-        color = extensions[SPECULAR].get("diffuseFactor")
-        picture = extensions[SPECULAR].get("diffuseTexture")
+    color, picture = _base(row)
     words: tuple[str, ...] = ()
     if "KHR_materials_transmission" in extensions:
         words = ("dielectric",)
@@ -77,16 +88,42 @@ def _surface(row: dict[str, Any], textures: list[Texture | None]) -> Surface:
     return Surface(row.get("name"), (red, green, blue), words)
 
 
+def _opacity(row: dict[str, Any], textures: list[Texture | None]) -> Opacity | None:
+    """Return what of a material is opaque: alpha cut off, or blended."""
+    mode = row.get("alphaMode", "OPAQUE")
+    if mode not in ("MASK", "BLEND"):
+        return None
+    color, picture = _base(row)
+    alpha = 1.0 if color is None else float(color[3])
+    cutoff = float(row.get("alphaCutoff", 0.5)) if mode == "MASK" else None
+    if picture is None:
+        return uniform(alpha, cutoff)
+    texture = _texture(picture, 1.0, textures)
+    if texture is None:
+        raise InputError("its picture is missing")
+    (fraction,) = read_channels(texture, 3)
+    return cut(alpha * fraction, cutoff, fits=texture.fits)
+
+
 def _source_material(
-    row: dict[str, Any], textures: list[Texture | None]
-) -> Callable[[], SourceMaterial | None] | None:
-    """What makes a surface of all that a material says; None where that is not by metalness."""
+    row: dict[str, Any], textures: list[Texture | None], opacity: Callable[[], Opacity | None]
+) -> SourceMaterial | None:
+    """Return a surface of all that a material says; None where that is not by metalness."""
+    surface = _metallic(row, textures, opacity)
+    return None if surface is None else surface.source_material()
+
+
+def _metallic(
+    row: dict[str, Any],
+    textures: list[Texture | None],
+    opacity: Callable[[], Opacity | None],
+) -> Metallic | None:
     extensions = row.get("extensions", {})
     if "pbrMetallicRoughness" not in row or set(OTHERS) & set(extensions):
         return None
     pbr = row["pbrMetallicRoughness"]
-    color = [float(value) for value in pbr.get("baseColorFactor", (1, 1, 1, 1))]
-    mode, gloss = row.get("alphaMode", "OPAQUE"), extensions.get("KHR_materials_specular", {})
+    red = float(pbr.get("baseColorFactor", (1, 1, 1, 1))[0])
+    gloss = extensions.get("KHR_materials_specular", {})
     pictures: dict[str, tuple[Texture, int]] = {}
     for name, channels in CHANNELS.items():
         result = _texture(pbr[name], 1.0, textures) if name in pbr else None
@@ -94,8 +131,6 @@ def _source_material(
             return None
         if result is not None:
             pictures |= {what: (result, channel) for what, channel in channels.items()}
-    if mode == "OPAQUE":
-        pictures.pop("opacity", None)
     odd = ["its bumps are left out"] if "normalTexture" in row else []
     if any(row.get("emissiveFactor", ())):
         odd.append("its own light is left out")
@@ -104,18 +139,16 @@ def _source_material(
         for name in extensions
         if name.startswith(LAYER) and name not in RETAINED
     ]
-    surface = Metallic(
-        color[0],
+    return Metallic(
+        red,
         float(pbr.get("metallicFactor", 1.0)),
         float(pbr.get("roughnessFactor", 1.0)),
         float(extensions.get("KHR_materials_ior", {}).get("ior", 1.5)),
         float(gloss.get("specularFactor", 1.0)),
-        1.0 if mode == "OPAQUE" else color[3],
-        float(row.get("alphaCutoff", 0.5)) if mode == "MASK" else None,
+        opacity(),
         pictures,
         tuple(odd),
     )
-    return cache(surface.source_material)
 
 
 def _texture(picture: dict[str, Any], red: float, textures: list[Texture | None]) -> Texture | None:

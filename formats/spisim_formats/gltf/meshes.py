@@ -22,31 +22,42 @@ DRACO = "KHR_draco_mesh_compression"
 
 @dataclass(frozen=True, eq=False)
 class Primitive:
-    """Triangles of one material, whose number in the file it is, or None."""
+    """Triangles of one material, whose number in the file it is, or None.
+
+    `colors` (v, 3 or 4) at vertices multiply its own, from 0 to 1.
+    """
 
     name: str
     mesh: trimesh.Trimesh
     material: Any
+    colors: NDArray[Any] | None = None
 
 
-def read_meshes(
-    header: dict[str, Any], buffers: Buffers, content: Content
-) -> list[list[Primitive]]:
-    """Per mesh of the file its primitives of triangles; notes what is left out."""
-    meshes = []
-    for number, row in enumerate(header.get("meshes", [])):
-        name = row.get("name") or f"mesh {number}"
-        primitives = []
-        for primitive in row.get("primitives", []):
-            with content.leaving_out(f"mesh {quoted(name)}"):
-                if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
-                    content.note(f"mesh {quoted(name)}: points and lines are left out")
-                    continue
-                mesh = _mesh(primitive, buffers)
-                check_mesh(mesh, name)
-                primitives.append(Primitive(name, mesh, primitive.get("material")))
-        meshes.append(primitives)
-    return meshes
+def read_mesh(
+    row: dict[str, Any], number: int, weights: Any, buffers: Buffers, content: Content
+) -> list[Primitive]:
+    """Return a mesh's primitives of triangles, morphed by weights; notes what is left out."""
+    name = row.get("name") or f"mesh {number}"
+    primitives = []
+    for primitive in row.get("primitives", []):
+        with content.leaving_out(f"mesh {quoted(name)}"):
+            if primitive.get("mode", TRIANGLES) not in (TRIANGLES, STRIP, FAN):
+                content.note(f"mesh {quoted(name)}: points and lines are left out")
+                continue
+            mesh, colors = _mesh(primitive, buffers)
+            mesh.vertices = mesh.vertices + _moves(primitive, weights, buffers)
+            check_mesh(mesh, name)
+            primitives.append(Primitive(name, mesh, primitive.get("material"), colors))
+    return primitives
+
+
+def _moves(primitive: dict[str, Any], weights: Any, buffers: Buffers) -> Any:
+    """Return the shift of vertices (v, 3) by morph targets, or 0."""
+    moves: Any = 0.0
+    for target, weight in zip(primitive.get("targets", []), weights or (), strict=False):
+        if weight and "POSITION" in target:
+            moves = moves + float(weight) * buffers.accessor(target["POSITION"])
+    return moves
 
 
 def check_triangle_count(header: dict[str, Any]) -> None:
@@ -67,7 +78,10 @@ def _triangles(primitive: dict[str, Any], header: dict[str, Any]) -> int:
     return corners // (3 if primitive.get("mode", TRIANGLES) == TRIANGLES else 1)
 
 
-def _mesh(primitive: dict[str, Any], buffers: Buffers) -> trimesh.Trimesh:
+def _mesh(
+    primitive: dict[str, Any], buffers: Buffers
+) -> tuple[trimesh.Trimesh, NDArray[Any] | None]:
+    """Return the triangles of a primitive, and colours at their vertices."""
     if DRACO in primitive.get("extensions", {}):
         return _draco_mesh(primitive["extensions"][DRACO], buffers)
     attributes = primitive["attributes"]
@@ -78,9 +92,9 @@ def _mesh(primitive: dict[str, Any], buffers: Buffers) -> trimesh.Trimesh:
         corners = np.arange(len(points))
     faces = _faces(corners, primitive.get("mode", TRIANGLES))
     mesh = trimesh.Trimesh(points, faces, process=False)
-    if "TEXCOORD_0" not in attributes:
-        return mesh
-    return with_texture_coordinates(mesh, _upward(buffers.accessor(attributes["TEXCOORD_0"])))
+    if "TEXCOORD_0" in attributes:
+        with_texture_coordinates(mesh, _upward(buffers.accessor(attributes["TEXCOORD_0"])))
+    return mesh, buffers.accessor(attributes["COLOR_0"]) if "COLOR_0" in attributes else None
 
 
 def _upward(uv: NDArray[Any]) -> NDArray[Any]:
@@ -88,18 +102,22 @@ def _upward(uv: NDArray[Any]) -> NDArray[Any]:
     return np.asarray([0, 1] + [1, -1] * uv[:, :2].astype(np.float64))
 
 
-def _draco_mesh(packed: dict[str, Any], buffers: Buffers) -> trimesh.Trimesh:
+def _draco_mesh(
+    packed: dict[str, Any], buffers: Buffers
+) -> tuple[trimesh.Trimesh, NDArray[Any] | None]:
     decoder = library("DracoPy", DRACO, "draco")
     result = decoder.decode(bytes(buffers.view(packed["bufferView"])))
     faces = getattr(result, "faces", None)
     if faces is None or len(faces) > MAX_TRIANGLES:
         raise InputError("a mesh that Draco has compressed holds no triangles, or over the limit")
     mesh = trimesh.Trimesh(result.points, faces, process=False)
-    number = packed["attributes"].get("TEXCOORD_0")
-    if number is None:
-        return mesh
-    rows = [row["data"] for row in result.attributes if row["unique_id"] == number]
-    return with_texture_coordinates(mesh, _upward(rows[0])) if rows else mesh
+    data = {row["unique_id"]: row["data"] for row in result.attributes}
+    uv, colors = (data.get(packed["attributes"].get(name)) for name in ("TEXCOORD_0", "COLOR_0"))
+    if uv is not None:
+        with_texture_coordinates(mesh, _upward(uv))
+    if colors is not None and colors.dtype.kind == "u":
+        colors = colors / np.iinfo(colors.dtype).max
+    return mesh, colors
 
 
 def _faces(corners: NDArray[np.int64], mode: int) -> NDArray[np.int64]:

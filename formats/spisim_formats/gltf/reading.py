@@ -8,6 +8,7 @@ meshes.
 import json
 import struct
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,7 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.gltf.buffers import MESHOPT, Buffers, at, check_sizes
 from spisim_formats.gltf.lamps import node_lamps
 from spisim_formats.gltf.materials import read_surfaces
-from spisim_formats.gltf.meshes import DRACO, Primitive, check_triangle_count, read_meshes
+from spisim_formats.gltf.meshes import DRACO, Primitive, check_triangle_count, read_mesh
 from spisim_formats.library.content import (
     MAX_PARTS,
     Content,
@@ -30,6 +31,8 @@ from spisim_formats.library.content import (
     translation,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
+from spisim_formats.library.records import RecordedObject, unread_keys, words
+from spisim_formats.library.vertex_colors import mean_color, tinted
 
 MAGIC = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942
@@ -39,6 +42,14 @@ LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers", "ma
 #: glTF's cameras look along their -z, x to the right.
 LOOKING = np.diag([-1.0, 1.0, -1.0, 1.0])
 INSTANCING = "EXT_mesh_gpu_instancing"
+VISIBILITY = "KHR_node_visibility"
+#: Keys that light does not see, that other notes name (skins and animations), and that are of what
+#: is counted as read or not elsewhere (numbers of attributes).
+HARMLESS = words("""
+accessors animations asset bufferViews buffers cameras doubleSided extensionsRequired
+extensionsUsed extras name occlusionTexture sampler samplers skin skins JOINTS_0 NORMAL POSITION
+TANGENT WEIGHTS_0
+""")
 #: Extensions that are read, and those that change how surfaces look, not where they are.
 AVAILABLE = (
     DRACO,
@@ -54,6 +65,7 @@ AVAILABLE = (
     "KHR_technique_webgl",
     "KHR_techniques_webgl",
     "KHR_animation_",
+    VISIBILITY,
     "KHR_xmp",
 )
 
@@ -70,7 +82,11 @@ def read_gltf(path: Path, folders: Folders) -> Content:
     """Read the parts of a glTF file and its buffers, as `read_glb`."""
     data = read_bytes(path)
     with readable(str(path), "a glTF file"):
-        return _content(json.loads(data), b"", path, folders)
+        return _content(_json(data), b"", path, folders)
+
+
+def _json(data: bytes) -> Any:
+    return json.loads(data, object_hook=RecordedObject)
 
 
 def _glb_chunks(data: bytes) -> tuple[Any, bytes]:
@@ -84,7 +100,7 @@ def _glb_chunks(data: bytes) -> tuple[Any, bytes]:
         raise InputError(f"the file ends early: {len(data)} of {max(length, chunk_length)} bytes")
     if chunk_type != JSON_CHUNK:
         raise InputError("its first chunk is not JSON")
-    header = json.loads(data[20 : 20 + chunk_length])
+    header = _json(data[20 : 20 + chunk_length])
     start = 20 + chunk_length
     if start + 8 > len(data):
         return header, b""
@@ -119,8 +135,9 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
     content = Content(
         unit_why="glTF is in metres", up="y", up_why="glTF has y up", notes=_notes(header)
     )
+    content.records.append((path.name, partial(unread_keys, header, HARMLESS)))
     surfaces = read_surfaces(header, buffers, path, folders, content)
-    meshes = read_meshes(header, buffers, content)
+    meshes = _Meshes(header, buffers, content)
     nodes = header.get("nodes", [])
     waiting: list[tuple[Any, Floats]] = [(number, np.eye(4)) for number in reversed(roots)]
     seen: set[int] = set()
@@ -131,16 +148,42 @@ def _content(header: Any, chunk: bytes, path: Path, folders: Folders) -> Content
             if number in seen:
                 raise InputError(f"node {number} is reached twice: the nodes are no tree")
             seen.add(number)
+            if _is_hidden(node):
+                content.note("nodes that the file hides are left out, with all below")
+                continue
             to_world = parent @ _matrix(node, number)
             waiting += [(child, to_world) for child in reversed(node.get("children", []))]
             if "camera" in node:
                 content.cameras.append(to_world @ LOOKING)
             content.glows += node_lamps(node, header, to_world, content)
             if "mesh" in node:
-                displayed_there = at(meshes, node["mesh"], "mesh")
+                displayed_there = meshes.of(node)
                 for copy in _copies(node, buffers):
                     _add(content, node, displayed_there, to_world @ copy, surfaces)
     return content
+
+
+class _Meshes:
+    """Meshes by number and weights of their morphs."""
+
+    def __init__(self, header: dict[str, Any], buffers: Buffers, content: Content) -> None:
+        self._rows = header.get("meshes", [])
+        self._buffers, self._content = buffers, content
+        self._made: dict[tuple[int, str], list[Primitive]] = {}
+
+    def of(self, node: dict[str, Any]) -> list[Primitive]:
+        """Return the primitives of a node's mesh, by its own weights, else the mesh's."""
+        row = at(self._rows, node["mesh"], "mesh")
+        weights = node.get("weights", row.get("weights"))
+        key = node["mesh"], repr(weights)
+        if key not in self._made:
+            made = read_mesh(row, node["mesh"], weights, self._buffers, self._content)
+            self._made[key] = made
+        return self._made[key]
+
+
+def _is_hidden(node: dict[str, Any]) -> bool:
+    return node.get("extensions", {}).get(VISIBILITY, {}).get("visible", True) is False
 
 
 def _add(
@@ -155,6 +198,9 @@ def _add(
         with content.leaving_out(f"the material of mesh {quoted(each.name)}"):
             if each.material is not None:
                 surface = at(surfaces, each.material, "material")
+            if each.colors is not None:
+                color = mean_color(each.colors, each.mesh.faces, each.mesh.area_faces)
+                surface = tinted(surface, color, content, each.name)
         content.add(Part(node.get("name") or each.name, each.mesh, to_world, surface))
 
 

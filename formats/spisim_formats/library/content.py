@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from json import JSONDecodeError
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 import trimesh
@@ -18,11 +18,15 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim.scene.description import BoxObject, CylinderObject, RectangleObject, SphereObject
 from spisim_formats.library.files import Folders
 from spisim_formats.library.lattice import Lattice
+from spisim_formats.library.opacity import Opacity
+from spisim_formats.library.records import Rest, notes_of
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 
 Axis = Literal["x", "y", "z"]
 Shape: TypeAlias = BoxObject | RectangleObject | SphereObject | CylinderObject
+
+Made = TypeVar("Made")
 
 #: Limit on parts, counting instances.
 MAX_PARTS = 100_000
@@ -40,7 +44,8 @@ class Surface:
 
     `words` are names of bsdfs and textures, which may identify it if the name does not. `texture`
     is the image of its colours. `source` returns its full optical properties at the file's own
-    wavelength if the file gives enough, and the same object each time.
+    wavelength if the file gives enough, and `opacity` what of it is opaque, unless all; both return
+    the same object each time.
     """
 
     name: str | None = None
@@ -48,6 +53,7 @@ class Surface:
     words: tuple[str, ...] = ()
     texture: Texture | None = None
     source: Callable[[], SourceMaterial | None] | None = None
+    opacity: Callable[[], Opacity | None] | None = None
 
     @property
     def label(self) -> str:
@@ -119,7 +125,9 @@ class Daylight:
 class Content:
     """All content of a file, in the file's own unit and axes.
 
-    `notes` tell the user what was left out and what is missing.
+    `notes` tell the user what was left out and what is missing, `warnings` what makes ranges wrong.
+    `fog` are fields of the scene file's, per unit of the file. `records` count, by file, what was
+    not read of it.
     """
 
     unit_m: float = 1.0
@@ -132,6 +140,9 @@ class Content:
     hazes: list[Haze] = field(default_factory=list)
     daylight: Daylight | None = None
     glows: list[Glow] = field(default_factory=list)
+    fog: Mapping[str, Any] | None = None
+    warnings: list[str] = field(default_factory=list)
+    records: list[tuple[str, Callable[[], Rest]]] = field(default_factory=list)
 
     def add(self, part: Part) -> None:
         """Append a part. Raises LimitError for too many."""
@@ -144,9 +155,31 @@ class Content:
         if len(self.notes) < MAX_NOTES and text not in self.notes:
             self.notes.append(text if len(self.notes) < MAX_NOTES - 1 else "and more like these")
 
+    def warn(self, text: str) -> None:
+        """Add a warning once, as `note`."""
+        if len(self.warnings) < MAX_NOTES and text not in self.warnings:
+            self.warnings.append(text)
+
+    def adopt(self, other: Content) -> None:
+        """Take over what another file's content tells the user."""
+        for note in other.notes:
+            self.note(note)
+        for warning in other.warnings:
+            self.warn(warning)
+        self.records += other.records
+
+    def tell_unread(self) -> None:
+        """Add notes and warnings on what was not read of all files, now that all is chosen."""
+        for file, count in self.records:
+            for note, is_grave in notes_of(file, count()):
+                (self.warn if is_grave else self.note)(note)
+
     @contextmanager
-    def leaving_out(self, what: str) -> Iterator[None]:
-        """Leave out what fails to be read within, with a note; LimitError is raised on."""
+    def leaving_out(self, what: str, forget: Callable[[], None] | None = None) -> Iterator[None]:
+        """Leave out what fails to be read within, with a note; LimitError is raised on.
+
+        `forget` then counts it as read, because the note names it.
+        """
         try:
             with readable(what):
                 yield
@@ -154,6 +187,15 @@ class Content:
             raise
         except InputError as error:
             self.note(f"{LEFT_OUT}{error}")
+            if forget is not None:
+                forget()
+
+    def attempt(self, what: str, make: Callable[[], Made | None]) -> Made | None:
+        """Return what is made; None, with a note, if that fails."""
+        made = None
+        with self.leaving_out(what):
+            made = make()
+        return made  # noqa: RET504 (the failure is suppressed)
 
     @property
     def left_out(self) -> list[str]:

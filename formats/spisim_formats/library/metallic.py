@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, MIN_SPECULAR
+from spisim_formats.library.opacity import Opacity
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture, linear_red, read_channels
 
@@ -25,7 +26,7 @@ FULL_GLOSS = 0.08
 class Metallic:
     """Numbers from 0 to 1 at the file's own wavelength; textures multiply theirs.
 
-    `pictures` are of base, metal, roughness and opacity, by these names, with the channel of each.
+    `pictures` are of base, metal and roughness, by these names, with the channel of each.
     """
 
     base: float
@@ -33,8 +34,7 @@ class Metallic:
     roughness: float
     ior: float = 1.5
     gloss: float = 1.0  # relative to the reflectance of `ior`
-    opacity: float = 1.0
-    cutoff: float | None = None  # threshold of a binary opacity
+    opacity: Opacity | None = None
     pictures: Mapping[str, tuple[Texture, int]] = field(default_factory=dict)
     odd: tuple[str, ...] = ()
 
@@ -46,7 +46,7 @@ class Metallic:
             return None
 
     def _source_material(self) -> SourceMaterial:
-        numbers = (self.base, self.metal, self.roughness, self.gloss, self.opacity)
+        numbers = (self.base, self.metal, self.roughness, self.gloss)
         if not (np.isfinite(numbers).all() and self.ior >= 1 and min(numbers) >= 0):
             raise InputError("no surface")
         odd = list(self.odd)
@@ -65,21 +65,12 @@ class Metallic:
         pictures: dict[str, NDArray[np.float32]] = {}
         if "base" in self.pictures:
             texture, _ = self.pictures["base"]
-            self._take("reflectance", min(self.base, 1) * linear_red(texture), texture,
-                       fields, pictures, odd)  # fmt: skip
-        if "opacity" in self.pictures:
-            texture, channel = self.pictures["opacity"]
-            (fraction,) = read_channels(texture, channel)
-            there = self._cut(self.opacity * fraction)
-            if there.min() < 1:
-                self._take("opacity", there, texture, fields, pictures, odd)
-        elif self.opacity < 1:
-            fields["opacity"] = float(self._cut(np.float32(self.opacity)))
+            red = min(self.base, 1) * linear_red(texture)
+            self._take("reflectance", red, texture.fits, fields, pictures, odd)
+        if self.opacity is not None:
+            there = self.opacity.fraction
+            self._take("opacity", there, self.opacity.fits, fields, pictures, odd)
         return SourceMaterial(fields, pictures, tuple(odd))
-
-    def _cut(self, opacity: NDArray[np.float32] | np.float32) -> NDArray[np.float32]:
-        cut = opacity if self.cutoff is None else opacity >= self.cutoff
-        return np.clip(np.asarray(cut, np.float32), 0, 1)
 
     def _mean(self, name: str, odd: list[str]) -> float:
         """Return the mean of a texture of numbers; 1 without one."""
@@ -91,12 +82,12 @@ class Metallic:
             odd.append(f"its picture of {name} is a mean")
         return float(values.mean())
 
-    def _take(self, name: str, picture: NDArray[np.float32], texture: Texture,
+    def _take(self, name: str, picture: NDArray[np.float32], fits: bool,
               fields: dict[str, object], pictures: dict[str, NDArray[np.float32]],
               odd: list[str]) -> None:  # fmt: skip
         """Use a texture if it fits the mesh, else its mean."""
         fields[name] = float(picture.mean())
-        if texture.fits:
+        if fits and picture.size > 1:
             pictures[name] = picture
         elif picture.min() < picture.max():
             odd.append(f"its picture of {name} is laid on otherwise: a mean")

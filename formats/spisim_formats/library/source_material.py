@@ -29,6 +29,15 @@ class SourceMaterial:
     pictures: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     odd: tuple[str, ...] = ()
 
+    def times(self, factor: float) -> SourceMaterial:
+        """Return the material with its reflectance, if it has one, times a factor."""
+        fields, pictures = dict(self.fields), dict(self.pictures)
+        if TINTED in fields:
+            fields[TINTED] = factor * fields[TINTED]
+        if TINTED in pictures:
+            pictures[TINTED] = np.asarray(factor * pictures[TINTED], np.float32)
+        return SourceMaterial(fields, pictures, self.odd)
+
 
 class SourceMaterials:
     """Own materials of a scene file: their `rows`, and textures beside it."""

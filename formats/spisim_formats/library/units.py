@@ -82,13 +82,20 @@ def to_metres(content: Content, scale: float) -> Content:
         )
         for haze in content.hazes
     ]
+    fog = content.fog
+    if fog is not None:
+        powers = {"extinction_per_m": -1, "visibility_m": 1}
+        fog = {
+            name: float(f"{value * factor ** powers[name]:.9g}") if name in powers else value
+            for name, value in fog.items()
+        }
     daylight = content.daylight
     if daylight is not None:
         daylight = replace(daylight, sun_direction=turn[:3, :3] @ daylight.sun_direction)
     cameras = [turn @ grow @ camera @ shrink for camera in content.cameras]
     glows = [moved_glow(glow, turn @ grow, factor) for glow in content.glows]
     return replace(
-        content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight, glows=glows
+        content, parts=parts, cameras=cameras, hazes=hazes, daylight=daylight, glows=glows, fog=fog
     )
 
 

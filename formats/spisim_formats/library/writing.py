@@ -48,6 +48,8 @@ def scene_fields(
         },
         "objects": objects,
     }
+    if content.fog is not None:
+        fields["fog"] = dict(content.fog)
     if content.hazes:
         taken: set[str] = set()
         fields["volumes"] = [

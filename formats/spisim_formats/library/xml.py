@@ -5,12 +5,13 @@ import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable
 from pathlib import Path
-from xml.etree.ElementTree import Element, ParseError
+from xml.etree.ElementTree import Element, ParseError, TreeBuilder
 
 from defusedxml import DTDForbidden
-from defusedxml.ElementTree import fromstring
+from defusedxml.ElementTree import DefusedXMLParser
 
 from reconstruction.base.errors import InputError, LimitError
+from spisim_formats.library.records import RecordedElement
 
 #: Limit on nesting, because tree functions recurse and defusedxml has none.
 MAX_DEPTH = 200
@@ -39,7 +40,9 @@ class BadXML(InputError):
 def parse_xml(data: bytes, path: Path) -> Element:
     """Return the root element. Raises InputError if malformed, too deep, or with a DOCTYPE."""
     try:
-        root: Element = fromstring(data, forbid_dtd=True)
+        parser = DefusedXMLParser(target=TreeBuilder(RecordedElement), forbid_dtd=True)
+        parser.feed(data)
+        root: Element = parser.close()
     except DTDForbidden:
         raise InputError(
             f"{path}: has a document type (DOCTYPE), which could expand entities or read other "

@@ -3,9 +3,8 @@
 import io
 import re
 import warnings
-from dataclasses import replace
+from collections.abc import Callable
 from pathlib import Path
-from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -21,18 +20,24 @@ from spisim_formats.library.content import (
     with_texture_coordinates,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
+from spisim_formats.library.records import Rest
 from spisim_formats.library.shapes import as_mesh
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.vertex_colors import mean_color, tinted
+from spisim_formats.meshes.library import Described, read_library
+from spisim_formats.meshes.rest import (
+    MTL,
+    OBJ,
+    unread_off,
+    unread_ply,
+    unread_stl,
+    unread_words,
+)
 
 #: NumPy's message when trimesh parses a truncated file or invalid numbers.
 CUT_SHORT = "string or file could not be read to its end"
-#: Options between `map_Kd` and the file name: words, or up to three numbers.
-MAP_OPTIONS = re.compile(r"-(?:[a-z]+)(?:\s+(?:on|off|[rgbmlz]|[-+.\d]+(?:e[-+]?\d+)?(?=\s)))*\s+")
 
 #: Maximum groups of an OBJ file that become objects; some programs have one per face.
 MAX_GROUPS = 1000
-
-Color: TypeAlias = tuple[float, float, float]
 
 
 def read_obj(path: Path, folders: Folders) -> Content:
@@ -43,7 +48,7 @@ def read_obj(path: Path, folders: Folders) -> Content:
         content.note(f"{path.name}: points and lines are left out")
         if not re.search(r"^f\s", text, re.M):
             return content
-    colors, textures = _material_library(text, path, folders, content)
+    materials = _material_library(text, path, folders, content)
     names = dict.fromkeys(name.strip() for name in re.findall(r"^usemtl (.+)$", text, re.M))
     # trimesh keeps the name of a material only if a library defines it.
     library = "".join(f"newmtl {name}\nKd 0 0 0\n" for name in names).encode()
@@ -59,15 +64,15 @@ def read_obj(path: Path, folders: Folders) -> Content:
         if surface.name not in names:
             surface = Surface()
         else:
-            valid = surface.name or ""
-            surface = Surface(surface.name, colors.get(valid), texture=textures.get(valid))
+            name_there = surface.name or ""
+            surface = materials.get(name_there, Described()).surface(name_there, content)
         _add(content, path, name, mesh, surface)
     return content
 
 
 def read_stl(path: Path, folders: Folders) -> Content:
     """Read the solids of an STL file; it has no materials."""
-    return _without_materials(read_bytes(path), path)
+    return _without_materials(read_bytes(path), path, unread_stl)
 
 
 def read_ply(path: Path, folders: Folders) -> Content:
@@ -85,6 +90,7 @@ def read_ply(path: Path, folders: Folders) -> Content:
             )
         faces = int(count) if kind == b"face" else faces
     content = _without_materials(data, path)
+    content.records.append((path.name, unread_ply(header).copy))
     result = sum(len(as_mesh(part.geometry).faces) for part in content.parts)
     if result < faces and not content.left_out:
         raise InputError(f"{path}: cut off: {result:,} of {faces:,} faces are there")
@@ -93,15 +99,19 @@ def read_ply(path: Path, folders: Folders) -> Content:
 
 def read_off(path: Path, folders: Folders) -> Content:
     """Read the mesh of an OFF file; it has no materials."""
-    return _without_materials(read_bytes(path), path)
+    return _without_materials(read_bytes(path), path, unread_off)
 
 
-def _without_materials(data: bytes, path: Path) -> Content:
+def _without_materials(
+    data: bytes, path: Path, unread: Callable[[bytes], Rest] | None = None
+) -> Content:
     content = Content()
     kind = path.suffix.lower()
     with readable(str(path), kind[1:].upper()), naming(path):
         data, fault = plain_mesh(data, kind)
     _note_fault(content, path, fault)
+    if unread is not None:
+        content.records.append((path.name, unread(data).copy))
     scene = _trimesh(data, path, resolver={}, skip_materials=True)
     for mesh in scene.geometry.values():
         _add(content, path, path.stem, mesh, Surface())
@@ -117,6 +127,9 @@ def _add(content: Content, path: Path, name: str, mesh: object, surface: Surface
         check_mesh(plain, name)
         if (uv := texture_coordinates(mesh)) is not None:
             plain = with_texture_coordinates(plain, uv)
+        elif isinstance(mesh.visual, trimesh.visual.ColorVisuals) and mesh.visual.kind == "vertex":
+            color = mean_color(mesh.visual.vertex_colors / 255, mesh.faces, mesh.area_faces)
+            surface = tinted(surface, color, content, name)
         content.add(Part(name, plain, np.eye(4), surface))
 
 
@@ -132,7 +145,9 @@ def _text(path: Path, content: Content) -> str:
     if b"\0" in data[:4096] and data[:2] not in MARKS:
         raise InputError(f"{path}: cannot be read as OBJ: it is not a text file")
     with readable(str(path), "OBJ"), naming(path):
-        text, fault = plain_obj(decoded(data))
+        described = decoded(data)
+        text, fault = plain_obj(described)
+    content.records.append((path.name, unread_words(described, OBJ).copy))
     _note_fault(content, path, fault)
     return text
 
@@ -152,10 +167,9 @@ def _grouped(text: str) -> str:
 
 def _material_library(
     text: str, path: Path, folders: Folders, content: Content
-) -> tuple[dict[str, Color], dict[str, Texture]]:
-    """Return colours and textures of an OBJ file's material libraries; note missing files."""
-    colors: dict[str, Color] = {}
-    textures: dict[str, Texture] = {}
+) -> dict[str, Described]:
+    """Return the materials of an OBJ file's libraries; note missing files."""
+    materials: dict[str, Described] = {}
     for name in _libraries(text):
         try:
             library = folders.find(name, path.parent, f"{path.name}: mtllib")
@@ -163,23 +177,10 @@ def _material_library(
         except InputError as error:
             content.note(f"{error}; materials go by their names alone")
             continue
-        current, pictured = "", set()
-        for words in (line.split(maxsplit=1) for line in lines):
-            if len(words) < 2:
-                continue
-            if words[0] == "newmtl":
-                current = COMMENT.sub("", words[1]).strip()
-            elif words[0] == "Kd" and (color := _color(words[1])):
-                colors[current] = color
-            elif words[0].lower() == "map_kd":
-                pictured.add(current)
-                name = MAP_OPTIONS.sub("", words[1]).strip()
-                what = f"{library.name}: texture"
-                if result := content.texture(name, library.parent, folders, what):
-                    textures[current] = replace(result, fits=name == words[1].strip())
-        for material in pictured:  # exporters leave Kd black or white beside a texture
-            colors.pop(material, None)
-    return colors, textures
+        materials |= read_library(lines, library, folders, content)
+        unread = unread_words("\n".join(lines), MTL, "materials")
+        content.records.append((library.name, unread.copy))
+    return materials
 
 
 def _libraries(text: str) -> list[str]:
@@ -190,11 +191,3 @@ def _libraries(text: str) -> list[str]:
         for line in lines
         for name in re.findall(r"\S.*?\.mtl(?= |$)", line, re.I) or [COMMENT.sub("", line).strip()]
     ]
-
-
-def _color(text: str) -> Color | None:
-    try:
-        red, green, blue = (float(word) for word in text.split()[:3])
-    except ValueError:
-        return None
-    return red, green, blue

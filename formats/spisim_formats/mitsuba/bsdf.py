@@ -16,6 +16,7 @@ from reconstruction.base.errors import InputError
 from spisim.scene.bsdf import MIN_ROUGHNESS, make_bsdf
 from spisim.scene.materials import WAVELENGTH_NM, at_wavelength
 from spisim_formats.library.metals import WAVELENGTHS_NM, metal
+from spisim_formats.library.opacity import Opacity, cut, uniform
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture, linear_red
 from spisim_formats.mitsuba.elements import Node
@@ -70,6 +71,21 @@ def source_surface(node: Node, flips: bool, pictures: Pictures) -> SourceMateria
     except InputError:
         return None
     return SourceMaterial(fields, result, odd)
+
+
+def opacity(node: Node, flips: bool, pictures: Pictures) -> Opacity | None:
+    """Return the opacity of a bsdf by the masks around it, arguments as of `source_surface`."""
+    for _ in range(MAX_DEPTH):
+        if node.type == "mask":
+            value = node.properties.get("opacity", 0.5)
+            if isinstance(value, Node) and value.type in ("checkerboard", "bitmap"):
+                return cut(_picture(value, flips, pictures))
+            return uniform(_number(node, "opacity", 0.5))
+        inner = next((each for each in node.children if each.kind == "bsdf"), None)
+        if node.type not in WRAPPERS or inner is None:
+            return None
+        node = inner
+    return None
 
 
 def _check(fields: Fields) -> None:

@@ -9,9 +9,10 @@ elements nested deeply. So it gets elements one to a line, with nothing left to 
 from __future__ import annotations
 
 import re
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 from xml.etree.ElementTree import Element, SubElement, tostring
 
 import numpy as np
@@ -19,6 +20,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, nearest
 from spisim_formats.library.files import Folders, quoted, read_bytes
+from spisim_formats.library.records import RecordedObject, Rest, words
 from spisim_formats.library.xml import numbers, parse_xml
 
 MAX_INCLUDE_DEPTH = 15  # as Mitsuba's own
@@ -41,7 +43,7 @@ class Node:
     type: str
     id: str = ""
     name: str = ""
-    properties: dict[str, Any] = field(default_factory=dict, repr=False)
+    properties: RecordedObject = field(default_factory=RecordedObject, repr=False)
 
     @property
     def what(self) -> str:
@@ -53,6 +55,10 @@ class Node:
     def children(self) -> list[Node]:
         """The nodes in it."""
         return [value for value in self.properties.values() if isinstance(value, Node)]
+
+    def forget(self) -> None:
+        """Count it as read: it is left out, and a note has named it."""
+        self.properties.asked.update(("type", *self.properties))
 
     def value(self, name: str, default: Value) -> Value:
         """The property of this name; InputError unless its type and shape are the default's."""
@@ -75,6 +81,7 @@ class Source:
 
     elements: Elements
     folders: tuple[Path, ...]
+    left_out: tuple[str, ...] = ()
 
 
 def read_source(path: Path, folders: Folders) -> Source:
@@ -85,13 +92,15 @@ def read_source(path: Path, folders: Folders) -> Source:
     """
     reader = _Reader(path, folders)
     reader.read(path, (path.resolve(),), ())
-    return Source(reader.elements, (path.parent, *reader.folders, *folders.roots))
+    searched = (path.parent, *reader.folders, *folders.roots)
+    return Source(reader.elements, searched, tuple(dict.fromkeys(reader.left_out)))
 
 
 class _Reader:
     def __init__(self, top: Path, folders: Folders) -> None:
         self.elements: Elements = []
         self.folders: tuple[Path, ...] = ()  # of the scene file itself
+        self.left_out: list[str] = []
         self._top = top
         self._folders = folders
         self._parameters: dict[str, str] = {}
@@ -143,7 +152,9 @@ class _Reader:
         for each in list(around.iter()):
             each.text = each.tail = None
             for spectrum in each.findall("spectrum[@filename]"):
-                each.remove(spectrum)  # of no use here, and the parser would open the file
+                each.remove(spectrum)  # the parser would open the file
+                name, file = (quoted(spectrum.get(key, "")) for key in ("name", "filename"))
+                self.left_out.append(f"{each.get('type', each.tag)[:80]}: {name} of {file}")
             if each.tag == "include":
                 raise InputError(f"{path}: include within <{element.tag}>: move it out of there")
             if each.tag == "rotate":
@@ -193,9 +204,6 @@ def _drop_unused(element: Element) -> None:
     for each in list(element.iter()):
         for inner in [child for child in each if child.tag in UNUSED]:
             each.remove(inner)
-    if element.tag == "sensor":
-        for reference in element.findall("ref"):  # to what is dropped, or a medium around it
-            element.remove(reference)
     if element.tag in UNUSED:
         element.attrib.clear()
         del element[:]
@@ -207,3 +215,36 @@ def _make_axis_unit(turn: Element, path: Path) -> None:
     axis = np.array(numbers(text, 3, f"{path}: rotate: axis"))
     for name, component in zip("xyz", axis / (np.linalg.norm(axis) or 1), strict=True):
         turn.set(name, repr(float(component)))
+
+
+#: Properties that light does not see, ``kind.*`` for all of a kind.
+HARMLESS = words("""
+sensor.* shape.face_normals shape.flip_tex_coords emitter.sampling_weight texture.filter_type
+texture.wrap_mode texture.accel texture.format medium.sample_emitters
+medium.has_spectral_extinction medium.majorant_resolution_factor medium.majorant_factor
+""")
+#: Kinds of which others refer to some, and leave libraries of the rest.
+VISIBLE = ("shape", "emitter", "sensor")
+
+
+def unread_nodes(scene: Node) -> Rest:
+    """Return what of shapes, emitters, and what they refer to, nothing asked for."""
+    rest: Rest = Counter()
+    seen: set[Node] = set()
+    waiting = [node for node in scene.children if node.kind in VISIBLE]
+    while waiting:
+        node = waiting.pop()
+        if node in seen:
+            continue
+        seen.add(node)
+        for key, value in node.properties.items():
+            if not HARMLESS.isdisjoint((f"{node.kind}.{key}", f"{node.kind}.*")):
+                continue
+            owner = node.type if node.kind in node.type else f"{node.type} {node.kind}"
+            if not isinstance(value, Node):
+                rest[owner, key] += key not in node.properties.asked
+            elif value.properties.asked:
+                waiting.append(value)
+            else:
+                rest[owner, value.what] += 1
+    return +rest

@@ -6,7 +6,7 @@ keep their numbers.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -49,7 +49,7 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     grids = {key: read_lattice(each, find) for key, each in node.properties.items()
              if isinstance(each, Node) and is_grid(each)}  # fmt: skip
     for key in sorted(set(grids) - {"sigma_t", "albedo"}):
-        content.note(f"{what}: a grid of {key} is left out, and the medium")
+        content.warn(f"{what}: a grid of {key} is left out, and the medium")
         return
     for key, way in _other_ways(node, grids):
         content.note(f"{what}: its grid of {key} is {way}")
@@ -57,7 +57,7 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
     bounds = grid_box(node, density)
     if brightness is not None and not brightness.values.max() <= 1:
         raise InputError(f"{node.what}: its albedo is over 1")
-    extinction, albedo, g = _coefficients(node)
+    extinction, albedo, g = _coefficients(node, content)
     if not extinction > 0 or (density is not None and not density.values.any()):
         content.note(f"{what}: has no extinction and is left out")
         return
@@ -76,7 +76,7 @@ def take_medium(node: Node, parts: Sequence[Part], boxes: Sequence[Floats | None
             try:
                 haze = replace(haze, mesh=closed(as_mesh(part.geometry), name))
             except InputError as error:
-                content.note(f"{what}: {text}: left out, {error}")
+                content.warn(f"{what}: {text}: left out, {error}")
                 continue
         if bounds is not None and (cut := clipped(haze, bounds)) is not haze:
             content.note(f"{what}: it ends where its grid does, as in Mitsuba")
@@ -97,7 +97,43 @@ def _other_ways(node: Node, grids: Iterable[str]) -> Iterator[tuple[str, str]]:
             yield key, f"{beyond}ed there beyond its box, here it goes on as it is at its rim"
 
 
-def _coefficients(node: Node) -> tuple[float, float, float]:
+@dataclass
+class Air:
+    """Media by where they are: around sensors, inside of shapes, and outside of shapes and lamps.
+
+    In Mitsuba light starts in the medium of its sensor, and changes it where it crosses a shape.
+    """
+
+    around: list[Node] = field(default_factory=list)
+    inside: set[Node] = field(default_factory=set)
+    outside: list[Node] = field(default_factory=list)
+
+    def take(self, content: Content) -> None:
+        """Make fog of the medium around the first sensor; warn of those that are nowhere."""
+        around = [node for node in dict.fromkeys(self.around) if node not in self.inside]
+        taken = set(self.inside)
+        for node in around[:1]:
+            if node.type != "homogeneous":
+                continue
+            with content.leaving_out(node.what, node.forget):
+                extinction, albedo, g = _coefficients(node, content)
+                content.fog = {"extinction_per_m": extinction, "albedo": albedo, "g": g}
+                content.note(
+                    f"{node.what} around the sensor is the fog of the scene file: extinction "
+                    f"{extinction:.4g} per unit, albedo {albedo:.4g}, g {g:.3g} (red, as at "
+                    "1550 nm)"
+                )
+            taken.add(node)
+        for node in dict.fromkeys((*around, *self.outside)):
+            if node not in taken:
+                node.forget()
+                content.warn(
+                    f"{node.what} fills space outside of shapes and is left out: give `fog` in the "
+                    "scene file"
+                )
+
+
+def _coefficients(node: Node, content: Content) -> tuple[float, float, float]:
     """Extinction, albedo and mean cosine; Mitsuba's defaults where the file tells none."""
     scale = node.value("scale", 1.0)
     if "sigma_s" in node.properties or "sigma_a" in node.properties:
@@ -110,7 +146,11 @@ def _coefficients(node: Node) -> tuple[float, float, float]:
             for name, default in (("sigma_t", 1.0), ("albedo", 0.75))
         )
     phase = next((each for each in node.children if each.kind == "phasefunction"), None)
-    g = phase.value("g", 0.8) if phase is not None and phase.type == "hg" else 0.0
+    g = phase.value("g", 0.8) if phase is not None else 0.0
+    if phase is not None and phase.type != "hg":
+        g = 0.0
+        if phase.type != "isotropic":
+            content.note(f"{node.what}: its phase function is {phase.type} there, isotropic here")
     extinction *= scale
     if not (0 <= extinction < np.inf and 0 <= albedo <= 1 and -1 < g < 1):
         raise InputError(

@@ -46,6 +46,8 @@ def parse(elements: Elements) -> Node:
                 case Type.Spectrum:  # type: ignore[attr-defined]
                     last = 0 if value.is_uniform() else int(np.argmax(value.wavelengths))
                     value = float(value.values[last])
+                case Type.Reference if node.kind == "sensor" and value.id() not in by_id:
+                    continue  # to a film, say
                 case Type.Reference:
                     value = _result(value.id(), nodes, by_id)
                 case Type.ResolvedReference:

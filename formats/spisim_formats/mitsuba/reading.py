@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import trimesh
@@ -18,12 +19,13 @@ from spisim.scene.shapes import check_triangles
 from spisim_formats.library import shapes
 from spisim_formats.library.content import Content, Part, Shape, Surface, translation
 from spisim_formats.library.files import Folders
+from spisim_formats.library.opacity import Opacity
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 from spisim_formats.meshes.reading import read_obj, read_ply
-from spisim_formats.mitsuba.bsdf import source_surface
-from spisim_formats.mitsuba.elements import Node, Source, read_source
-from spisim_formats.mitsuba.light import take_emitter, take_medium
+from spisim_formats.mitsuba.bsdf import opacity, source_surface
+from spisim_formats.mitsuba.elements import Node, Source, read_source, unread_nodes
+from spisim_formats.mitsuba.light import Air, take_emitter, take_medium
 from spisim_formats.mitsuba.parsing import parse
 from spisim_formats.mitsuba.serialized import read_serialized
 
@@ -36,6 +38,7 @@ LEFT_OUT = ("bsplinecurve", "linearcurve", "sdfgrid", "ellipsoids", "ellipsoidsm
 GROUP = "shapegroup"
 #: Colours of a surface's diffuse part.
 BODY = ("reflectance", "diffuse_reflectance", "base_color")
+_Optics: TypeAlias = tuple[Callable[[], SourceMaterial | None], Callable[[], Opacity | None]]
 #: Tolerance of rotation and scale; Mitsuba writes about six digits.
 BOX_TOLERANCE = 1e-4
 
@@ -49,15 +52,22 @@ def read_mitsuba(path: Path, folders: Folders) -> Content:
     """
     content = Content(unit_why="Mitsuba has no unit: metres", up_why="Mitsuba has no up: z")
     source = read_source(path, folders)
-    reader = _Shapes(source, folders, content)
-    for node in parse(source.elements).children:
-        with content.leaving_out(node.what):
+    for each in source.left_out:
+        content.note(f"{path.name}: not read of {each}")
+    reader, air = _Shapes(source, folders, content), Air()
+    scene = parse(source.elements)
+    content.records.append((path.name, partial(unread_nodes, scene)))
+    for node in scene.children:
+        with content.leaving_out(node.what, node.forget):
             if node.kind == "shape":
-                reader.add(node, np.eye(4))
+                reader.add(node, np.eye(4), air)
             elif node.kind == "sensor":
                 _take_sensor(node, content)
+                air.around += [each for each in node.children if each.kind == "medium"]
             elif node.kind == "emitter":
                 take_emitter(node, content, reader.file)
+                air.outside += [each for each in node.children if each.kind == "medium"]
+    air.take(content)
     content.check_not_empty(path, "has no shapes that can be read")
     return content
 
@@ -71,30 +81,31 @@ class _Shapes:
         self._content = content
         self._files: dict[tuple[Path, int], list[Part]] = {}
         self._textures: dict[int, Texture | None] = {}
-        self._surfaces: dict[tuple[int, bool], Callable[[], SourceMaterial | None]] = {}
+        self._surfaces: dict[tuple[int, bool], _Optics] = {}
 
-    def add(self, node: Node, parent: Floats) -> None:
+    def add(self, node: Node, parent: Floats, air: Air) -> None:
         """Add the parts of a shape, where `parent` is the pose of its group."""
         to_world = parent @ node.value("to_world", np.eye(4))
         if node.type == "instance":
             for group in (each for each in node.children if each.type == GROUP):
-                self._add_all(group, to_world)
+                self._add_all(group, to_world, air)
         elif node.type == "merge":
-            self._add_all(node, to_world)
+            self._add_all(node, to_world, air)
         elif node.type != GROUP:
-            self._add_one(node, to_world)
+            self._add_one(node, to_world, air)
 
-    def _add_all(self, group: Node, to_world: Floats) -> None:
+    def _add_all(self, group: Node, to_world: Floats, air: Air) -> None:
         for inner in group.children:
             if inner.kind == "shape" and inner.type in (GROUP, "instance", "merge"):
                 self._content.note(f"{inner.what} within {group.what} is left out")
             elif inner.kind == "shape":
-                self.add(inner, to_world)
+                self.add(inner, to_world, air)
 
-    def _add_one(self, node: Node, to_world: Floats) -> None:
+    def _add_one(self, node: Node, to_world: Floats, air: Air) -> None:
         kind = node.type.lower()
         if kind in LEFT_OUT:
             self._content.note(f"{node.what}: shapes of this type are left out")
+            node.forget()
             return
         name = node.id or node.name or kind
         parts, is_flipped = self._parts(node, kind, name), node.value("flip_normals", False)
@@ -102,13 +113,16 @@ class _Shapes:
             name = node.id or Path(node.value("filename", name)).stem
         surface, radiance = self._surface(node), 0.0
         for each in node.children:
-            with self._content.leaving_out(each.what):
+            with self._content.leaving_out(each.what, each.forget):
+                if each.kind == "medium" and node.properties.get("exterior") is each:
+                    air.outside.append(each)
                 if each.kind == "emitter":
                     radiance += take_emitter(each, self._content, self.file, name)
                 elif each.kind == "medium" and node.properties.get("interior") is each:
                     placed = [replace(part, to_world=to_world @ part.to_world) for part in parts]
                     boxes = [_as_box(part, to_world) for part in parts]
                     first = None if surface is None else len(self._content.parts)
+                    air.inside.add(each)
                     take_medium(each, placed, boxes, name, self._content, self.file, first)
         if surface is None:
             self._content.note(f"{node.what}: its surface is null, nothing but a bound of a medium")
@@ -146,8 +160,7 @@ class _Shapes:
                 else:
                     content = MESHES[kind](path, self._folders)
                     self._files[key] = content.parts
-                    for note in content.notes:
-                        self._content.note(note)
+                    self._content.adopt(content)
             loaded = (part for parts in self._files.values() for part in parts)
             check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
         return self._files[key]
@@ -166,30 +179,34 @@ class _Shapes:
         names = [bsdf.id for bsdf in bsdfs if bsdf.id]
         metals = [name for bsdf in bsdfs if (name := bsdf.value("material", ""))]
         types = [re.sub("^rough|^thin", "", bsdf.type) for bsdf in bsdfs]
-        textures = {
-            name: self._texture(node)
-            for bsdf in bsdfs
-            for name, node in bsdf.properties.items()
-            if isinstance(node, Node) and node.kind == "texture" and node.value("filename", "")
-        }
+        bodies = [bsdf.properties[name] for bsdf in bsdfs for name in BODY
+                  if name in bsdf.properties]  # fmt: skip
+        textures = [
+            self._texture(value)
+            for value in bodies
+            if isinstance(value, Node) and value.kind == "texture" and value.value("filename", "")
+        ]
         colors = [
             (float(value[0]), float(value[1]), float(value[2]))
-            for bsdf in bsdfs
-            for name, value in bsdf.properties.items()
-            if name in BODY and np.shape(value) == (3,)
+            for value in bodies
+            if np.shape(value) == (3,)
         ]
         words = (*(METALS[name] for name in metals if name in METALS), *types)
-        body = next((textures[name] for name in BODY if textures.get(name)), None)
+        body = next(filter(None, textures), None)
         flips = shape.type == "obj" and shape.value("flip_tex_coords", True)
-        source = self._source_material(outer, flips)
+        source, opacity = self._optics(outer, flips)
         color = colors[0] if colors else None
-        return Surface(names[0] if names else None, color, words, body, source)
+        return Surface(names[0] if names else None, color, words, body, source, opacity)
 
-    def _source_material(self, bsdf: Node, flips: bool) -> Callable[[], SourceMaterial | None]:
-        """Return one material for all shapes that share a bsdf."""
+    def _optics(self, bsdf: Node, flips: bool) -> _Optics:
+        """Return one material, and one opacity, for all shapes that share a bsdf."""
         key = id(bsdf), flips
         if key not in self._surfaces:
-            self._surfaces[key] = cache(partial(source_surface, bsdf, flips, self._texture))
+            opaque = partial(opacity, bsdf, flips, self._texture)
+            self._surfaces[key] = (
+                cache(partial(source_surface, bsdf, flips, self._texture)),
+                cache(partial(self._content.attempt, f"{bsdf.what}: opacity", opaque)),
+            )
         return self._surfaces[key]
 
     def _texture(self, node: Node) -> Texture | None:
@@ -222,11 +239,12 @@ def _as_box(part: Part, to_world: Floats) -> Floats | None:
 
 
 def _nested(outer: Node) -> list[Node]:
-    """Return a bsdf and all nested ones, each once."""
+    """Return a bsdf and all nested ones, each once; of a mixture the first alone."""
     result, given = [outer], {outer}
     for bsdf in result:
-        for inner in bsdf.children:
-            if inner.kind == "bsdf" and inner not in given:
+        inside = [each for each in bsdf.children if each.kind == "bsdf"]
+        for inner in inside[: 1 if bsdf.type == "blendbsdf" else None]:
+            if inner not in given:
                 result.append(inner)
                 given.add(inner)
     return result

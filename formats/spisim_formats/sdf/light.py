@@ -14,6 +14,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim_formats.library.content import Content, Daylight, Glow
+from spisim_formats.library.records import mark_all
 from spisim_formats.library.units import at_a_metre, number_or
 from spisim_formats.library.xml import numbers
 
@@ -22,6 +23,8 @@ ATTENUATION = (("constant", 1.0), ("linear", 1.0), ("quadratic", 0.0))
 MAX_RANGE_M = 10.0
 #: A longer range is irrelevant.
 FAR_M = 100.0
+#: Fraction of light left over the meteorological optical range.
+LEFT_AT_MOR, TINY = 0.05, 1e-9
 SUN_KLX, SKY_KLX = 100.0, 20.0
 #: Fields of a lamp and units, by the type of a light.
 LAMPS = {
@@ -54,6 +57,40 @@ def take_lights(
     for light in lights:
         if light is not (suns[0] if suns else None):
             content.glows += lamp(light, content)
+
+
+def take_fog(scene: Element | None, content: Content, what: str) -> None:
+    """Make fog of a scene's, as Gazebo draws it (gazebo::rendering::Scene::SetFog).
+
+    Its visibility is the distance at which 5 % of the light is left (meteorological optical range).
+    """
+    fog = None if scene is None else scene.find("fog")
+    if fog is None:
+        return
+    mark_all(fog)
+    with content.leaving_out(f"{what}: fog"):
+        kind = (fog.findtext("type") or "none").strip().lower()
+        start, end, density = (
+            number_or(fog.findtext(tag), given, f"{what}: fog: {tag}")
+            for tag, given in (("start", 1.0), ("end", 100.0), ("density", 1.0))
+        )
+        visibility_m = {
+            "linear": end - LEFT_AT_MOR * (end - start),
+            "exp": -np.log(LEFT_AT_MOR) / max(density, TINY),
+            "exp2": np.sqrt(-np.log(LEFT_AT_MOR)) / max(density, TINY),
+        }.get(kind)
+        if kind == "none":
+            return
+        if visibility_m is None or not TINY < visibility_m < 1 / TINY:
+            content.warn(
+                f"{what}: fog of type {kind!r:.80} is left out: give `fog` in the scene file"
+            )
+            return
+        content.fog = {"visibility_m": float(f"{visibility_m:.4g}"), "definition": "mor"}
+        content.note(
+            f"{what}: fog of type {kind} is the fog of the scene file: {visibility_m:.4g} m of "
+            "visibility, where 5 % of the light is left"
+        )
 
 
 def lamp(light: Light, content: Content) -> list[Glow]:

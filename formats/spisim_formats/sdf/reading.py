@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TypeAlias
 from xml.etree.ElementTree import Element
@@ -18,20 +19,27 @@ from reconstruction.base.errors import InputError, LimitError
 from spisim_formats.library.content import Content, Glow, Part
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.frames import Frames, read_pose
+from spisim_formats.library.records import mark_all, unread_elements, words
 from spisim_formats.library.xml import parse_lenient_xml
-from spisim_formats.sdf.light import Light, lamp, moved, take_lights
+from spisim_formats.sdf.light import Light, lamp, moved, take_fog, take_lights
 from spisim_formats.sdf.visual import Visuals
 
 MAX_INCLUDE_DEPTH = 16
 MAX_INCLUDES = 5000
 #: Root elements, today and before SDFormat 1.3.
 ROOTS = ("sdf", "gazebo")
-#: Visible elements of worlds and models that are not read, and their names.
-LEFT_OUT = {
-    "actor": "actors are left out",
-    "population": "populations are left out",
-    "road": "roads are left out",
-}
+#: What light does not see, and of joints what does not place frames.
+HARMLESS = words("""
+@name @id sdf@version model@canonical_link frame@attached_to light@type joint@type joint/parent
+joint/axis joint/axis2 joint/physics joint/sensor joint/thread_pitch joint/gearbox_ratio
+joint/gearbox_reference_body allow_auto_disable atmosphere audio collision enable_wind gravity
+gripper gui inertial kinematic link/sensor magnetic_field must_be_base_link physics plugin projector
+self_collide static velocity_decay wind wind_mode spherical_coordinates scene/grid
+scene/origin_visual scene/background scene/shadows light/cast_shadows light/specular
+light/visualize visual/cast_shadows visual/meta material/ambient material/shader
+material/lighting material/render_order material/double_sided script/uri
+heightmap/use_terrain_paging heightmap/sampling
+""")
 
 
 @np.errstate(all="ignore")  # poses are checked later to be finite
@@ -55,6 +63,7 @@ def read_sdf(path: Path, folders: Folders) -> Content:
         model.show(pose, content)
     lights = [*reader.lights(top, frames, scope), *reader.included_lights]
     take_lights(lights, top.find("scene"), content, what)
+    take_fog(top.find("scene"), content, what)
     content.check_not_empty(path, "has no visuals; collision shapes are not read")
     return content
 
@@ -104,6 +113,7 @@ class _Reader:
         if path in self._roots:
             return self._roots[path]
         root = self._roots[path] = parse_lenient_xml(read_bytes(path), path, self._content.note)
+        self._content.records.append((path.name, partial(unread_elements, root, HARMLESS)))
         if root.tag not in ROOTS:
             raise InputError(f"{path}: is no SDFormat: its root is <{root.tag}>, not <sdf>")
         return root
@@ -113,7 +123,6 @@ class _Reader:
 
         Their frames, and those that the parent defines itself, are added to `frames`.
         """
-        self._note_left_out(parent)
         result: list[_Model] = []
         for child in parent:
             if child.tag not in ("model", "include"):
@@ -121,7 +130,7 @@ class _Reader:
             is_include = child.tag == "include"
             name = (child.findtext("uri") if is_include else child.get("name")) or ""
             inside = scope.within(child.tag, name.strip())
-            with self._content.leaving_out(inside.what):
+            with self._content.leaving_out(inside.what, partial(mark_all, child)):
                 posed = self._include(child, scope) if is_include else self._nested(child, inside)
                 if posed is None:
                     continue
@@ -151,7 +160,7 @@ class _Reader:
         links = []
         for link in element.findall("link"):
             inside = scope.within("link", link.get("name", ""))
-            with self._content.leaving_out(inside.what):
+            with self._content.leaving_out(inside.what, partial(mark_all, link)):
                 frames.add(link.get("name", ""), *read_pose(link.find("pose"), inside.what))
                 links.append(link)
         self._add_joints(element, frames, scope)
@@ -173,16 +182,15 @@ class _Reader:
         result = []
         for element in parent.findall("light"):
             what = scope.within("light", element.get("name", "")).what
-            with self._content.leaving_out(what):
+            with self._content.leaving_out(what, partial(mark_all, element)):
                 pose, relative_to = read_pose(element.find("pose"), what)
                 result.append(Light(element, frames.pose(relative_to or within) @ pose, what))
         return result
 
     def _link(self, link: Element, model: _Model, scope: _Scope) -> None:
-        self._note_left_out(link)
         for visual in link.findall("visual"):
             inside = scope.within("visual", visual.get("name", ""))
-            with self._content.leaving_out(inside.what):
+            with self._content.leaving_out(inside.what, partial(mark_all, visual)):
                 pose, relative_to = read_pose(visual.find("pose"), inside.what)
                 frame = model.frames.pose(relative_to or link.get("name", "")) @ pose
                 name = " ".join(filter(None, (model.name, visual.get("name", ""))))
@@ -247,6 +255,7 @@ class _Reader:
         name = (element.findtext("name") or included.get("name") or "").strip()
         model = self._model(included, _Scope(path, (*scope.chain, path), f"{path.name}"))
         model.name = name
+        included.find("pose")  # counts as read where the include's comes before it
         posed = included if element.find("pose") is None else element
         pose, relative_to = read_pose(posed.find("pose"), what)
         placement = (element.findtext("placement_frame") or "").strip()
@@ -265,11 +274,6 @@ class _Reader:
                 names = {_version(row): (row.text or "").strip() for row in described.iter("sdf")}
         file = names[max(names)] if names else "model.sdf"
         return self._folders.find(file, result, f"{what}: sdf")
-
-    def _note_left_out(self, parent: Element) -> None:
-        for child in parent:
-            if child.tag in LEFT_OUT:
-                self._content.note(LEFT_OUT[child.tag])
 
 
 def _version(row: Element) -> float:

@@ -1,7 +1,8 @@
 """Geometry and material of a `<visual>` of SDFormat."""
 
 from collections.abc import Callable, Sequence
-from functools import cache
+from dataclasses import replace
+from functools import cache, partial
 from pathlib import Path
 from xml.etree.ElementTree import Element
 
@@ -24,6 +25,8 @@ from spisim_formats.library.content import (
 )
 from spisim_formats.library.files import Folders
 from spisim_formats.library.metallic import Metallic
+from spisim_formats.library.opacity import uniform
+from spisim_formats.library.records import mark_all
 from spisim_formats.library.source_material import SourceMaterial
 from spisim_formats.library.textures import Texture
 from spisim_formats.library.units import to_metres
@@ -47,9 +50,18 @@ class Visuals:
 
     def read(self, visual: Element, path: Path, what: str) -> list[Part]:
         """Return the parts of a visual in its own frame; files are searched beside `path`."""
-        if _number(visual, "transparency", 0.0, what) >= 1:
+        transparency = _number(visual, "transparency", 0.0, what)
+        if transparency >= 1:
             self.content.note(f"{what}: is fully transparent and left out")
+            mark_all(visual)
             return []
+        parts = self._read(visual, path, what)
+        if not transparency > 0:
+            return parts
+        opacity = cache(partial(uniform, 1 - transparency))
+        return [replace(part, surface=replace(part.surface, opacity=opacity)) for part in parts]
+
+    def _read(self, visual: Element, path: Path, what: str) -> list[Part]:
         geometry = visual.find("geometry")
         kinds = [] if geometry is None else [child for child in geometry if child.tag in AVAILABLE]
         if not kinds:
@@ -63,6 +75,7 @@ class Visuals:
         with self.content.leaving_out(f"{what}: material"):
             surface = self._surface(visual, path, what)
         if kind.tag in LEFT_OUT:
+            mark_all(kind)
             if kind.tag != "empty":
                 self.content.note(f"{what}: geometry {kind.tag} is left out")
             return []
@@ -123,8 +136,7 @@ class Visuals:
             self._files[path] = to_metres(content, 1.0).parts
             loaded = (part for parts in self._files.values() for part in parts)
             check_triangles(sum(len(shapes.as_mesh(part.geometry).faces) for part in loaded))
-            for note in content.notes:
-                self.content.note(note)
+            self.content.adopt(content)
         return self._files[path]
 
     def _surface(self, visual: Element, path: Path, what: str) -> Surface | None:
@@ -146,9 +158,12 @@ class Visuals:
         words = tuple(Path(name).stem for _, name in named)
         if float(_number(material, "pbr/metal/metalness", 0.0, what)) >= 0.5 and not words:
             words = ("metal",)
+        material.findall(".//albedo_map")  # counts it as read
         name = script.rpartition("/")[2] or None
-        source = _source(visual, color, textures, what)
-        return Surface(name, None if named else color, words, textures.get("albedo_map"), source)
+        whole = partial(_source, visual, color, textures, what)
+        source = cache(partial(self.content.attempt, f"{what}: material", whole))
+        color = None if named else color
+        return Surface(name, color, words, textures.get("albedo_map"), source)
 
 
 def _source(
@@ -156,10 +171,22 @@ def _source(
     color: tuple[float, float, float] | None,
     textures: dict[str, Texture | None],
     what: str,
-) -> Callable[[], SourceMaterial | None] | None:
-    """Return a function for the material by metalness and roughness, if a visual has them."""
+) -> SourceMaterial | None:
+    surface = _metallic(visual, color, textures, what)
+    return None if surface is None else surface.source_material()
+
+
+def _metallic(
+    visual: Element,
+    color: tuple[float, float, float] | None,
+    textures: dict[str, Texture | None],
+    what: str,
+) -> Metallic | None:
+    """Return the material by metalness and roughness, if a visual has them."""
     metal = visual.find("material/pbr/metal")
     read = {name: textures[tag] for tag, name in MAPS.items() if tag in textures}
+    for tag in (*MAPS, *MORE_MAPS):
+        visual.findall(f"material/pbr/metal/{tag}")  # counts them as read
     if metal is None or None in read.values():
         return None
     # a texture alone replaces the number; without either, SDFormat's default
@@ -168,15 +195,14 @@ def _source(
         for tag in ("metalness", "roughness")
     )
     odd = tuple(f"its {title} left out" for tag, title in MORE_MAPS.items() if tag in textures)
-    surface = Metallic(
+    return Metallic(
         1.0 if color is None else color[0],
         fraction,
         roughness,
-        opacity=1 - max(_number(visual, "transparency", 0.0, what), 0.0),
+        opacity=uniform(1 - max(_number(visual, "transparency", 0.0, what), 0.0)),
         pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
         odd=odd,
     )
-    return cache(surface.source_material)
 
 
 def _only(parts: list[Part], submesh: Element, what: str) -> list[Part]:

@@ -4,8 +4,9 @@ https://wiki.ros.org/urdf/XML. Visuals are converted to SDFormat, whose elements
 attributes.
 """
 
+from functools import partial
 from pathlib import Path
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -15,8 +16,21 @@ from spisim.scene.pose import pose_matrix
 from spisim_formats.library.content import Content, Part
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.frames import Frames
+from spisim_formats.library.records import (
+    RecordedElement,
+    mark_all,
+    sub_element,
+    unread_elements,
+    words,
+)
 from spisim_formats.library.xml import numbers, parse_lenient_xml
 from spisim_formats.sdf.visual import Visuals
+
+#: What light does not see, and of joints what does not place links.
+HARMLESS = words("""
+robot/material robot@name robot@version link@type material@name visual@name joint@type axis
+calibration collision dynamics inertial limit mimic safety_controller sensor transmission
+""")
 
 
 @np.errstate(all="ignore")  # poses are checked later to be finite
@@ -32,6 +46,7 @@ def read_urdf(path: Path, folders: Folders) -> Content:
         raise InputError(f"{path}: is no URDF: its root is <{root.tag}>, not <robot>")
     if any(element.tag.startswith("{http://www.ros.org/wiki/xacro}") for element in root.iter()):
         raise InputError(f"{path}: has macros (xacro); `xacro {path.name} > robot.urdf` fills them")
+    content.records.append((path.name, partial(unread_elements, root, HARMLESS)))
     visuals = Visuals(folders, content)
     frames = _frames(root, path, content)
     colors = {row.get("name", ""): row for row in root.findall("material")}
@@ -39,11 +54,13 @@ def read_urdf(path: Path, folders: Folders) -> Content:
         name = link.get("name", "")
         for visual in link.findall("visual"):
             what = f"link {quoted(name)}"
-            with content.leaving_out(what):
+            with content.leaving_out(what, partial(mark_all, visual)):
                 at_link = frames.pose(name) @ _origin(visual, what)
-                for part in visuals.read(_as_sdf(visual, colors), path, what):
+                described = _as_sdf(visual, colors)
+                for part in visuals.read(described, path, what):
                     title = " ".join(filter(None, (name, visual.get("name", ""))))
                     content.add(Part(title, part.geometry, at_link @ part.to_world, part.surface))
+                content.records.append((path.name, partial(unread_elements, described, HARMLESS)))
     content.check_not_empty(path, "has no visuals; collision shapes are not read")
     return content
 
@@ -80,22 +97,22 @@ def _origin(element: Element, what: str) -> Floats:
 
 def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
     """Return a visual of SDFormat without a pose."""
-    made = Element("visual")
-    geometry = SubElement(made, "geometry")
+    made = RecordedElement("visual")
+    geometry = sub_element(made, "geometry")
     for shape in visual.findall("geometry/*"):
-        row = SubElement(geometry, shape.tag)
-        for name, value in shape.attrib.items():
-            SubElement(row, "uri" if name == "filename" else name).text = value
+        row = sub_element(geometry, shape.tag)
+        for name in shape.keys():  # noqa: SIM118
+            sub_element(row, "uri" if name == "filename" else name).text = shape.get(name)
     material = visual.find("material")
     if material is not None:
         name = material.get("name", "")
-        material = SubElement(made, "material")
-        SubElement(SubElement(material, "script"), "name").text = name
+        material = sub_element(made, "material")
+        sub_element(sub_element(material, "script"), "name").text = name
         described = material if material.find("color") is not None else colors.get(name, material)
         color = described.find("color")
         if color is not None:
-            SubElement(material, "diffuse").text = color.get("rgba", "")
+            sub_element(material, "diffuse").text = color.get("rgba", "")
         texture = described.find("texture")
         if texture is not None:
-            SubElement(material, "albedo_map").text = texture.get("filename", "")
+            sub_element(material, "albedo_map").text = texture.get("filename", "")
     return made

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,7 @@ from spisim_formats.library.content import (
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.usd.lamps import read_lamp
 from spisim_formats.usd.package import check_package
+from spisim_formats.usd.rest import unread_prims
 from spisim_formats.usd.samples import settle
 from spisim_formats.usd.surfaces import read_surface
 
@@ -74,6 +76,7 @@ def read_usd(path: Path, folders: Folders) -> Content:
         content.unit_m, content.unit_why = unit_m, f"metersPerUnit of the stage: {unit_m:g}"
         content.up, content.up_why = AXES[axis], f"upAxis: {axis}"
         _Stage(stage, content, folders).read()
+        content.records.append((path.name, unread_prims(stage).copy))
         if diagnostics.TakeUncoalescedDiagnostics():
             content.note(f"{path.name}: OpenUSD doubts some of what it says")
         return content
@@ -170,8 +173,8 @@ class _Stage:
     def _add(self, prim: Any, to_world: Floats) -> None:
         kind = str(prim.GetTypeName())
         if kind not in READERS:
-            if kind in ("BasisCurves", "NurbsCurves", "NurbsPatch", "Points", "TetMesh", "Volume"):
-                self._content.note(f"{quoted(str(prim.GetPath()))}: {kind} is left out")
+            if kind == "Volume":
+                self._content.warn(f"{quoted(str(prim.GetPath()))}: {kind} is left out")
             elif "Light" in kind and kind != "LightFilter":
                 self._content.glows += read_lamp(prim, to_world, self._content, self._folders)
             elif kind == "Camera":
@@ -185,7 +188,10 @@ class _Stage:
             check_triangles(sum(len(shapes.as_mesh(mesh).faces) for mesh in every))
         for geometry, bound in self._meshes[key]:
             name = prim.GetName() if prim.GetName() != "mesh" else prim.GetParent().GetName()
-            self._content.add(Part(name, geometry, to_world, self._surface(bound)))
+            surface = self._surface(bound)
+            if bound is None and (color := _display_color(prim)) is not None:
+                surface = replace(surface, color=color)
+            self._content.add(Part(name, geometry, to_world, surface))
 
     def _surface(self, material: Any) -> Surface:
         """Return one surface for all that it is bound to."""
@@ -259,6 +265,17 @@ def _mesh_parts(prim: Any, content: Content) -> list[tuple[trimesh.Trimesh | Sha
         mesh.remove_unreferenced_vertices()
         result.append((mesh, material))
     return result
+
+
+def _display_color(prim: Any) -> tuple[float, float, float] | None:
+    """Return the mean of the colours that a prim without a material is displayed in."""
+    from pxr import UsdGeom
+
+    given = UsdGeom.Gprim(prim).GetDisplayColorAttr().Get()
+    if given is None or not len(given):
+        return None
+    red, green, blue = np.mean(np.array(given, float).reshape(-1, 3), axis=0).tolist()
+    return red, green, blue
 
 
 def _bound(prim: Any) -> Any:

@@ -6,7 +6,7 @@ https://openusd.org/release/spec_usdpreviewsurface.html
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,8 @@ import numpy as np
 from spisim_formats.library.content import Content, Surface
 from spisim_formats.library.files import Folders, quoted
 from spisim_formats.library.metallic import Metallic
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.opacity import Opacity, cut, uniform
+from spisim_formats.library.textures import Texture, read_channels
 from spisim_formats.usd.package import read_from_package
 
 KIND, PICTURE, COORDINATES = "UsdPreviewSurface", "UsdUVTexture", "UsdPrimvarReader_float2"
@@ -58,22 +59,34 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
     color = None
     if texture is None and diffuse is not None and (value := diffuse.Get()) is not None:
         color = (float(value[0]), float(value[1]), float(value[2]))
-    surface = Surface(name, color, texture=texture)
+    threshold = _red(_source(shader, "opacityThreshold"), 0.0)
+    made_opacity = partial(
+        _opacity, numbers["opacity"], pictures.pop("opacity", None), threshold or None
+    )
+    opacity = cache(partial(content.attempt, f"material {quoted(name)}: opacity", made_opacity))
+    surface = Surface(name, color, texture=texture, opacity=opacity)
     if _red(_source(shader, "useSpecularWorkflow"), 0) != 0:
         return surface
     odd = [f"its {what} left out" for key, what in LEFT_OUT.items() if _is_there(shader, key)]
-    threshold = _red(_source(shader, "opacityThreshold"), 0.0)
     made = Metallic(
         numbers["base"],
         numbers["metal"],
         numbers["roughness"],
         ior=_red(_source(shader, "ior"), 1.5),
-        opacity=numbers["opacity"],
-        cutoff=threshold if threshold > 0 else None,
+        opacity=opacity(),
         pictures=pictures,
         odd=tuple(dict.fromkeys(odd)),
     )
     return replace(surface, source=cache(made.source_material))
+
+
+def _opacity(
+    factor: float, picture: tuple[Texture, int] | None, cutoff: float | None
+) -> Opacity | None:
+    if picture is None:
+        return uniform(factor, cutoff)
+    (fraction,) = read_channels(*picture)
+    return cut(factor * fraction, cutoff, fits=picture[0].fits)
 
 
 def _source(shader: Any, name: str) -> Any:

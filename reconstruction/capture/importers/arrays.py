@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...base.arrays import Floats
+from ...base.arrays import Floats, usual_float_errors
 from ...base.errors import InputError
 from ...operators import Basis, PatternPlan, checked_shape, fwht, plan_of_rows
 from ...operators.bases.dense import Dense
@@ -23,6 +23,7 @@ MAX_VALUES = 2**26
 """Maximum pixels of all patterns together, unless they are Hadamard patterns."""
 
 
+@usual_float_errors
 def plan_from_matrix(
     patterns: ArrayLike, shape: tuple[int, int]
 ) -> tuple[PatternPlan, NDArray[np.int8]]:
@@ -194,6 +195,7 @@ def readings_of(counts: ArrayLike, exposures: int) -> NDArray[Any]:
     )
 
 
+@usual_float_errors
 def capture_from_readings(
     readings: ArrayLike,
     plan: PatternPlan,

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from ...base.arrays import usual_float_errors
 from ...base.errors import InputError
 from ...operators import NO_PATTERN
 from ..model import Capture
@@ -70,6 +71,7 @@ class SpotGeometry(NamedTuple):
 AHEAD = SpotGeometry()
 
 
+@usual_float_errors
 def spots_from_taps(
     taps: ArrayLike,
     frequencies_hz: ArrayLike,
@@ -116,6 +118,7 @@ def spots_from_taps(
     return spots
 
 
+@usual_float_errors
 def spots_from_windows(
     taps: ArrayLike,
     window_starts_s: ArrayLike,
@@ -160,6 +163,7 @@ def spots_from_windows(
     return spots
 
 
+@usual_float_errors
 def spots_from_histograms(
     counts: ArrayLike,
     bin_width_s: float,

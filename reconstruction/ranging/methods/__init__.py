@@ -1,5 +1,6 @@
 """Ranging methods, one module each; the plain method of a kind of readings has its name."""
 
+from ...base.arrays import usual_float_errors
 from ...base.errors import InputError
 from ...base.registry import Registry
 from ...capture import Spots
@@ -46,6 +47,7 @@ def usual_rangings(spots: Spots) -> tuple[str, ...]:
     return (spots.method,)
 
 
+@usual_float_errors
 def measure_ranges(spots: Spots, frame: int = 0, method: str | None = None) -> Ranges:
     """Ranges of one frame.
 

@@ -26,7 +26,7 @@ from spisim.simulation.light.steered import of_frames, solve_spots_of
 from spisim.simulation.light.surrogate import surrogate_spots_of
 from spisim.simulation.measurement import Memory, record_frames, recorded_optics
 from spisim.transport import Outputs, ground_truth
-from spisim.transport.backend import activate
+from spisim.transport.backend import activate, with_backend
 from spisim.version import __version__
 
 #: Random stream of the frames of a seed; other streams trace the light.
@@ -108,6 +108,7 @@ class Camera:
         self._steering = None if lasers is None else lasers.steering
         self._reconstruct: Reconstructor | None = None
 
+    @with_backend
     def shoot(self, motions: Sequence[Motion], first: int) -> list[Shot]:
         """Record the next frames, during motions; equal numbers have equal noise.
 
@@ -229,6 +230,7 @@ def solver(instrument: Instrument, light: LightSource, *, seed: int, **budget: A
     )
 
 
+@with_backend
 def provenance(
     scene: Scene, instrument: Instrument, light: LightSource, *, seed: int, settings: dict[str, Any]
 ) -> Provenance:
