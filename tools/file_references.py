@@ -43,6 +43,7 @@ UNITS = {
     "_w_per_sr": "W/sr",
     "_kcd_per_m2": "kcd/m²",
     "_pa_per_sqrt_hz": "pA/√Hz",
+    "_pa_per_min": "pA/min",
     "_g_per_m3": "g/m³",
     "_kg_m3": "kg/m³",
     "_a_per_w": "A/W",

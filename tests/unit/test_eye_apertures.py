@@ -74,12 +74,12 @@ def test_no_aperture_of_200_scans_takes_in_more(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(50):
         angles_deg = scan(rng)
-        found = worst_apertures(angles_deg, RADIUS_RAD, HAZARD)
+        worst = worst_apertures(angles_deg, RADIUS_RAD, HAZARD)
         scanned = taken_in(angles_deg, grid(angles_deg, RADIUS_RAD), RADIUS_RAD)
-        assert np.all(np.array(found) >= scanned)
+        assert np.all(np.array(worst) >= scanned)
         larger = RADIUS_RAD * (1 + 1e-6)  # apertures with points on the rim count as well
         exact = taken_in(angles_deg, through_pairs(angles_deg, larger), larger * (1 + 1e-9))
-        assert np.all(np.array(found) <= np.array(exact) * [1, 1, 1.02])
+        assert np.all(np.array(worst) <= np.array(exact) * [1, 1, 1.02])
 
 
 def safeguarded(**steering: Any) -> Any:
