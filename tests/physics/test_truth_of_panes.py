@@ -123,7 +123,7 @@ def test_pixels_see_through_the_holes_of_a_mask() -> None:
 @pytest.mark.parametrize("name", [name for name in MODELS if not isinstance(MODELS[name], Clear)])
 def test_the_reflectance_is_that_of_the_texture_whatever_the_model(name: str) -> None:
     texture = np.full((1, 1), 0.6, np.float32)
-    thing = sheet("thing", 4.0, MODELS[name], texture=texture, opacity=0.9)
+    thing = sheet("thing", 4.0, MODELS[name], texture=texture)
     truth = ground_truth(worlds.scene(thing), INSTRUMENT, subpixels=1)
     np.testing.assert_allclose(truth.reflectance, 0.5 * 0.6, rtol=1e-5)
 
