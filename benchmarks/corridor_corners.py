@@ -68,7 +68,7 @@ BEHIND_M = 0.5
 """The corridor is judged so far behind what stands in it."""
 CLOSE = 1.25
 NEAR_M = 1.0
-WALLS, NEAR, BETWEEN, HARD_VIEWS = 100, 24, 40, 24
+WALLS, NEAR, BETWEEN, HARD_VIEWS = 80, 24, 32, 16
 """Scenes of each preset."""
 HARD_PATHS = 32
 """Light paths for glass and metal, which the surrogate does not know."""

@@ -37,6 +37,8 @@ TOO_CLOSE_M = 0.3
 ALONE = 0.1
 """Factor of what a ray misses though it sees there, while others have a target. What it is blind
 to, a floor or a slanted wall, remains."""
+SURE = 0.05
+"""Probability of no target below which a spot has one."""
 MIN_LOG_SIGMA = 0.02
 HALEY = 1.702
 """Slope of the logistic distribution that is normal within 0.01 (D. C. Haley, 1952)."""
@@ -84,7 +86,7 @@ def first_surfaces(
     unseen = np.zeros((len(ranges.status), EDGES_M.size + 1))
     possible = np.array([_of_alternatives(ranges, spot) for spot in range(len(ranges.status))])
     nothing = np.where(possible.any(axis=1), _without_target(ranges), 1.0)
-    alone = ALONE if (nothing < 0.5).any() else 1.0
+    alone = ALONE if (nothing < SURE).any() else 1.0
     for spot, status in enumerate(ranges.status):
         missed = np.where((blind_m[spot] < EDGES_M) & (reach_m > EDGES_M), MISSED, 1.0)
         if status == "saturated":

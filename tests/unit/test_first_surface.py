@@ -1,5 +1,7 @@
 """The posterior of first surfaces: nothing that is not excluded is dropped on the way."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,6 +66,16 @@ def test_a_lost_spot_among_others_is_no_covered_lens():
         status=("no signal", "ok"),
     )
     assert beyond(mixed, 1.0) > 0.9
+
+
+def test_a_target_that_noise_explains_too_uncovers_no_lens():
+    """One spot of four has a target with a probability of 0.75, by noise: the others do not."""
+    lost = ranges("fog", [Alternative(8.0, 0.1, 1.0)], spots=4)
+    uncertain, sure = (
+        replace(lost, nothing=np.array([0.7, 0.75, nothing, 0.9])) for nothing in (0.25, 0.01)
+    )
+    assert beyond(uncertain, 1.0) < 0.7
+    assert beyond(sure, 1.0) > 0.9
 
 
 def test_what_lies_in_the_blind_zone_is_not_excluded():
