@@ -234,7 +234,7 @@ def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere(no_retur
     memory, given = FlightMemory(OPTICS, SHAPE), replace(estimate(6.0), no_return=no_return)
     memory.take(pose(0), IMAGE, given, measured(5.0))
     nowhere = FrameRanges(SPOTS, np.full(4, np.nan), np.full(4, np.nan))
-    result, points_m, why, _ = memory.take(pose(1, (0.2, 0, 0)), IMAGE, given, nowhere)
+    result, points_m, log_sigma, why, _ = memory.take(pose(1, (0.2, 0, 0)), IMAGE, given, nowhere)
     assert why is None
     column = 16 - round(0.2 / 5 / 0.3 * 32)
     assert result.depth_m[16, column] == pytest.approx(5.0, rel=off)
@@ -242,12 +242,15 @@ def test_what_spots_met_corrects_the_map_where_they_now_point_elsewhere(no_retur
     assert no_return is None or result.no_return[16, column] < 0.06
     assert 5.5 < result.depth_m[0, 32] < 6.01
     assert points_m[:, 2] == pytest.approx([5] * 4)
+    seen = np.isfinite(log_sigma)
+    assert seen.any()
+    assert log_sigma[seen] == pytest.approx(0.01 / 5, rel=0.5)
 
 
 def test_a_jump_of_the_pose_is_named_and_all_is_forgotten():
     memory = FlightMemory(OPTICS, SHAPE)
     memory.take(pose(0), IMAGE, estimate(6.0), measured(5.0))
-    result, _, why, _ = memory.take(pose(1, (0, 0, 20)), IMAGE, estimate(6.0), measured(5.0))
+    result, _, _, why, _ = memory.take(pose(1, (0, 0, 20)), IMAGE, estimate(6.0), measured(5.0))
     assert why == "the position jumps by 20 m in 0.00855 s"
     assert len(memory.ranges.points) == 4
     fresh = FlightMemory(OPTICS, SHAPE)

@@ -156,8 +156,9 @@ def test_what_openusd_has_at_times_alone_is_taken_at_the_earliest(tmp_path: Path
     )
     report = taken(stage(tmp_path / "a.usda", [5], [0, 1, 2, 3, 4], samples, more))
     np.testing.assert_allclose(report.bounds_m, [[5, 0, 0], [8, 3, 0]], atol=1e-6)
-    (note,) = report.notes
-    assert "earliest time: 2, first '/plate." in note
+    settled, unread = report.notes
+    assert "earliest time: 2, first '/plate." in settled
+    assert unread == "a.usda: not read of Mesh: xformOp:rotateZ in time"
 
 
 INSTANCES = """#usda 1.0

@@ -9,7 +9,7 @@ from spisim_formats.library.files import quoted
 def settle(layer: Any, content: Content) -> None:
     """Give attributes of a layer that have time samples alone the earliest as default, in memory.
 
-    A note counts them.
+    The others are erased there; a note counts the attributes.
     """
     from pxr import Sdf
 
@@ -25,8 +25,11 @@ def settle(layer: Any, content: Content) -> None:
         attribute = layer.GetAttributeAtPath(path)
         if attribute is None or attribute.HasDefaultValue():
             continue
-        earliest = min(layer.ListTimeSamplesForPath(path))
+        times = layer.ListTimeSamplesForPath(path)
+        earliest = min(times)
         attribute.default = layer.QueryTimeSample(path, earliest)
+        for time in times:
+            layer.EraseTimeSample(path, time)
         settled.append((path, earliest))
     if settled:
         path, time = settled[0]
