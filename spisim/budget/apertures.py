@@ -1,8 +1,8 @@
 """Where an aperture in front of beams takes in most, which is mostly between them.
 
 The one with most visits touches a beam, or lies anywhere around a single one: of the apertures
-whose rim runs through a beam, others take up arcs, and the most arcs at a point are wanted. Frames
-on end are bounded: a cube of centres by an aperture that is larger by its half diagonal, split in
+whose rim runs through a beam, others take up arcs, and the most arcs at a point are wanted. Times
+with many beams are bounded: a cube of centres by an aperture that is larger by its half diagonal, split in
 eight while that beats what an aperture at the centre of any cube has reached.
 """
 
@@ -20,7 +20,7 @@ from spisim.instrument.zones import Zones
 
 #: Relative excess of the aperture, so that none takes in more for rounding, and its least size.
 EXCESS, LEAST_RAD = 1e-7, 1e-9
-#: Relative excess of a dwell that is not resolved any more.
+#: Relative excess of a hazard that is not resolved any more.
 TOLERANCE = 0.01
 #: Cubes, or beams, that are looked at together.
 BATCH = 1024
@@ -35,10 +35,12 @@ class Worst(NamedTuple):
 
     beams: int  # at once
     mean: float  # beams, mean over the frames
-    dwell: float  # hazard of frames on end with a beam, times the beams at once
+    hazard: float  # of the beams within any time
 
 
-def worst_apertures(angles_deg: Floats, radius_rad: float, hazard: Floats) -> Worst:
+def worst_apertures(
+    angles_deg: Floats, radius_rad: float, hazard: Floats, of_mean: float = 0.0
+) -> Worst:
     """What the worst apertures take in of beams from one point.
 
     Parameters
@@ -48,7 +50,11 @@ def worst_apertures(angles_deg: Floats, radius_rad: float, hazard: Floats) -> Wo
     radius_rad
         Half the angle under which the beams' origin sees the aperture, whose rim counts as inside.
     hazard
-        Hazard of a beam that stays for 0 to all frames on end, not falling, (frames + 1,).
+        Hazard of a beam in one frame, if it is judged within a time of 1 to all frames, (frames,);
+        it falls no faster than the time grows.
+    of_mean
+        Hazard of a beam that stays for longer than all frames: the result is at least that of the
+        mean, and less is not resolved.
 
     Returns
     -------
@@ -60,8 +66,9 @@ def worst_apertures(angles_deg: Floats, radius_rad: float, hazard: Floats) -> Wo
     frames, beams, _ = angles_deg.shape
     points = directions(angles_deg).reshape(-1, 3)
     radius_rad = max(radius_rad, LEAST_RAD) * (1 + EXCESS)
-    most, dwell = _worst_dwell(points, beams, radius_rad, hazard)
-    return Worst(int(most), _most_visits(points, radius_rad) / frames, float(dwell))
+    mean = _most_visits(points, radius_rad) / frames
+    most, worst = _worst_times(points, beams, radius_rad, hazard, mean * of_mean)
+    return Worst(int(most), mean, float(worst))
 
 
 def _most_visits(points: Floats, radius_rad: float) -> int:
@@ -91,11 +98,13 @@ def _most_visits(points: Floats, radius_rad: float) -> int:
     return most
 
 
-def _worst_dwell(points: Floats, beams: int, radius_rad: float, hazard: Floats) -> Floats:
-    """Beams at once, and hazard of a dwell, of the worst apertures of points by frame and beam."""
+def _worst_times(
+    points: Floats, beams: int, radius_rad: float, hazard: Floats, least: float
+) -> Floats:
+    """Beams at once, and hazard of any time, of the worst apertures of points by frame and beam."""
     # A cap of half angle α is what a ball of radius sin α around a point at cos α holds.
     radius, shell, tree = math.sin(radius_rad), math.cos(radius_rad), KDTree(points)
-    best = bound = np.zeros(2)
+    best = bound = np.array([0.0, least])
     half = radius / 2
     middles = np.unique(np.rint(points * shell / (2 * half)), axis=0)
     middles = np.unique((middles[:, None] + NEIGHBOURS).reshape(-1, 3), axis=0) * 2 * half
@@ -124,15 +133,26 @@ def _worst_dwell(points: Floats, beams: int, radius_rad: float, hazard: Floats) 
 
 
 def _figures(cube: Any, frame: Any, cubes: int, hazard: Floats) -> Floats:
-    """Beams at once, and hazard of a dwell (2, cubes), of beams sorted by cube and frame."""
+    """Beams at once, and hazard of the worst time (2, cubes), of beams sorted by cube and frame.
+
+    A time that has the most hazard begins and ends with a run of frames that have a beam, as limits
+    grow no faster than the time.
+    """
     key = cube * (len(hazard) + 1) + frame  # leaves a gap between cubes
     starts = np.flatnonzero(np.diff(key, prepend=-1))
-    at_once, most = np.diff(np.append(starts, len(key))), np.zeros(cubes, np.intp)
-    np.maximum.at(most, cube[starts], at_once)
-    begins = np.flatnonzero(np.diff(key[starts], prepend=-2) != 1)
-    run, longest = np.diff(np.append(begins, len(starts))), np.zeros(cubes, np.intp)
-    np.maximum.at(longest, cube[starts][begins], run)
-    return np.array([most, most * hazard[longest]])
+    most, worst = np.zeros(cubes, np.intp), np.zeros(cubes)
+    np.maximum.at(most, cube[starts], np.diff(np.append(starts, len(key))))
+    begins = starts[np.diff(key[starts], prepend=-2) != 1]
+    ends = np.append(begins[1:], len(key)) - 1
+    for runs in range(len(begins)):
+        first, last = begins[: len(begins) - runs], ends[runs:]
+        same = cube[first] == cube[last]
+        if not same.any():
+            break
+        first, last = first[same], last[same]
+        hazards = (last - first + 1) * hazard[frame[last] - frame[first]]
+        np.maximum.at(worst, cube[first], hazards)
+    return np.array([most, worst])
 
 
 def flood_fraction(zones: Zones, radius_rad: float) -> float:

@@ -85,7 +85,8 @@ def laser_safety(instrument: Instrument) -> LaserSafety:
     their own width. Steered beams are assessed as standing wherever they may come closest, as after
     a failure of the mirrors (IEC 60825-1:2014, 5.1: reasonably foreseeable faults). If they scan
     and `scan_safeguard` states that light stops with the scan, the aperture sees pulses (4.3 f): a
-    frame with a beam in it is one, and the mean is that over all frames.
+    frame with a beam in it is one. What comes in within any time has that time's limit, and the
+    mean is that over all frames.
     Of a flood only what enters the aperture counts, where it is brightest; as a point source, which
     overstates the hazard of a wide one.
 
@@ -197,13 +198,14 @@ def _exceeds(classes: tuple[str, ...], computed: str, declared: str | None) -> b
 def _margins(one: Emission, wavelength_nm: float, worst: Worst) -> tuple[float, float]:
     """Mean power, and merged and repeated pulses, of the worst apertures over limits of class 1.
 
-    A dwell counts as a pulse, too (C5 is 1 for such long ones of a point source).
+    What comes in within any time counts as a pulse, too (C5 is 1 for such long ones of a point
+    source).
     """
     beams, mean_w = worst.beams, worst.mean * one.mean_w
     mean = mean_w * TIME_BASE_S / accessible_energy_j(TIME_BASE_S, wavelength_nm)
     together = Emission(beams * one.mean_w, beams * one.pulse_j, one.pulse_s)
     pulse = _pulse_margin(together, wavelength_nm, worst.mean / beams)
-    return mean, max(pulse, one.mean_w * worst.dwell)
+    return mean, max(pulse, one.mean_w * worst.hazard)
 
 
 def _pulse_margin(one: Emission, wavelength_nm: float, fraction: float) -> float:
@@ -237,7 +239,7 @@ def _beams_together(instrument: Instrument) -> int:
     home_deg, steering = np.array(lasers.directions_deg), lasers.steering
     if steering is None or steering.mirrors == "common":
         reached = home_deg[None] if steering is None else home_deg + steering.extremes(1)
-        return worst_apertures(reached, radius_rad, np.zeros(len(reached) + 1)).beams
+        return worst_apertures(reached, radius_rad, np.zeros(len(reached))).beams
     highest_deg = np.abs(home_deg + steering.extremes(len(home_deg)))[..., 1].max()
     apart = np.radians(steering.closest_deg(home_deg)) * math.cos(math.radians(highest_deg))
     return int(np.max(np.sum(apart <= 2 * radius_rad, axis=1)))
@@ -265,7 +267,7 @@ def _scans(instrument: Instrument) -> bool:
 
 
 def _passes(instrument: Instrument) -> Worst:
-    """Worst apertures of a scan, dwells by their energy over the limit, per watt of a beam.
+    """Worst apertures of a scan, hazards by energy over the limit, per watt of a beam.
 
     A beam whose axis lies within half an aperture and its own width counts as a whole, for the
     whole frame.
@@ -277,10 +279,12 @@ def _passes(instrument: Instrument) -> Worst:
     reached = np.array(
         [home_deg + lasers.steering.aimed(frame, home_deg, None) for frame in range(frames)]
     )
-    dwell_s = frame_s * np.arange(1, frames + 1)
-    limits_j = [accessible_energy_j(time_s, instrument.wavelength_nm) for time_s in dwell_s]
-    hazard = np.maximum.accumulate(np.concatenate([[0.0], dwell_s / limits_j]))
-    return worst_apertures(reached, _aperture_rad(instrument), hazard)
+    times_s = frame_s * np.arange(1, frames + 1)
+    limits_j = [accessible_energy_j(time_s, instrument.wavelength_nm) for time_s in times_s]
+    of_mean = TIME_BASE_S / accessible_energy_j(TIME_BASE_S, instrument.wavelength_nm)
+    return worst_apertures(
+        reached, _aperture_rad(instrument), frame_s / np.array(limits_j), of_mean
+    )
 
 
 def accessible_energy_j(time_s: float, wavelength_nm: float) -> float:

@@ -483,8 +483,7 @@ def test_a_safeguarded_raster_is_in_the_pupil_for_its_cells_within():
     assert safety.beams == 1
     fraction = safety.mean_margin / standing.mean_margin
     assert 5 * full / frames <= fraction <= 5 * (full + 1) / frames
-    dwell_s = 4 * instrument.frame_time_s  # around a turn, in two rows
-    assert safety.pulse_margin == pytest.approx(5e-3 * dwell_s / 8e-3)
+    assert safety.pulse_margin == safety.mean_margin  # no shorter time has more of its limit
     assert safety.laser_class == "1"
 
 
