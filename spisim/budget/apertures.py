@@ -2,8 +2,8 @@
 
 The one with most visits touches a beam, or lies anywhere around a single one: of the apertures
 whose rim runs through a beam, others take up arcs, and the most arcs at a point are wanted. Times
-with many beams are bounded: a cube of centres by an aperture that is larger by its half diagonal, split in
-eight while that beats what an aperture at the centre of any cube has reached.
+with many beams are bounded: a cube of centres by an aperture that is larger by its half diagonal,
+split in eight while that beats what an aperture at the centre of any cube has reached.
 """
 
 import math
