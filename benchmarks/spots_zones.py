@@ -18,7 +18,7 @@ from spisim.instrument import Instrument, load_instrument
 from spisim.instrument.views import InstrumentView
 from spisim.scene import Ambient, Material, Scene, SceneObject
 from spisim.simulation.light import LightSequence, solve
-from spisim.simulation.light.path_bins import bins_for
+from spisim.simulation.light.path_bins import spot_bins
 from spisim.simulation.light.spots import ranging_histogram
 from spisim.simulation.light.surrogate import surrogate
 from spisim.simulation.measurement.spots import spot_light
@@ -141,7 +141,10 @@ def against_integral(instrument: Instrument, walls: list[Wall], seed: int) -> tu
     """
     placed = InstrumentView.of(instrument, np.eye(4))
     world = build_world(scene(walls))
-    bins = bins_for(instrument.ranging.tof, world.axis_distances_m(placed.beams))
+    # As wide as of spots: finer ones, as of fast zones, hold too few paths for an error.
+    bins = spot_bins(
+        world.axis_distances_m(placed.beams), instrument.ranging.tof.unambiguous_range_m
+    )
     expected = integrated(instrument, walls, bins.centres_m)
     budget = PathBudget(PATHS, min_launches=LAUNCHES)
     estimate = ranging_histogram(

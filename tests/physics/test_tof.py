@@ -226,7 +226,11 @@ def test_single_photons_reach_the_cramer_rao_bound(
 
 @pytest.mark.parametrize("frames", [200, pytest.param(FRAMES, marks=pytest.mark.slow)])
 def test_crossings_of_a_threshold_scatter_as_noise_over_slope(frames: int) -> None:
-    """σ = c/2 · σ_edge / √2 / √N; the middle of the edges does not walk."""
+    """σ = c/2 · σ_edge / √2 / √N; the middle of the edges hardly walks.
+
+    A stay above the threshold begins with the first rise and ends with the first fall, so that
+    noise makes both early: by less than a tenth of what 400 pulses scatter.
+    """
     spad, apd = with_tof(preset("spad")), with_tof(preset("apd"))
     fast = apd.detector.amplifier.model_copy(update={"bandwidth_hz": 1e9})
     changes = {"threshold_sigma": 6.0, "bin_width_s": 20e-12, "bins": 1600, "pulses": 400}
@@ -243,8 +247,8 @@ def test_crossings_of_a_threshold_scatter_as_noise_over_slope(frames: int) -> No
     # A stamp is rounded to a bin.
     per_stamp = np.sqrt(edge**2 / 2 + tof.bin_width_s**2 / 12)
     sigma = c / 2 * per_stamp / np.sqrt(tof.pulses)
-    error = (result.mean() - range_m) / (result.std() / np.sqrt(result.size))
-    assert abs(error) < 3
+    walk, error = result.mean() - range_m, result.std() / np.sqrt(result.size)
+    assert -0.1 * sigma - 3 * error < walk < 3 * error
     assert result.std() == pytest.approx(sigma, rel=0.10)
     assert stated.mean() == pytest.approx(sigma, rel=0.10)
 
