@@ -38,7 +38,7 @@ def _brightest(meshes: Meshes, ray: Ray, end: Point) -> Hit:
         result = dr.select(better, si, result)
         most = dr.select(better, light, most)
         through *= passed
-        ray.o = origin + (si.t + (1 + si.t) * mi.math.RayEpsilon) * ray.d  # not beside the ray
+        ray.o = origin + (si.t + (1 + si.t) * mi.math.RayEpsilon) * ray.d  # not off the ray
         going &= through > 0
     return result
 

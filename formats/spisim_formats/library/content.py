@@ -161,7 +161,7 @@ class Content:
             self.warnings.append(text)
 
     def adopt(self, other: Content) -> None:
-        """Take over what another file's content tells the user."""
+        """Take over the notes of another file's content."""
         for note in other.notes:
             self.note(note)
         for warning in other.warnings:

@@ -23,7 +23,7 @@ TABLE_NM = (850, 905, 940, 1460, 1550)
 class Opacity:
     """Opaque fraction (h, w), or (1, 1) if it is the same everywhere.
 
-    `fits` tells whether it lies as the meshes' texture coordinates say.
+    `fits` states whether it lies as the meshes' texture coordinates say.
     """
 
     fraction: NDArray[np.float32]
@@ -50,7 +50,7 @@ def cut(
 
 
 class CutOuts:
-    """Own materials of a scene file: others with an opacity; their `rows`, and pictures beside it.
+    """Own materials of a scene file: others with an opacity; their `rows`, and pictures next to it.
 
     `own` are the rows that others of the file's materials have.
     """

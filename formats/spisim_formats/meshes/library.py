@@ -36,7 +36,7 @@ class Described:
     mask: Texture | None = None
 
     def surface(self, name: str, content: Content) -> Surface:
-        """Return the surface; exporters leave Kd black or white beside a texture."""
+        """Return the surface; exporters leave Kd black or white if there is a texture."""
         color = None if self.is_pictured else self.color
         opacity = None
         if (self.opaque, self.transparency, self.mask) != (None, None, None):
