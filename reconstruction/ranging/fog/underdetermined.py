@@ -72,13 +72,12 @@ then covers every fog within two units of log likelihood of the best (support; A
 Likelihood, 1972),"""
 MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
-IN_COMMON = 0.5
-"""Weight of the other spots' log likelihood in it, as they may have another fog."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
-FULL_EVIDENCE = 4
-"""Number of spots whose evidence on the fog counts in full; that of more grows as the square root
-of their number, because the errors of priors and grid are common to all."""
+ALIKE = 0.4
+"""Correlation of ln reflectance between the spots of a scene, 0.4 to 0.5 in drawn ones. As the prior
+of reflectances is the evidence on the fog, n spots are worth n / (1 + (n - 1) 0.4) of them (design
+effect; L. Kish, Survey Sampling, 1965)."""
 APART_M = 0.5
 """Roots farther apart are different alternatives."""
 NEGLIGIBLE = 1e-6
@@ -160,9 +159,9 @@ def _weights(
 ) -> tuple[Floats, Floats, Floats, float]:
     """Posterior (K, B) of shared fogs, of each root (C,) within its spot, and support of fogs.
 
-    The support is a log likelihood (spots, K, B), to which other spots contribute in part.
-    Without a target a spot has the echo of fog alone, and its pixel the veil. Spots may have fogs
-    of their own, with the probability that is returned, too.
+    The support is a log likelihood (spots, K, B), to which other spots contribute as far as they
+    are evidence of their own. Without a target a spot has the echo of fog alone, and its pixel the
+    veil. Spots may have fogs of their own, with the probability that is returned, too.
     """
     log_empty = np.log(EMPTY) + _log_density_of_fog(tables, pairs, covariance, backscatter)
     log_target = np.log(1 - EMPTY) + roots.log_prior
@@ -191,10 +190,10 @@ def _weights(
         total[:, having] += np.add.reduceat(target, starts, axis=1)
     by_spot = np.log(total).reshape(light_prior.size, len(log_empty), -1)
     by_spot += peak.reshape(len(log_empty), -1)
-    counted = np.sqrt(FULL_EVIDENCE / max(int(usable.sum()), FULL_EVIDENCE))
+    counted = 1 / (1 + ALIKE * max(int(usable.sum()) - 1, 0))
     evidence = counted * by_spot[:, usable].sum(axis=1)
     others = evidence[:, None] - counted * by_spot * usable[:, None]
-    support = (by_spot + IN_COMMON * others).max(axis=0).reshape(-1, *fogs)
+    support = (by_spot + others).max(axis=0).reshape(-1, *fogs)
     fog_prior = np.maximum(prior.probability, 1e-300)[:, None] * WEIGHTS / WEIGHTS.sum()
     log_prior = np.log(light_prior)[:, None] + np.log(fog_prior).ravel()
     weight, log_shared = _normalised(evidence[:, None] + log_prior[:, None])
