@@ -75,7 +75,7 @@ MAX_SIGMA_M = 0.18
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
 ALIKE = 0.4
-"""Correlation of ln reflectance between the spots of a scene, 0.4 to 0.5 in drawn ones. As the prior
+"""Correlation of ln reflectance between spots of a scene, 0.4 to 0.5 in drawn ones. As the prior
 of reflectances is the evidence on the fog, n spots are worth n / (1 + (n - 1) 0.4) of them (design
 effect; L. Kish, Survey Sampling, 1965)."""
 APART_M = 0.5
