@@ -278,7 +278,7 @@ def trained(
 
 
 def evaluated(net: Net, maps: Tensor, numbers: Tensor) -> Tensor:
-    """Output in 32 bits, evaluated in 16 where the processor can: elsewhere that is 5 times slower."""
+    """Output in 32 bits, evaluated in 16 where processors can; elsewhere 16 are 5 times slower."""
     with torch.autocast("cpu", torch.bfloat16, enabled=torch.cpu._is_avx512_bf16_supported()):
         out: Tensor = net(maps.contiguous(memory_format=torch.channels_last), numbers)
     return out.float()
