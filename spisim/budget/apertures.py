@@ -1,7 +1,8 @@
 """Where an aperture in front of beams takes in most, which is mostly between them.
 
 The one with most visits touches a beam, or lies anywhere around a single one: of the apertures
-whose rim runs through a beam, others take up arcs, and the most arcs at a point are wanted. Times
+whose rim runs through a beam, others take up arcs, and the most arcs at a point are wanted. A turn
+in azimuth moves some columns of a raster onto others, and only the fullest need be looked at. Times
 with many beams are bounded: a tile of centres by an aperture that is larger by its half diagonal,
 split in four while that beats what an aperture at the centre of any tile has reached.
 """
@@ -80,10 +81,10 @@ def _most_visits(angles_deg: Floats, radius_rad: float) -> int:
     points = directions(angles_deg[first])
     tree, reach = KDTree(points), 2 * math.sin(radius_rad)
     centres = np.arange(len(points))
-    across, up = (len(np.unique(each)) for each in steps.T)
-    if across * up == len(points) and np.ptp(visits) == 0:
+    columns, rows = (np.unique(each) for each in steps.T)
+    if len(columns) * len(rows) == len(points) and np.ptp(visits) == 0:
         widest = _widest_rad(angles_deg, 2 * radius_rad) / (radius_rad * STEP)
-        centres = np.flatnonzero(np.isin(steps[:, 0], _unlike(np.unique(steps[:, 0]), widest)))
+        centres = np.flatnonzero(np.isin(steps[:, 0], _unlike(columns, widest)))
     most, bits = int(visits.max()), int(visits.max()).bit_length()
     for begin in range(0, len(centres), BATCH):
         batch = centres[begin : begin + BATCH]
@@ -117,10 +118,11 @@ def _most_visits(angles_deg: Floats, radius_rad: float) -> int:
     return most
 
 
-def _unlike(across: NDArray[np.int64], widest: float) -> list[int]:
-    """Columns whose neighbours within a distance no other column has at the same distances."""
+def _unlike(columns: NDArray[np.int64], widest: float) -> list[int]:
+    """Columns that all others resemble: turned there, they find all their neighbours and more."""
     around = {
-        frozenset((across[np.abs(across - at) <= widest] - at).tolist()): int(at) for at in across
+        frozenset((columns[np.abs(columns - at) <= widest] - at).tolist()): int(at)
+        for at in columns
     }
     kept: dict[frozenset[int], int] = {}
     for neighbours in sorted(around, key=len, reverse=True):
@@ -150,7 +152,7 @@ def _worst_times(
             tree, 2 * math.sin(min(reach_rad, math.pi) / 2), output_type="ndarray"
         )
         tile, point = np.divmod(np.sort(near["i"] * len(frames) + near["j"]), len(frames))
-        return _figures(tile, frames[point], len(tiles_deg), hazard)
+        return _figures(tile, frames[point], len(tiles_deg), hazard, best[1])
 
     while len(tiles_deg):
         kept = [tiles_deg[:0]]
@@ -172,11 +174,11 @@ def _worst_times(
     return np.maximum(best, bound)
 
 
-def _figures(tile: Any, frame: Any, tiles: int, hazard: Floats) -> Floats:
+def _figures(tile: Any, frame: Any, tiles: int, hazard: Floats, least: float) -> Floats:
     """Beams at once, and hazard of the worst time (2, tiles), of beams sorted by tile and frame.
 
     A time that has the most hazard begins and ends with a run of frames that have a beam, as limits
-    grow no faster than the time.
+    grow no faster than the time. A hazard up to `least` may come out lower.
     """
     frames = len(hazard)
     key = tile * (2 * frames) + frame  # leaves a gap of a whole scan between tiles
@@ -184,16 +186,22 @@ def _figures(tile: Any, frame: Any, tiles: int, hazard: Floats) -> Floats:
     most, worst = np.zeros(tiles, np.intp), np.zeros(tiles)
     np.maximum.at(most, tile[starts], np.diff(np.append(starts, len(key))))
     begins = starts[np.diff(key[starts], prepend=-2) != 1]
-    ends = np.append(begins, len(key))[1:] - 1
-    first, last = key[begins], key[ends]
+    ends = np.append(begins, len(key))[1:]
+    first, last = (key[each].astype(np.int32) for each in (begins, ends - 1))
     of_run, of_span = np.zeros(len(begins)), np.append(hazard, 0.0)
-    for later in range(len(begins)):
+    longest, later = np.ptp([begins, ends], axis=0).max(initial=1), 0
+    while later < len(begins):
         left = len(begins) - later
-        spans = last[later:] - first[:left]
-        if spans.min() >= frames:
+        spans, counts = last[later:] - first[:left], ends[later:] - begins[:left]
+        highest, most_counts = of_span[int(spans.min()) :].max(initial=0.0), int(counts.max())
+        if highest == 0:
             break
-        hazards = (ends[later:] - begins[:left] + 1) * of_span[np.minimum(spans, frames)]
-        np.maximum(of_run[:left], hazards, out=of_run[:left])
+        if most_counts * highest > least:
+            hazards = counts * of_span.take(spans, mode="clip")
+            np.maximum(of_run[:left], hazards, out=of_run[:left])
+            later += 1
+        else:  # times of more runs are no shorter
+            later += 1 + int((least / highest - most_counts) / longest)
     np.maximum.at(worst, tile[begins], of_run)
     return np.array([most, worst])
 
