@@ -76,59 +76,78 @@ def worst_apertures(
 
 def _most_visits(angles_deg: Floats, radius_rad: float) -> int:
     """Maximum number of directions (n, 2) within an angle of any direction."""
-    steps = np.rint(angles_deg / (np.degrees(radius_rad) * STEP)).astype(np.int64)
-    steps, first, visits = np.unique(steps, axis=0, return_index=True, return_counts=True)
-    points = directions(angles_deg[first])
-    tree, reach = KDTree(points), 2 * math.sin(radius_rad)
-    centres = np.arange(len(points))
-    columns, rows = (np.unique(each) for each in steps.T)
-    if len(columns) * len(rows) == len(points) and np.ptp(visits) == 0:
-        widest = _widest_rad(angles_deg, 2 * radius_rad) / (radius_rad * STEP)
-        centres = np.flatnonzero(np.isin(steps[:, 0], _unlike(columns, widest)))
-    most, bits = int(visits.max()), int(visits.max()).bit_length()
-    for begin in range(0, len(centres), BATCH):
-        batch = centres[begin : begin + BATCH]
-        rims = points[batch]
-        near = KDTree(rims).sparse_distance_matrix(tree, reach, output_type="ndarray")
-        near = near[(batch[near["i"]] != near["j"]) & (near["v"] < reach)]
-        rim, other, half = near["i"], near["j"], near["v"] / 2
-        # On the rim around p, at an angle from a neighbour, the neighbour is within reach where
-        # cos(angle) is at least tan(d/2) / tan(radius), d being the distance of the two.
-        tangent = half / np.sqrt(1 - half**2)
-        width = np.arccos(np.minimum(tangent / math.tan(radius_rad), 1))
-        across = np.cross(rims, np.eye(3)[np.argmin(np.abs(rims), axis=1)])
-        up = np.cross(rims, across)
-        toward = points[other]
-        middle = np.arctan2(
-            np.einsum("nc,nc->n", up[rim], toward), np.einsum("nc,nc->n", across[rim], toward)
-        )
-        starts, ends = (middle - width) % (2 * np.pi), (middle + width) % (2 * np.pi)
-        weight = visits[other]
-        from_zero = visits[batch] + np.bincount(
-            rim, np.where(starts > ends, weight, 0), len(rims)
-        ).astype(np.int64)
-        # Sorted as integers, which is several times faster: turn, whether it ends, and weight.
-        turns = np.concatenate([starts, ends]) + 2 * np.pi * np.tile(rim, 2)
-        codes = (turns * 2.0 ** (48 - bits)).astype(np.int64) << (bits + 1)
-        codes |= np.concatenate([weight, weight | 1 << bits])
-        codes.sort()
-        opened = np.cumsum((codes & ((1 << bits) - 1)) * (1 - (codes >> bits & 1) * 2))
-        inside = opened + np.repeat(from_zero, 2 * np.bincount(rim, minlength=len(rims)))
-        most = max(most, int(inside.max(initial=0)))
+    steps = np.rint(angles_deg / (np.degrees(radius_rad) * STEP))
+    _, first, visits = np.unique(steps, axis=0, return_index=True, return_counts=True)
+    points, most = directions(angles_deg[first]), int(visits.max())
+    tree, rims = KDTree(points), np.arange(len(points))
+    if np.ptp(visits) == 0:
+        rims = _unlike(angles_deg[first], radius_rad)
+    for begin in range(0, len(rims), BATCH):
+        batch = rims[begin : begin + BATCH]
+        most = max(most, _most_on_rims(batch, points, tree, visits, radius_rad))
     return most
 
 
-def _unlike(columns: NDArray[np.int64], widest: float) -> list[int]:
-    """Columns that all others resemble: turned there, they find all their neighbours and more."""
+def _most_on_rims(
+    rims: NDArray[np.intp],
+    points: Floats,
+    tree: KDTree,
+    visits: NDArray[np.intp],
+    radius_rad: float,
+) -> int:
+    """The most visits of apertures whose rim runs through one of some points, by index."""
+    around = points[rims]
+    near = KDTree(around).sparse_distance_matrix(
+        tree, 2 * math.sin(radius_rad), output_type="ndarray"
+    )
+    near = near[(rims[near["i"]] != near["j"]) & (near["v"] < 2 * math.sin(radius_rad))]
+    rim, half, toward = near["i"], near["v"] / 2, points[near["j"]]
+    # On the rim around p, at an angle from a neighbour, the neighbour is within reach where
+    # cos(angle) is at least tan(d/2) / tan(radius), d being the distance of the two.
+    tangent = half / np.sqrt(1 - half**2)
+    width = np.arccos(np.minimum(tangent / math.tan(radius_rad), 1))
+    across = np.cross(around, np.eye(3)[np.argmin(np.abs(around), axis=1)])
+    up = np.cross(around, across)
+    x, y = (np.einsum("nc,nc->n", axis[rim], toward) for axis in (across, up))
+    middle, weight = np.arctan2(y, x), visits[near["j"]]
+    starts, ends = (middle - width) % (2 * np.pi), (middle + width) % (2 * np.pi)
+    from_zero = np.bincount(rim, np.where(starts > ends, weight, 0), len(rims)) + visits[rims]
+    # Integers sort several times faster: turn, whether it ends there, and weight.
+    bits = int(visits.max()).bit_length()
+    turns = np.concatenate([starts, ends]) + 2 * np.pi * np.tile(rim, 2)
+    codes = (turns * 2.0 ** (48 - bits)).astype(np.int64) << (bits + 1)
+    codes |= np.concatenate([weight, weight | 1 << bits])
+    codes.sort()
+    opened = np.cumsum((codes & ((1 << bits) - 1)) * (1 - 2 * (codes >> bits & 1)))
+    inside = opened + np.repeat(from_zero, 2 * np.bincount(rim, minlength=len(rims)))
+    return int(inside.max(initial=0))
+
+
+def _unlike(angles_deg: Floats, radius_rad: float) -> NDArray[np.intp]:
+    """Some of different directions (n, 2), such that all others have no more neighbours around.
+
+    All, unless they are whole rows and columns. A turn in azimuth moves a column onto another, with
+    which it shares at most its neighbours; where rows mirror each other, half of them will do.
+    """
+    step_deg = np.degrees(radius_rad) * STEP
+    column, row = np.rint(angles_deg / step_deg).T
+    (columns, first), rows = np.unique(column, return_index=True), np.unique(row)
+    if len(columns) * len(rows) != len(angles_deg):
+        return np.arange(len(angles_deg))
+    widest_deg = np.degrees(_widest_rad(angles_deg, 2 * radius_rad))
+    apart_deg = angles_deg[first, 0] - angles_deg[first, 0][:, None]
     around = {
-        frozenset((columns[np.abs(columns - at) <= widest] - at).tolist()): int(at)
-        for at in columns
+        frozenset(np.rint(each[np.abs(each) <= widest_deg] / step_deg).tolist()): at
+        for at, each in zip(columns, apart_deg, strict=True)
     }
-    kept: dict[frozenset[int], int] = {}
+    kept: list[frozenset[float]] = []
     for neighbours in sorted(around, key=len, reverse=True):
         if not any(neighbours <= other for other in kept):
-            kept[neighbours] = around[neighbours]
-    return list(kept.values())
+            kept.append(neighbours)
+    looked_at = np.isin(column, [around[each] for each in kept])
+    if np.array_equal(rows, -rows[::-1]):
+        looked_at &= row >= 0
+    return np.flatnonzero(looked_at)
 
 
 def _widest_rad(angles_deg: Floats, angle_rad: float) -> float:
