@@ -14,6 +14,7 @@ from reconstruction.base.arrays import Floats
 from spisim.budget.link import BucketLink, SpotLink
 from spisim.instrument import Detector, Instrument
 from spisim.instrument.demodulation import TAPS
+from spisim.instrument.flicker import flicker_electrons
 
 #: Sources of noise in the order of tables and plots: shot noise first, electronics last.
 SOURCES = ("signal", "daylight", "patterns", "dark current", "amplifier", "ADC")
@@ -62,14 +63,20 @@ def bucket_noise(instrument: Instrument, link: BucketLink) -> NoiseBudget:
 
 
 def exposure_noise(instrument: Instrument, electrons: Mapping[str, Floats]) -> NoiseBudget:
-    """Noise of exposures with these mean electrons (...) by source; see `bucket_noise`."""
+    """Noise of exposures with these mean electrons (...) by source; see `bucket_noise`.
+
+    1/f noise counts as white noise of the amplifier that adds as much to coefficients.
+    """
     modulation = instrument.imaging.projector.modulation
     taps = None if modulation is None else modulation.taps
     conversions, noise_share = (1, 1.0) if taps is None else (TAPS, TAPS * taps.noise_share)
     collected = collected_fraction(instrument)
     light = {name: collected * mean for name, mean in electrons.items()}
     time_s = noise_share * instrument.imaging.exposure_time_s
-    return _noise(instrument.imaging.detector, light, time_s, conversions=conversions)
+    flicker = collected * flicker_electrons(instrument)
+    return _noise(
+        instrument.imaging.detector, light, time_s, conversions=conversions, flicker=flicker
+    )
 
 
 def collected_fraction(instrument: Instrument) -> float:
@@ -103,12 +110,19 @@ def ranging_noise(instrument: Instrument, electrons_per_s: Mapping[str, Floats])
 
 
 def _noise(
-    detector: Detector, light: Mapping[str, Floats], amplifier_s: float, *, conversions: int
+    detector: Detector,
+    light: Mapping[str, Floats],
+    amplifier_s: float,
+    *,
+    conversions: int,
+    flicker: float = 0.0,
 ) -> NoiseBudget:
     excess = detector.sensor.excess_noise_factor
     electronics = {}
     if detector.amplifier is not None:
-        electronics["amplifier"] = detector.amplifier_noise_electrons(amplifier_s)
+        electronics["amplifier"] = np.hypot(
+            detector.amplifier_noise_electrons(amplifier_s), flicker
+        )
     if detector.adc is not None and conversions:
         steps = detector.adc.quantisation_noise_electrons
         electronics["ADC"] = steps * float(np.sqrt(conversions))

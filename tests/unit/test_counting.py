@@ -105,6 +105,43 @@ def test_first_photons_against_event_by_event(request: pytest.FixtureRequest) ->
     assert (z**2).mean() == pytest.approx(1, abs=4 * np.sqrt(2 / tof.bins))
 
 
+@pytest.mark.parametrize(("signal", "background"), [(0.02, 0.02), (0.3, 0.3), (1.0, 2.0)])
+@pytest.mark.parametrize("probability", [0.04, 0.5])
+def test_after_pulses_of_histograms_against_event_by_event(
+    signal: float, background: float, probability: float
+) -> None:
+    """Means of bins; the total's variance is (1 + r) / (1 - r) that of independent cycles.
+
+    Cycles follow their last one with the correlation r, p times the probability of no photon.
+    """
+    tof: DirectTof = load_instrument("spad").tof
+    diode = tof.detector.sensor.model_copy(update={"afterpulse_probability": probability})
+    detector = tof.detector.model_copy(update={"sensor": diode})
+    tof = tof.model_copy(update={"detector": detector, "bins": 500})
+    area_s = tof.pulse_sigma_s * np.sqrt(2 * np.pi)
+    chances = tof.stamping.chances(
+        PATHS, echo(4.0, signal / area_s), background / tof.gate_s
+    ).reshape(10, -1).sum(axis=1)  # fmt: skip
+
+    rng, cycles, trials = np.random.default_rng(7), 200, 5000
+    counts, detected = np.zeros((trials, 10)), np.zeros(trials, bool)
+    for cycle in range(-20, cycles):
+        seen = rng.random(trials) < -np.expm1(-signal)
+        first = np.where(seen, 4.0 / c / tof.gate_s, np.inf)
+        first = np.minimum(first, rng.exponential(1 / background, trials))
+        trapped = detected & (rng.random(trials) < probability)
+        first = np.where(trapped, np.minimum(first, rng.random(trials)), first)
+        detected = first < 1
+        if cycle >= 0:
+            counts[detected, (10 * first[detected]).astype(int)] += 1
+    error = counts.mean(axis=0) - cycles * chances
+    assert (np.abs(error) < 4 * counts.std(axis=0) / np.sqrt(trials)).all()
+    total, r = counts.sum(axis=1), probability * np.exp(-signal - background)
+    independent = cycles * chances.sum() * (1 - chances.sum())
+    ratio = total.var() / independent * (1 - r) / (1 + r)
+    assert ratio == pytest.approx(1, abs=4 * np.sqrt(2 / trials) * 1.3)
+
+
 def threshold_tof(**changes: float) -> DirectTof:
     tof = load_instrument("spad").tof
     detector = load_instrument("apd").tof.detector

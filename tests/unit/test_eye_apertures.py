@@ -80,6 +80,24 @@ def test_no_aperture_of_200_scans_takes_in_more(seed: int) -> None:
         assert np.all(np.array(worst) <= np.array(exact) * [1, 1, 1.02])
 
 
+@pytest.mark.parametrize(
+    ("apart_deg", "steps_deg"), [(3.11, [0.74, 0.63]), (4.69, [0.79, 0.3]), (4.65, [0.88, 0.31])]
+)
+@pytest.mark.parametrize("elevation_deg", [0, 40])
+def test_columns_of_rasters_side_by_side(
+    apart_deg: float, steps_deg: list[float], elevation_deg: float
+) -> None:
+    """Two beams over 7 x 8 points, near each other: exact, as if through all pairs."""
+    row, column = np.divmod(np.arange(56), 8)
+    raster = np.stack([column, row - 3], -1) * steps_deg + [0, elevation_deg]
+    angles_deg = raster[:, None] + np.array([[0, 0], [apart_deg, 0]])
+    larger = RADIUS_RAD * (1 + 1e-6)
+    centres = through_pairs(angles_deg, larger)
+    inside = centres @ directions(angles_deg).reshape(-1, 3).T >= np.cos(larger * (1 + 1e-9))
+    mean = worst_apertures(angles_deg, RADIUS_RAD, np.ones(56)).mean
+    assert mean == inside.sum(axis=1).max() / 56
+
+
 def test_rows_of_a_slow_raster_that_follow_each_other_add_up() -> None:
     """Passes of 3 of 32 points through four rows within 0.35 s: 8 mJ."""
     angles_deg = np.zeros((128, 1, 2))

@@ -15,6 +15,7 @@ The functions are arithmetic that the arrays of NumPy, PyTorch and JAX share. Ea
 product of a gradient by its results and its Jacobian.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -23,6 +24,7 @@ import numpy as np
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
+from spisim.instrument.flicker import flicker_electrons
 from spisim.simulation.measurement.light import (
     background_electrons,
     carried_fraction,
@@ -87,7 +89,9 @@ class ReadingModel:
             dark_level=dark_level,
             background=float(background_electrons(instrument, daylight_w)),
             carried=carried_fraction(instrument),
-            noise_electrons=float(detector.electronics_noise_electrons(time_s)),
+            noise_electrons=math.hypot(
+                detector.electronics_noise_electrons(time_s), flicker_electrons(instrument)
+            ),
             excess_noise_factor=detector.sensor.excess_noise_factor,
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from scipy.constants import c
@@ -15,8 +15,6 @@ from reconstruction.base.errors import InputError
 from spisim.instrument.sensor import PulseTiming, Reading
 from spisim.instrument.stamping import smoothed
 
-#: Iterations for after-pulses, which shrink by their probability in each.
-ROUNDS = 20
 #: Integration points of an echo's shape, and the sigmas that they span.
 ECHO_POINTS, ECHO_SIGMAS = 65, 5.0
 #: Detections per dead time, or per gate, above which counts pile up.
@@ -66,7 +64,8 @@ class FirstPhotons:
         """Probability (bins,) that the first detection of a cycle falls into each bin of the gate.
 
         Of one diode: detections are Poisson with mean λ_i per bin, and the first ends the cycle:
-        p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)).
+        p_i = exp(-Σ_{j<i} λ_j) (1 - exp(-λ_i)) (Coates, J. Phys. E 1, 878 (1968)), as long as no
+        carrier from the last cycle, released evenly over the gate, has been first.
         """
         tof = self.tof
         edges: Floats = np.arange(tof.bins + 1, dtype=np.float64) * tof.bin_width_s
@@ -76,13 +75,19 @@ class FirstPhotons:
         per_pulse = tof.pulse_sigma_s * math.sqrt(2 * math.pi)  # light of peak one, times seconds
         inside = np.clip(edges, times[0], times[-1])
         echo = np.maximum(np.diff(collected(inside)), 0) * per_pulse
-        primary = echo + steady_per_s * tof.bin_width_s
-        mean = primary
-        for _ in range(ROUNDS):
-            detected = -math.expm1(-mean.sum())
-            mean = primary + self.afterpulse_probability * detected / tof.bins
-        before = np.concatenate([[0.0], np.cumsum(mean)[:-1]])
-        return np.asarray(np.exp(-before) * -np.expm1(-mean))
+        mean = echo + steady_per_s * tof.bin_width_s
+        before = np.cumsum(mean) - mean
+        released = self._released(mean.sum()) / tof.bins
+        left = 1 - released * np.arange(1, tof.bins + 1)
+        return np.asarray(np.exp(-before) * (released - left * np.expm1(-mean)))
+
+    def _released(self, mean: Any) -> Any:
+        """Fraction of gates with a carrier trapped in the last, for a mean of primary photons.
+
+        A cycle detects nothing with the probability exp(-mean) (1 - this).
+        """
+        p = self.afterpulse_probability
+        return p * -np.expm1(-mean) / (1 - p * np.exp(-mean))
 
     def sigma_s(self, path_m: Floats, echo_per_s: Floats, steady_per_s: Floats) -> Floats:
         """Cramér-Rao bound (...) of the delay of a Gaussian echo among first detections.
@@ -97,10 +102,7 @@ class FirstPhotons:
         sigma = np.hypot(self.response_sigma_s, tof.bin_width_s / np.sqrt(12))
         delay = path_m / c
         per_pulse = echo_per_s * tof.pulse_sigma_s * np.sqrt(2 * np.pi)
-        rate = steady_per_s
-        for _ in range(ROUNDS):
-            detected = -np.expm1(-(rate * tof.gate_s + per_pulse))
-            rate = steady_per_s + self.afterpulse_probability * detected / tof.gate_s
+        rate = steady_per_s + self._released(steady_per_s * tof.gate_s + per_pulse) / tof.gate_s
         x = np.linspace(-ECHO_SIGMAS, ECHO_SIGMAS, ECHO_POINTS)  # time in sigmas, along a last axis
         shape = np.exp(-(x**2) / 2) / np.sqrt(2 * np.pi)
         echo = per_pulse[..., None] * shape

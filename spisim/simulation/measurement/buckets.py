@@ -6,6 +6,7 @@ from scipy.constants import elementary_charge
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Buckets, PatternTaps
 from spisim.instrument import Instrument, Modulation
+from spisim.instrument.flicker import flicker_electrons
 from spisim.simulation.measurement.electronics import drifting_current_a
 from spisim.simulation.measurement.light import BucketLight
 
@@ -35,7 +36,7 @@ def record_buckets(
         counts=readings.counts,
         saturated=readings.saturated,
         **_timing(instrument),
-        **readings.charge | _unknown(rng),
+        **readings.charge | _noise(instrument, readings.noise_electrons, rng),
         dead_time_s=readings.dead_time_s,
         baseline_electrons=float(light.taken_off.mean()),
     )
@@ -63,7 +64,12 @@ def _demodulated(
         **_timing(instrument),
         electrons_per_count=readings.electrons_per_count,
         offset_counts=taps * readings.offset_counts,
-        noise_electrons=np.nan if rng is None else float(readings.noise_electrons * np.sqrt(taps)),
+        **_noise(
+            instrument,
+            readings.noise_electrons * np.sqrt(taps),
+            rng,
+            taps * modulation.taps.fraction,
+        ),
         excess_noise_factor=readings.excess_noise_factor,
         dead_time_s=0.0,
     )
@@ -96,8 +102,14 @@ def _drifting(instrument: Instrument, light: BucketLight, rng: Random, first: in
     return np.asarray(electrons.reshape(light.buckets.shape))
 
 
-def _unknown(rng: Random) -> dict[str, float]:
-    return {"noise_electrons": np.nan} if rng is None else {}
+def _noise(
+    instrument: Instrument, white: float, rng: Random, collected: float = 1.0
+) -> dict[str, float]:
+    """Noise of a reading, from its white part and the fraction of an exposure that it collects."""
+    if rng is None:
+        return {"noise_electrons": np.nan}
+    flicker = collected * flicker_electrons(instrument)
+    return {"noise_electrons": float(np.hypot(white, flicker))}
 
 
 def _timing(instrument: Instrument) -> dict[str, float]:

@@ -8,10 +8,9 @@ from numpy.random import Generator
 
 from reconstruction.base.arrays import Floats
 from spisim.instrument import Amplifier
+from spisim.instrument.flicker import PA, STEPS, flicker_spectrum
 
-#: Steps per exposure period of simulated 1/f noise, and recordings that its longest period spans.
-STEPS, SPAN = 8, 4
-PA, MINUTE_S = 1e-12, 60.0
+MINUTE_S = 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,19 +56,14 @@ def drifting_current_a(
 ) -> Floats:
     """Input current (periods,) in the exposures at the end of each period: 1/f noise and drift.
 
-    The one-sided density of 1/f noise is i_n² f_c / f; what is slower than four times these periods
-    is left out. Drift begins `first` periods before. An AC-coupled amplifier high-passes the noise
-    and takes the drift off.
+    Drift begins `first` periods before; an AC-coupled amplifier takes it off.
     """
     if amplifier.is_steady:
         return np.zeros(periods)
-    samples, step_s = SPAN * STEPS * periods, period_s / STEPS
-    frequency = np.fft.rfftfreq(samples, step_s)[1:]
-    density = (amplifier.noise_pa_per_sqrt_hz * PA) ** 2 * amplifier.corner_hz / frequency
-    if amplifier.low_cut_hz is not None:
-        density /= 1 + (amplifier.low_cut_hz / frequency) ** 2
-    waves = rng.standard_normal((2, len(frequency))) * np.sqrt(density * frequency[0])
-    current = np.fft.irfft(np.append(0, waves[0] - 1j * waves[1]), samples) * samples / 2
+    frequency, variance = flicker_spectrum(amplifier, periods, period_s)
+    waves = rng.standard_normal((2, len(frequency))) * np.sqrt(variance)
+    current = len(frequency) * np.fft.irfft(np.append(0, waves[0] - 1j * waves[1]))
+    step_s = period_s / STEPS
     charge = np.append(0, np.cumsum(current[: STEPS * periods])) * step_s
     edges, ends = np.arange(len(charge)) * step_s, np.arange(1, periods + 1) * period_s
     starts = ends - exposure_time_s
