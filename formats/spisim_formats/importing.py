@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from typing import Literal
 
@@ -19,14 +20,14 @@ from spisim_formats.format import Reader, readers
 from spisim_formats.library import drone as drones
 from spisim_formats.library.content import Content, Part
 from spisim_formats.library.drone import DronePose, Surroundings
-from spisim_formats.library.files import Folders, shown
+from spisim_formats.library.files import Folders, quoted, shown
 from spisim_formats.library.materials import Match, check_map, match, read_map
 from spisim_formats.library.opacity import CutOuts
 from spisim_formats.library.origin import Origin, to_origin
 from spisim_formats.library.shapes import as_mesh
 from spisim_formats.library.source_material import SourceMaterials
 from spisim_formats.library.surround import ground, ground_material
-from spisim_formats.library.textures import Pictured, Use
+from spisim_formats.library.textures import Pictured, Use, has_holes
 from spisim_formats.library.units import choose_unit, choose_up, odd_sizes, to_metres
 from spisim_formats.library.writing import scene_fields
 
@@ -43,6 +44,7 @@ WATTS = (
     "they have a unit, which is much: most lamps for the eye have next to nothing there; see "
     "`lamps` in the scene file"
 )
+OPAQUE = "such counts only if the file says so (map_d, alphaMode, transparent, opacity, mask)"
 ARCHIVES = (".zip", ".zae", ".3mf", ".gz", ".tgz", ".tar", ".7z", ".rar", ".bz2", ".xz")
 
 
@@ -165,6 +167,7 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
         _cut(each, part, cut_outs) for each, part in zip(matches, content.parts, strict=True)
     ]
     content.notes += pictured.notes + cut_outs.notes
+    _note_unused_alpha(content)
     if sources is not None:
         _check_stated(sources, file)
         content.notes += sources.notes
@@ -194,7 +197,8 @@ def import_scene(file: Path, output: Path, options: Options | None = None) -> Im
     odd = odd_sizes(bounds_m)
     near, far = drones.NEAREST_RANGE_M
     if not near <= drone.nearest_m <= far:
-        odd.append(f"the surface nearest to the drone is {drone.nearest_m:.3g} m away")
+        hint = "; --drone counts from the new origin" if origin_m.any() else ""
+        odd.append(f"the surface nearest to the drone is {drone.nearest_m:.3g} m away{hint}")
     if content.left_out:
         odd.append(f"{len(content.left_out)} things are left out; the notes say which and why")
     return Import(
@@ -329,6 +333,19 @@ def _cut(match: Match, part: Part, cut_outs: CutOuts) -> Match:
     if opacity is None:
         return match
     return replace(match, material=cut_outs.material(match.material, opacity, part.geometry))
+
+
+def _note_unused_alpha(content: Content) -> None:
+    """Note surfaces that stay opaque although their picture is not, as their formats have it."""
+    checked = cache(has_holes)
+    for surface in dict.fromkeys(part.surface for part in content.parts):
+        if (texture := surface.texture) is None or not checked(texture.source):
+            continue
+        if surface.opacity is None or surface.opacity() is None:
+            content.note(
+                f"material {quoted(surface.label)}: opaque, although {quoted(texture.name)} has "
+                f"alpha below 1: {OPAQUE}"
+            )
 
 
 def _counted(matches: Sequence[Match]) -> tuple[tuple[Match, int], ...]:

@@ -121,7 +121,7 @@ def _fault(bad: NDArray[np.bool_], covered: Floats, area: Floats) -> str:
     return (
         f"{np.count_nonzero(bad):,} of {len(bad):,} polygons cross themselves or have no area: "
         f"their triangles cover {covered[bad].sum():.4g}, by Newell's formula they have "
-        f"{area[bad].sum():.4g} square units"
+        f"{area[bad].sum():.4g} square units; export triangles to mend them"
     )
 
 

@@ -123,11 +123,11 @@ def _volume_and_area(triangles: Floats) -> tuple[float, float]:
 
 
 def _edge_counts(mesh: trimesh.Trimesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Per edge between distinct points: its triangles, and the surplus in one direction."""
+    """Per edge of triangles of distinct points: how many, and the surplus in one direction."""
     _, same = trimesh.grouping.unique_rows(mesh.vertices)
     faces = same[mesh.faces]
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]  # others are no surface
     directed = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
-    directed = directed[directed[:, 0] != directed[:, 1]]
     forward = directed[:, 0] < directed[:, 1]
     keys = directed.min(axis=1) * len(mesh.vertices) + directed.max(axis=1)
     _, edge = np.unique(keys, return_inverse=True)

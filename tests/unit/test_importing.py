@@ -359,3 +359,12 @@ def test_a_damaged_material_of_gltf_is_a_note(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(glb(header, TRIANGLE))
     report = taken(tmp_path / "a.glb")
     assert "material 0 is damaged: it is not used" in report.notes
+
+
+def test_the_drone_looks_at_a_surface_where_the_middle_of_all_is_a_hole(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(
+        "v 0 0 0\nv 3 0 0\nv 3 3 0\nv 1.5 0.5 0\nv 0 3 0\nf 1 2 3 4 5\n"
+    )
+    drone = taken(tmp_path / "a.obj").drone
+    assert drone.why == "proposed"
+    assert np.isfinite(drone.ahead_m)

@@ -83,3 +83,14 @@ def test_the_command_states_the_origin(wall: Path, tmp_path: Path) -> None:
     assert "origin   477017, 5429457, 0 m in the file" in CliRunner().invoke(app, arguments).stdout
     given = CliRunner().invoke(app, [*arguments, "--origin", "477000,5429000,100", "--json"])
     assert json.loads(given.stdout)["origin_m"] == [477000, 5429000, 100]
+    far = CliRunner().invoke(app, [*arguments, "--drone", "477010,5429457,115"])
+    assert "--drone: position and look-at should be" in far.stderr
+    assert "of the scene's origin (see --origin)" in far.stderr
+    near = CliRunner().invoke(app, [*arguments, "--drone", "4770,54294,115"])
+    assert "away; --drone counts from the new origin" in near.stderr
+
+
+def test_the_drone_counts_from_the_new_origin(wall: Path) -> None:
+    report = taken(wall, position_m=(0.0, 0.5, 1.0), look_at_m=(5.0, 0.5, 1.0))
+    assert report.drone.position_m.tolist() == [0, 0.5, 1]
+    assert report.drone.nearest_m < 200

@@ -41,6 +41,13 @@ def Cube "a"
 {more}
 """
 
+SHADER = """def Shader "s"
+{{
+    uniform token info:id = "UsdPreviewSurface"
+    color3f inputs:diffuseColor = (1, 1, 1)
+    {}
+}}"""
+
 
 def mitsuba(body: str, more: str = "") -> str:
     return f'<scene version="3.0.0"><shape type="cube" id="wall">{body}</shape>{more}</scene>'
@@ -98,19 +105,35 @@ def file(path: Path, content: str | bytes) -> Path:
          "<COLLADA>: <library_clouds>"),
         ("a.dae", collada(), collada().replace('<node id="a"', '<node id="a" wet="1"'),
          "<node>: wet"),
+        ("a.dae", collada(), collada().replace("<phong>", "<phong><fur><float>1</float></fur>"),
+         "<phong>: <fur>"),
         ("a.glb", gltf(), gltf(nodes=[{"mesh": 0, "plush": 1}]), "nodes: plush"),
         ("a.glb", gltf(), gltf(nodes=[{"mesh": 0, "extensions": {"X_fur": {}}}]), "X_fur"),
+        ("a.glb", gltf(), gltf(scenes=[{"nodes": [0], "extensions": {"X_fur": {}}}]),
+         "a.glb: not read of extensions: X_fur"),
+        ("a.glb", gltf(), gltf(nodes=[{"mesh": 0, "extras": {"of": "moss"}}]), "nodes: extras"),
         ("a.glb", gltf(), gltf(clouds=[]), "a.glb: not read: clouds"),
         ("a.obj", SQUARE + FACE, SQUARE + FACE + "curv 0 1 1 2\n", "a.obj: not read: curv"),
+        ("a.obj", SQUARE + FACE, SQUARE + FACE + "_fur 1\n", "a.obj: not read: _fur"),
         ("a.ply", ply(), ply("property float heat\n", "", "3"), "vertex: heat"),
         ("a.ply", ply(), ply("", "element camera 0\nproperty float f\n"), "not read: camera"),
         ("a.stl", stl(0), stl(0x8FFF), "triangles: attribute"),
+        ("a.stl", stl(0), b"COLOR=".ljust(80) + stl(0)[80:], "header: COLOR"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n",
          "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 255 0 0\n", "faces: further numbers"),
         ("a.usda", USD.format(body="", more=""), USD.format(body="float fuzz = 1", more=""),
          "Cube: fuzz"),
         ("a.usda", USD.format(body="", more=""), USD.format(body="", more='def Fur "f" {}'),
          "not read: Fur"),
+        ("a.usda", USD.format(body="", more=""), USD.format(body="rel fur = </a>", more=""),
+         "Cube: fur"),
+        ("a.usda", USD.format(body="", more=""),
+         USD.format(body='string userProperties:fur = "long"', more=""), "userProperties:fur"),
+        ("a.usda", USD.format(body="", more=SHADER.format("")),
+         USD.format(body="", more=SHADER.format("float inputs:fur = 1")), "inputs:fur"),
+        ("a.usda", USD.format(body="", more=SHADER.format("")),
+         USD.format(body="", more=SHADER.format("").replace("UsdPreviewSurface", "Fur")),
+         "Shader Fur"),
     ],
 )  # fmt: skip
 def test_what_no_reader_asks_for_is_named(
@@ -133,9 +156,10 @@ def test_spectra_of_files_are_named(tmp_path: Path) -> None:
 
 
 def test_keywords_of_material_libraries_are_named(tmp_path: Path) -> None:
-    file(tmp_path / "a.mtl", "newmtl brick\nKd 1 1 1\nKd 1 1 1\nPr 0.5\n")
+    file(tmp_path / "a.mtl", "newmtl brick\nKd 1 1 1\nKd 1 1 1\nPr 0.5\nd half\n")
     report = taken(file(tmp_path / "a.obj", f"mtllib a.mtl\n{SQUARE}usemtl brick\n{FACE}"))
     assert "a.mtl: not read of materials: Pr" in report.notes
+    assert "a.mtl: not read: 'd half'" in report.notes
 
 
 def test_a_part_that_fails_is_named_once(tmp_path: Path) -> None:

@@ -38,6 +38,8 @@ def odd_meshes(tmp_path: Path) -> None:
     away = np.vstack([vertices, vertices + np.array([1, 1, 0])])
     solid(tmp_path / "touching.ply", away, np.vstack([faces, faces + len(vertices)]))
     solid(tmp_path / "flat.ply", vertices * (1, 1, 0), faces)
+    repeated = [[0, 0, 1], [0, 1, 1], [0, 1, 2], [0, 2, 3], [0, 3, 3]]  # a polygon 0 0 1 1 2 3 3
+    solid(tmp_path / "repeated.ply", [[0, 0, 0], [1, 0, 0], [1, 0, 1], [0, 0, 1]], repeated)
     hollow = np.vstack([vertices, vertices / 2])
     solid(tmp_path / "hollow.ply", hollow, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
 
@@ -62,7 +64,7 @@ def test_unsound_meshes_are_named_in_one_warning(load: Load) -> None:
 
 
 @pytest.mark.usefixtures("odd_meshes")
-@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow", "flat"])
+@pytest.mark.parametrize("name", ["open", "soup", "touching", "hollow", "flat", "repeated"])
 def test_sound_meshes_that_look_suspicious(load: Load, name: str) -> None:
     without_warning(
         load, with_objects(f"name: it, mesh: {name}.ply, translate_m: [3, 5, 0], material: brick")

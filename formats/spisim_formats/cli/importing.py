@@ -90,10 +90,15 @@ def command(
         ),
     ] = "guess",
     drone: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="Where the drone is, metres, z up.")
+        str | None,
+        typer.Option(
+            metavar="X,Y,Z",
+            help="Where the drone is, metres, z up, from the new origin where --origin moves it.",
+        ),
     ] = None,
     look_at: Annotated[
-        str | None, typer.Option(metavar="X,Y,Z", help="What it looks at, metres, z up.")
+        str | None,
+        typer.Option(metavar="X,Y,Z", help="What it looks at, metres, z up, as --drone."),
     ] = None,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -185,7 +190,7 @@ def _print(report: Import) -> None:
     }
     if report.origin_m.any():
         place = ", ".join(f"{value:.12g}" for value in report.origin_m)
-        lines["origin"] = f"{place} m in the file (--origin)"
+        lines["origin"] = f"{place} m in the file (--origin); --drone and --look-at count from it"
     for title, text in lines.items():
         results.print(f"{title:8} {text}", soft_wrap=True)
     table = word_table("in the file", "material", "how", "why", "parts")

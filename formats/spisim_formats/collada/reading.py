@@ -24,7 +24,7 @@ from spisim_formats.library.content import (
     Part,
     Surface,
     readable,
-    with_texture_coordinates,
+    with_seams,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
 from spisim_formats.library.opacity import Opacity, cut
@@ -95,8 +95,11 @@ def read_collada(path: Path, folders: Folders) -> Content:
 
 def _unread(root: Element) -> Rest:
     """Return what of a document neither pycollada nor this module reads."""
-    for element in root.iter():
+    waiting = [root]
+    while waiting:
+        element = waiting.pop()
         if plain(element.tag) in READ and isinstance(element, RecordedElement):
+            waiting += element  # what is in others is not read
             mark(element)
             element.asked |= {name for name in element.keys() if plain(name) in ATTRIBUTES}  # noqa: SIM118
     return unread_elements(root, HARMLESS)
@@ -230,12 +233,7 @@ def _textured(triangles: Any, mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     uv, numbers = np.asarray(triangles.texcoordset[0]), np.asarray(triangles.texcoord_indexset[0])
     if numbers.shape != triangles.vertex_index.shape or not numbers.max(initial=0) < len(uv):
         return mesh
-    pairs = np.column_stack([np.ravel(triangles.vertex_index), np.ravel(numbers)])
-    each, corners = np.unique(pairs, axis=0, return_inverse=True)
-    whole = trimesh.Trimesh(
-        np.asarray(triangles.vertex)[each[:, 0]], corners.reshape(-1, 3), process=False
-    )
-    return with_texture_coordinates(whole, uv[each[:, 1], :2])
+    return with_seams(triangles.vertex, triangles.vertex_index, uv, numbers)
 
 
 def _opacity(

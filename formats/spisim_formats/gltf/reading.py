@@ -47,7 +47,7 @@ VISIBILITY = "KHR_node_visibility"
 #: is counted as read or not elsewhere (numbers of attributes).
 HARMLESS = words("""
 accessors animations asset bufferViews buffers cameras doubleSided extensionsRequired
-extensionsUsed extras name occlusionTexture sampler samplers skin skins JOINTS_0 NORMAL POSITION
+extensionsUsed name occlusionTexture sampler samplers skin skins JOINTS_0 NORMAL POSITION
 TANGENT WEIGHTS_0
 """)
 #: Extensions that are read, and those that change how surfaces look, not where they are.

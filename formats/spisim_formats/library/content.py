@@ -270,6 +270,21 @@ def with_texture_coordinates(mesh: trimesh.Trimesh, uv: ArrayLike) -> trimesh.Tr
     return mesh
 
 
+def with_seams(
+    points: ArrayLike, faces: ArrayLike, uv: ArrayLike, numbers: ArrayLike
+) -> trimesh.Trimesh:
+    """Return a mesh whose corners have the coordinates uv[numbers], v up.
+
+    Vertices are split where these differ. `faces` and `numbers` are (triangles, 3).
+    """
+    coordinates = np.asarray(uv, dtype=np.float64)
+    key = np.asarray(faces, np.int64) * len(coordinates) + np.asarray(numbers, np.int64)
+    each, corners = np.unique(key, return_inverse=True)
+    vertices, places = np.divmod(each, len(coordinates))
+    whole = trimesh.Trimesh(np.asarray(points)[vertices], corners.reshape(-1, 3), process=False)
+    return with_texture_coordinates(whole, coordinates[places, :2])
+
+
 def translation(offset: ArrayLike) -> Floats:
     """Return a (4, 4) translation."""
     matrix = np.eye(4)

@@ -87,12 +87,14 @@ def propose(around: Surroundings) -> DronePose:
     Without such a pose, it is in front of the scene at any distance.
     """
     bulk = around.bulk()
-    target = np.median(bulk, axis=0)
+    middle = np.median(bulk, axis=0)
+    targets = (middle, bulk[np.linalg.norm(bulk - middle, axis=1).argmin()])  # if that is a hole
     looked_for = np.random.default_rng(0).permutation(bulk)[:LOOKED_FOR]
     lowest_m = around.bounds_m[:, 0, 2].min() + CLEARANCE_M
     near, far = NEAREST_RANGE_M
     fitting = (
         pose
+        for target in targets
         for position in _positions(target)
         if position[2] >= lowest_m
         and near <= (pose := pose_at(around, position, target, "proposed")).nearest_m <= far
@@ -104,9 +106,9 @@ def propose(around: Surroundings) -> DronePose:
             if around.is_open(pose.position_m):
                 return pose
     low, high = around.bounds_m[:, 0].min(axis=0), around.bounds_m[:, 1].max(axis=0)
-    before = np.array([low[0] - max(3.0, 0.2 * float((high - low).max())), target[1], target[2]])
+    before = np.array([low[0] - max(3.0, 0.2 * float((high - low).max())), middle[1], middle[2]])
     why = "proposed in front of everything: no open place sees the bulk from 1 to 10 m"
-    return pose_at(around, before, target, why)
+    return pose_at(around, before, middle, why)
 
 
 def aim(around: Surroundings, position_m: ArrayLike) -> Floats:
@@ -124,7 +126,8 @@ def pose_at(
     position, target = np.asarray(position_m, float), np.asarray(look_at_m, float)
     if not (np.abs([position, target]) <= MAX_COORDINATE_M).all():
         raise InputError(
-            f"position and look-at should be finite numbers within ±{MAX_COORDINATE_M:g} m"
+            "position and look-at should be finite numbers within "
+            f"±{MAX_COORDINATE_M:g} m of the scene's origin (see --origin)"
         )
     forward = look_at(position, target, (0.0, 0.0, 1.0))[:3, 2]
     ahead_m = float(around.blocks.first_hits(position, forward[None])[0])

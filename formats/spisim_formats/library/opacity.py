@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from spisim.scene.bsdf import Clear
 from spisim.scene.materials import find_material, shipped_materials
-from spisim.scene.shapes import texture_coordinates
-from spisim_formats.library.textures import thinned
+from spisim_formats.library.textures import has_coordinates, thinned
 
 #: Wavelengths of the shipped table.
 TABLE_NM = (850, 905, 940, 1460, 1550)
@@ -49,6 +47,14 @@ def cut(
     return Opacity(opaque, fits) if opaque.min() < 1 else None
 
 
+def times(factor: float, opacity: Callable[[], Opacity | None] | None = None) -> Opacity | None:
+    """Return an opacity times a factor; None is opaque."""
+    given = None if opacity is None else opacity()
+    if given is None:
+        return uniform(factor)
+    return replace(given, fraction=np.float32(factor) * given.fraction)
+
+
 class CutOuts:
     """Own materials of a scene file: others with an opacity; their `rows`, and pictures next to it.
 
@@ -60,7 +66,7 @@ class CutOuts:
         self.files: dict[str, NDArray[np.uint16]] = {}
         self.notes: list[str] = []
         self._own = own
-        self._names: dict[tuple[str, float, bool], str] = {}
+        self._names: dict[tuple[str, int, bool], str] = {}
 
     def material(self, material: str, opacity: Opacity, geometry: object) -> str:
         """Return the name of a material with an opacity.
@@ -71,13 +77,8 @@ class CutOuts:
         passes = material not in self._own and isinstance(find_material(material).bsdf, Clear)
         if passes and fraction.size == 1:
             return material
-        whole = (
-            opacity.fits
-            and fraction.size > 1
-            and isinstance(geometry, trimesh.Trimesh)
-            and texture_coordinates(geometry) is not None
-        )
-        key = material, id(opacity) if fraction.size > 1 else float(fraction[0, 0]), whole
+        whole = opacity.fits and fraction.size > 1 and has_coordinates(geometry)
+        key = material, hash(fraction.tobytes()), whole
         if key not in self._names:
             self._names[key] = self._add(material, fraction, whole)
         return self._names[key]

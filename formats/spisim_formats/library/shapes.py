@@ -108,8 +108,10 @@ def stretched(geometry: Shape, to_world: Floats) -> tuple[Shape, Floats] | None:
     rotation = linear / lengths
     if not np.allclose(rotation.T @ rotation, np.eye(3), atol=RIGHT):
         return None
-    if np.linalg.det(rotation) < 0:  # both shapes are symmetric in x
-        rotation[:, 0] *= -1
+    if (
+        np.linalg.det(rotation) < 0
+    ):  # a box is symmetric in z; a rectangle's picture lies in x and y
+        rotation[:, 2] *= -1
     size = tuple(float(s * x) for s, x in zip(geometry.size_m, lengths, strict=False))
     rigid = to_world.copy()
     rigid[:3, :3] = rotation

@@ -7,11 +7,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
-from spisim.scene.shapes import texture_coordinates
-from spisim_formats.library.textures import thinned
+from spisim_formats.library.textures import has_coordinates, thinned
 
 #: Field that a texture multiplies; the texture is scaled to a maximum of 1.
 TINTED = "reflectance"
@@ -55,7 +53,7 @@ class SourceMaterials:
 
     def material(self, label: str, given: SourceMaterial, geometry: object) -> tuple[str, str]:
         """Return the name of a surface's material, and the reason."""
-        whole = isinstance(geometry, trimesh.Trimesh) and texture_coordinates(geometry) is not None
+        whole = has_coordinates(geometry)
         fields = dict(given.fields)
         for name, picture in given.pictures.items():
             fields[name] = float(picture.max() if whole and name == TINTED else picture.mean())

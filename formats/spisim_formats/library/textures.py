@@ -20,6 +20,7 @@ from PIL import Image
 
 from reconstruction.base.errors import InputError
 from spisim.base.config.linear import LINEAR
+from spisim.scene.description import RectangleObject
 from spisim.scene.shapes import texture_coordinates
 from spisim_formats.library.files import quoted, read_bytes
 
@@ -69,12 +70,7 @@ class Pictured:
         """Return the name of a surface's material, and the reason; None if it has no texture."""
         if self._use == "off":
             return None
-        whole = (
-            self._use == "picture"
-            and texture.fits
-            and isinstance(geometry, trimesh.Trimesh)
-            and texture_coordinates(geometry) is not None
-        )
+        whole = self._use == "picture" and texture.fits and has_coordinates(geometry)
         source = texture.source if isinstance(texture.source, Path) else id(texture.source)
         key = source, texture.factor, whole
         if key not in self._made:
@@ -114,6 +110,21 @@ def read_red(texture: Texture) -> tuple[NDArray[np.float32], NDArray[np.float32]
     return (red * factor).astype(np.float32), fraction
 
 
+def has_coordinates(geometry: object) -> bool:
+    """Return whether a mesh or shape has texture coordinates."""
+    if isinstance(geometry, trimesh.Trimesh):
+        return texture_coordinates(geometry) is not None
+    return isinstance(geometry, RectangleObject)
+
+
+def has_holes(source: Path | bytes) -> bool:
+    """Return whether an image is transparent somewhere; False if it cannot be read."""
+    try:
+        return bool(read_channels(Texture("", source), 3)[0].min() < 1)
+    except InputError:
+        return False
+
+
 def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
     """Read red, green, blue or opacity (h, w), 0 to 3, as stored in an image, from 0 to 1.
 
@@ -127,6 +138,8 @@ def read_channels(texture: Texture, *numbers: int) -> list[NDArray[np.float32]]:
         ):
             if picture.width * picture.height > MAX_PIXELS:
                 raise InputError(f"more than {MAX_PIXELS:,} pixels are not read")
+            if numbers == (3,) and not picture.has_transparency_data:  # no need to decode it
+                return [np.ones((picture.height, picture.width), np.float32)]
             if picture.mode.startswith("I"):  # 16-bit grey, which conversion would clip
                 grey = np.asarray(picture).astype(np.float32) / np.float32(65535)
                 return [np.ones_like(grey) if number == 3 else grey for number in numbers]

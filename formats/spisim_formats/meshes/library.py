@@ -6,7 +6,7 @@ http://paulbourke.net/dataformats/mtl/
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -67,17 +67,17 @@ def read_library(
         match words[0].lower():
             case "newmtl":
                 current = materials[COMMENT.sub("", value).strip()] = Described()
-            case "kd":
-                current.color = _color(value) or current.color
             case "map_kd":
                 current.is_pictured = True
                 current.texture = _texture(value, library, folders, content) or current.texture
-            case "d":
-                current.opaque = _fraction(value.removeprefix("-halo "))
-            case "tr":
-                current.transparency = _fraction(value)
             case "map_d":
                 current.mask = _texture(value, library, folders, content)
+            case "kd" | "d" | "tr" as key:
+                name, parsed = NUMBERS[key]
+                if (number := parsed(value.removeprefix("-halo "))) is None:
+                    content.note(f"{library.name}: not read: {quoted(' '.join(words))}")
+                else:
+                    setattr(current, name, number)
     return materials
 
 
@@ -101,3 +101,11 @@ def _color(text: str) -> Color | None:
     except ValueError:
         return None
     return red, green, blue
+
+
+#: Statements of numbers, by their fields.
+NUMBERS: dict[str, tuple[str, Callable[[str], object]]] = {
+    "kd": ("color", _color),
+    "d": ("opaque", _fraction),
+    "tr": ("transparency", _fraction),
+}

@@ -23,7 +23,7 @@ PLY = {
 def unread_words(text: str, read: Collection[str], owner: str = "") -> Rest:
     """Count the lines whose first word, in lower case, is none of those that are read."""
     known = "|".join(map(re.escape, read))
-    others = re.findall(rf"^[ \t]*(?!(?:{known})(?:\s|$))([a-z][\w:.-]*)", text, re.M | re.I)
+    others = re.findall(rf"^[ \t]*(?!(?:{known})(?:\s|$))([^\W\d][\w:.-]*)", text, re.M | re.I)
     return Counter((owner, word) for word in others)
 
 
@@ -50,7 +50,11 @@ def unread_stl(data: bytes) -> Rest:
         return unread_words(data.decode("utf-8", errors="replace"), STL)
     records = np.frombuffer(data[84 : 84 + (len(data) - 84) // 50 * 50], np.uint8).reshape(-1, 50)
     count = int(records[:, 48:].any(axis=1).sum())
-    return Counter({("triangles", "attribute (a colour)"): count} if count else {})
+    colors = {
+        ("triangles", "attribute (a colour)"): count,
+        ("header", "COLOR"): b"COLOR=" in data[:80],
+    }
+    return +Counter(colors)
 
 
 def unread_off(data: bytes) -> Rest:

@@ -21,7 +21,7 @@ from spisim_formats.library.content import Content, Part, Shape, Surface, transl
 from spisim_formats.library.files import Folders
 from spisim_formats.library.opacity import Opacity
 from spisim_formats.library.source_material import SourceMaterial
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.textures import Texture, has_holes
 from spisim_formats.meshes.reading import read_obj, read_ply
 from spisim_formats.mitsuba.bsdf import opacity, source_surface
 from spisim_formats.mitsuba.elements import Node, Source, read_source, unread_nodes
@@ -217,6 +217,8 @@ class _Shapes:
             name = node.value("filename", "")
             result = self._content.texture(name, beside, self._folders, node.what, more)
             if result is not None:
+                if node.name == "opacity" and has_holes(result.source):
+                    self._content.note(f"{node.what}: its alpha is not used, as in Mitsuba")
                 result = replace(result, fits=False, linear=node.value("raw", False))
             self._textures[key] = result
         return self._textures[key]

@@ -25,16 +25,18 @@ from spisim_formats.library.content import (
 )
 from spisim_formats.library.files import Folders
 from spisim_formats.library.metallic import Metallic
-from spisim_formats.library.opacity import uniform
+from spisim_formats.library.opacity import Opacity, cut, times
 from spisim_formats.library.records import mark_all
 from spisim_formats.library.source_material import SourceMaterial
-from spisim_formats.library.textures import Texture
+from spisim_formats.library.textures import Texture, read_channels
 from spisim_formats.library.units import to_metres
 from spisim_formats.library.xml import numbers
 
 #: Texture elements by property, and those that are left out.
 MAPS = {"albedo_map": "base", "metalness_map": "metal", "roughness_map": "roughness"}
 MORE_MAPS = {"normal_map": "bumps are", "emissive_map": "own light is"}
+#: Alpha of albedo maps from which Gazebo draws a surface.
+ALPHA_CUTOFF = 0.5
 #: Geometries of Gazebo that are not read.
 LEFT_OUT = ("polyline", "image", "empty")
 
@@ -47,6 +49,7 @@ class Visuals:
         self._folders = folders
         self._files: dict[Path, list[Part]] = {}
         self._faults: dict[Path, InputError] = {}
+        self._cut_outs: dict[Path | bytes, Opacity | None] = {}
 
     def read(self, visual: Element, path: Path, what: str) -> list[Part]:
         """Return the parts of a visual in its own frame; files are searched beside `path`."""
@@ -58,8 +61,7 @@ class Visuals:
         parts = self._read(visual, path, what)
         if not transparency > 0:
             return parts
-        opacity = cache(partial(uniform, 1 - transparency))
-        return [replace(part, surface=replace(part.surface, opacity=opacity)) for part in parts]
+        return [replace(part, surface=_thinner(part.surface, 1 - transparency)) for part in parts]
 
     def _read(self, visual: Element, path: Path, what: str) -> list[Part]:
         geometry = visual.find("geometry")
@@ -160,19 +162,34 @@ class Visuals:
             words = ("metal",)
         material.findall(".//albedo_map")  # counts it as read
         name = script.rpartition("/")[2] or None
-        whole = partial(_source, visual, color, textures, what)
+        albedo = textures.get("albedo_map")
+        opacity = None if albedo is None else partial(self._cut_out, albedo, what)
+        whole = partial(_source, visual, color, textures, opacity, what)
         source = cache(partial(self.content.attempt, f"{what}: material", whole))
         color = None if named else color
-        return Surface(name, color, words, textures.get("albedo_map"), source)
+        return Surface(name, color, words, albedo, source, opacity)
+
+    def _cut_out(self, albedo: Texture, what: str) -> Opacity | None:
+        """Return the opacity of an albedo map; Gazebo cuts its alpha (gz-sim, SceneManager.cc)."""
+        if albedo.source not in self._cut_outs:
+            read = partial(read_channels, albedo, 3)
+            alpha = self.content.attempt(f"{what}: opacity", read)
+            self._cut_outs[albedo.source] = None if alpha is None else cut(alpha[0], ALPHA_CUTOFF)
+        return self._cut_outs[albedo.source]
+
+
+def _thinner(surface: Surface, factor: float) -> Surface:
+    return replace(surface, opacity=cache(partial(times, factor, surface.opacity)))
 
 
 def _source(
     visual: Element,
     color: tuple[float, float, float] | None,
     textures: dict[str, Texture | None],
+    opacity: Callable[[], Opacity | None] | None,
     what: str,
 ) -> SourceMaterial | None:
-    surface = _metallic(visual, color, textures, what)
+    surface = _metallic(visual, color, textures, opacity, what)
     return None if surface is None else surface.source_material()
 
 
@@ -180,6 +197,7 @@ def _metallic(
     visual: Element,
     color: tuple[float, float, float] | None,
     textures: dict[str, Texture | None],
+    opacity: Callable[[], Opacity | None] | None,
     what: str,
 ) -> Metallic | None:
     """Return the material by metalness and roughness, if a visual has them."""
@@ -199,7 +217,7 @@ def _metallic(
         1.0 if color is None else color[0],
         fraction,
         roughness,
-        opacity=uniform(1 - max(_number(visual, "transparency", 0.0, what), 0.0)),
+        opacity=times(1 - max(_number(visual, "transparency", 0.0, what), 0.0), opacity),
         pictures={name: (texture, 0) for name, texture in read.items() if texture is not None},
         odd=odd,
     )

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError, LimitError
@@ -29,6 +30,7 @@ from spisim_formats.library.content import (
     Shape,
     Surface,
     readable,
+    with_seams,
     with_texture_coordinates,
 )
 from spisim_formats.library.files import Folders, quoted, read_bytes
@@ -236,9 +238,9 @@ def _mesh_parts(prim: Any, content: Content) -> list[tuple[trimesh.Trimesh | Sha
     triangles = triangulate(points, counts, corners)
     if triangles.fault:
         content.note(f"{quoted(str(prim.GetPath()))}: {triangles.fault}")
-    faces, owners = corners[triangles.corners], triangles.polygons
+    cut, owners = triangles.corners, triangles.polygons
     if str(made.GetOrientationAttr().Get()) == "leftHanded":
-        faces = faces[:, ::-1]
+        cut = cut[:, ::-1]
     bound = _bound(prim)
     parts = []
     left = np.ones(len(counts), bool)
@@ -253,18 +255,27 @@ def _mesh_parts(prim: Any, content: Content) -> list[tuple[trimesh.Trimesh | Sha
     parts.append((left, bound))
     result: list[tuple[trimesh.Trimesh | Shape, Any]] = []
     for which, material in parts:
-        own = faces[np.asarray(which)[owners]]
+        own = cut[np.asarray(which)[owners]]
         if not len(own):
             continue
-        mesh = trimesh.Trimesh(points, own, process=False)
+        mesh = trimesh.Trimesh(points, corners[own], process=False)
         check_mesh(mesh, str(prim.GetPath()))
-        uv = UsdGeom.PrimvarsAPI(prim).GetPrimvar("st")
-        if uv and str(uv.GetInterpolation()) in ("vertex", "varying"):
-            with suppress(ValueError, TypeError):
-                with_texture_coordinates(mesh, np.array(uv.ComputeFlattened(), float))
+        with suppress(ValueError, TypeError, IndexError):
+            mesh = _textured(mesh, UsdGeom.PrimvarsAPI(prim).GetPrimvar("st"), own)
         mesh.remove_unreferenced_vertices()
         result.append((mesh, material))
     return result
+
+
+def _textured(mesh: trimesh.Trimesh, uv: Any, cut: NDArray[np.int64]) -> trimesh.Trimesh:
+    """Return the mesh with a primvar's texture coordinates, by vertex or by corner of `cut`."""
+    if not uv or (kind := str(uv.GetInterpolation())) not in ("vertex", "varying", "faceVarying"):
+        return mesh
+    values = np.array(uv.ComputeFlattened(), float)
+    if kind != "faceVarying":
+        return with_texture_coordinates(mesh, values)
+    values, numbers = np.unique(values, axis=0, return_inverse=True)
+    return with_seams(mesh.vertices, mesh.faces, values, numbers.ravel()[cut])
 
 
 def _display_color(prim: Any) -> tuple[float, float, float] | None:

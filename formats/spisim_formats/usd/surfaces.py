@@ -41,6 +41,7 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
     shader = UsdShade.Material(material).ComputeSurfaceSource()[0]
     if not shader or shader.GetShaderId() != KIND:
         return Surface(name)
+    lacking: list[str] = []
     numbers: dict[str, float] = {}
     pictures: dict[str, tuple[Texture, int]] = {}
     for key, (what, default) in INPUTS.items():
@@ -48,16 +49,20 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
         if _is_picture(source):
             result = _picture(source, content, folders)
             if result is None:
-                return Surface(name)
+                lacking.append(key)
+                numbers[what] = default
+                continue
             pictures[what], numbers[what] = result[:2], result[2]
         else:
             numbers[what] = _red(source, default)
+    if "opacity" in lacking:
+        content.warn(f"material {quoted(name)}: its opacity is no picture that is read: opaque")
     texture = None
     if "base" in pictures:
         texture = replace(pictures["base"][0], factor=numbers["base"])
     diffuse = _source(shader, "diffuseColor")
     color = None
-    if texture is None and diffuse is not None and (value := diffuse.Get()) is not None:
+    if not _is_picture(diffuse) and diffuse is not None and (value := diffuse.Get()) is not None:
         color = (float(value[0]), float(value[1]), float(value[2]))
     threshold = _red(_source(shader, "opacityThreshold"), 0.0)
     made_opacity = partial(
@@ -65,7 +70,7 @@ def read_surface(material: Any, content: Content, folders: Folders) -> Surface:
     )
     opacity = cache(partial(content.attempt, f"material {quoted(name)}: opacity", made_opacity))
     surface = Surface(name, color, texture=texture, opacity=opacity)
-    if _red(_source(shader, "useSpecularWorkflow"), 0) != 0:
+    if lacking or _red(_source(shader, "useSpecularWorkflow"), 0) != 0:
         return surface
     odd = [f"its {what} left out" for key, what in LEFT_OUT.items() if _is_there(shader, key)]
     made = Metallic(
@@ -138,7 +143,8 @@ def _picture(source: Any, content: Content, folders: Folders) -> tuple[Texture, 
     factor = 1.0 if scale is None else float(scale.Get()[channel])
     space = _source(shader, "sourceColorSpace")
     linear = space is not None and space.Get() == "raw"
-    return replace(texture, fits=_fits(shader), linear=linear), channel, factor
+    texture = replace(texture, name=asset.path, fits=_fits(shader), linear=linear)
+    return texture, channel, factor
 
 
 def _texture(name: str, content: Content, folders: Folders) -> Texture | None:
