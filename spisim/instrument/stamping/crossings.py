@@ -162,7 +162,7 @@ def lone_pulses(
             stamped[here] += weight[here] * np.where(margin[here] < -LAST, 0, likely)
             sigma_s[here] += weight[here] * shape.sigma_s * scatter
     # An edge of a Gaussian is as steep as the root of the logarithm of peak over threshold.
-    farthest = np.log(_peak(np.float64(FAR), threshold, shot) / threshold)
+    farthest = np.log(_peak(np.array(FAR), threshold, shot) / threshold)
     over = np.log(np.maximum(peak / threshold, 1))
     return stamped, sigma_s * np.sqrt(farthest / np.maximum(over, farthest))
 
