@@ -6,13 +6,14 @@ method's assumptions.
 
 import numpy as np
 
-from reconstruction.base.arrays import Floats
+from reconstruction.base.arrays import Floats, usual_float_errors
 from spisim.budget.link import Target, spot_link
 from spisim.instrument import Instrument
 
 MIN_DISTANCE_M, MAX_DISTANCE_M, STEPS = 0.05, 100.0, 400
 
 
+@usual_float_errors
 def range_sigma_m(instrument: Instrument, target: Target) -> Floats:
     """Standard deviation of the ranges of the spots along their rays.
 

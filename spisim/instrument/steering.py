@@ -37,6 +37,8 @@ PLASTIC = 1.32471795724474602596
 STREAM = 4
 #: Maximum frames of a list until it repeats.
 MAX_LISTED = 4096
+#: Frames with which a sine may beat, and cycles per frame that are none.
+BEATS, EXACT = 32, 1e-9
 
 Doubt = Callable[[Floats], Floats]
 """Standard deviation (...) of ln depth in the last map, at azimuths and elevations (..., 2)."""
@@ -249,9 +251,14 @@ class Lissajous(Mirror):
 
     @property
     def period(self) -> int:
-        """Of the slower of the two beats of the sines with every other frame."""
-        halves = 2 * np.array(self.cycles_per_frame)
-        return math.ceil(2 / max(np.abs(halves - np.rint(halves)).min(), 1e-9))
+        """Of the slowest beat of a sine with every few frames, which shifts where it is met.
+
+        What repeats exactly has no beat, unless it stands.
+        """
+        turns = np.outer(np.arange(1, BEATS + 1), self.cycles_per_frame)
+        beats = np.maximum(np.abs(turns - np.rint(turns)), EXACT)
+        beats[2:][beats[2:] == EXACT] = 1
+        return math.ceil(1 / beats.min())
 
     def offsets(self, frame: int, mirrors: int) -> Floats:
         unit = np.sin(2 * np.pi * frame * np.array(self.cycles_per_frame))

@@ -36,8 +36,9 @@ SUBPIXELS = 4
 #: Distance between rays along the corridor.
 CORRIDOR_STEP_M = 0.02
 
-#: Origins, unit directions, and points where their light is received, (n, 3) each.
-Rays = tuple[Floats, Floats, Floats]
+#: Origins, unit directions, points where their light is received, and the cone that is seen there,
+#: its apex, and its axis over the cosine of half its angle, (n, 3) each.
+Rays = tuple[Floats, Floats, Floats, Floats, Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,7 @@ def _of_the_same(views: Sequence[tuple[Scene, Instrument]], subpixels: int) -> l
     rays = [
         part for (scene, _), each in zip(views, placed, strict=True) for part in _rays(scene, each)
     ]
-    met = _met(objects, meshes, rays).split([len(directions) for _, directions, _ in rays])
+    met = _met(objects, meshes, rays).split([len(directions) for _, directions, *_ in rays])
     corridors_m = _corridors_m(meshes, [scene.drone_pose for scene, _ in views])
     return [
         _truth(*view, each, meshes, met[2 * number : 2 * number + 2], corridor_m, subpixels)
@@ -151,10 +152,13 @@ def _rays(scene: Scene, placed: InstrumentView) -> tuple[Rays, Rays]:
     pose = scene.drone_pose
     pixels = _pixel_rays(placed, np.arange(placed.projector.shape[0]), 1) @ pose[:3, :3].T
     pinhole = np.broadcast_to(pose[:3, 3], pixels.shape)
-    beams = placed.beams
+    beams, tof = placed.beams, placed.tof
+    # Some part of a lens sees what lies in a cone whose apex is behind it.
+    behind_m = math.sqrt(tof.area_m2 / math.pi) / math.tan(max(tof.half_angle_rad, 1e-9))
+    apex, axis = tof.positions_m - behind_m * tof.axes, tof.axes / math.cos(tof.half_angle_rad)
     return (
-        (pinhole, pixels, pinhole),
-        (beams.origins_m, beams.directions, placed.tof.positions_m),
+        (pinhole, pixels, pinhole, pinhole, 2 * pixels),
+        (beams.origins_m, beams.directions, tof.positions_m, apex, axis),
     )
 
 
@@ -185,8 +189,9 @@ class _Met(NamedTuple):
 
 def _met(objects: Sequence[SceneObject], meshes: Meshes, rays: Sequence[Rays]) -> _Met:
     """What is seen along all rays."""
-    origins, directions, ends = map(np.concatenate, zip(*rays, strict=True))
-    si = brightest(meshes, rays_of(origins, directions), mi.Point3f(np.float32(ends.T)))
+    origins, directions, *ends = map(np.concatenate, zip(*rays, strict=True))
+    point, apex, axis = (mi.Point3f(np.float32(each.T)) for each in ends)
+    si = brightest(meshes, rays_of(origins, directions), point, (apex, mi.Vector3f(axis)))
     values = dr.select(si.is_valid(), si.t, dr.nan), meshes.owner(si), si.n, si.uv
     dr.eval(*values)  # at once
     distance_m, owner, normal, uv = (each.numpy() for each in values)

@@ -74,6 +74,15 @@ def test_of_the_preset_are_those_of_draws(peak: float) -> None:
     check(PRESET, peak, 6.0, SHOT, round(10 * peak))
 
 
+@pytest.mark.parametrize("peak", [100.0, 1000.0, 5000.0])
+def test_high_pulses_scatter_as_their_edges_are_steep(peak: float) -> None:
+    times_s = np.arange(-4.5, 4.5, PRESET.step_s)
+    current, noise = peak * np.exp(-(times_s**2) / 2), np.ones(times_s.size)
+    middles_s, _ = first_middles(PRESET, times_s, current, noise, 6.0)
+    _, sigma_s = lone_pulses(PRESET, np.array(peak), 6.0, np.array(0.0))
+    assert sigma_s == pytest.approx(middles_s.std(), rel=0.05)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("peak", HEIGHTS)
 def test_of_every_height_are_those_of_draws(peak: float) -> None:

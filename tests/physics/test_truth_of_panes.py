@@ -110,6 +110,16 @@ def test_what_sends_no_light_back_is_in_the_corridor_if_it_is_there(sheets, near
     np.testing.assert_allclose(truth.depth_m, bare.depth_m, atol=1e-4)
 
 
+def test_a_spot_is_where_its_detector_sees_it() -> None:
+    """From 1 cm beside the laser a field of 1.2° of 9 mm sees no net nearer than 0.53 m."""
+    for distance_m, nearest in ((0.5, "wall"), (0.6, "net")):
+        scene = worlds.scene(sheet("net", distance_m, opacity=0.9), sheet("wall", 3.0))
+        truth = ground_truth(scene, INSTRUMENT, subpixels=1)
+        np.testing.assert_allclose(truth.spot_range_m, peaks_m(scene), atol=0.02)
+        assert set(truth.spot_object) == {nearest}
+        assert truth.object_names[middle(truth.object_id)] == "net"
+
+
 def test_pixels_see_through_the_holes_of_a_mask() -> None:
     board = np.indices((8, 8)).sum(axis=0) % 2
     mask = sheet("mask", 3.0, opacity=board.astype(np.float32))

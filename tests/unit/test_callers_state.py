@@ -10,6 +10,8 @@ import pytest
 
 import reconstruction
 import spisim
+from instruments import changed
+from spisim.budget import longest_range_m
 from spisim.transport import RayCaster
 from spisim.transport.backend import activate, active
 
@@ -61,6 +63,12 @@ def test_a_variant_is_restored_after_an_error(own_variant: str) -> None:
     with pytest.raises(ZeroDivisionError), active:
         raise ZeroDivisionError
     assert mi.variant() == own_variant
+
+
+def test_strict_float_errors_of_the_user_do_not_reach_the_budget() -> None:
+    rangefinder = changed("rangefinder-905", tof__threshold_sigma=5.3)  # whose table is not cached
+    with np.errstate(all="raise"):
+        assert longest_range_m(rangefinder, 0.1) > 10
 
 
 def test_strict_float_errors_of_the_user_reach_no_further_than_the_entry_points() -> None:

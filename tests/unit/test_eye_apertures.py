@@ -153,6 +153,19 @@ def test_turns_after_the_first_frames_count() -> None:
     )
 
 
+def test_sines_near_a_fraction_shift_to_where_they_stay_longest() -> None:
+    """Two of three frames at one end, after 5000 that began with one of three in the middle."""
+    cycles = 1 / 3 + 1 / 60000
+    near = safeguarded(mode="lissajous", cycles_per_frame=[cycles, cycles])
+    lasers = near.ranging.lasers
+    assert lasers.steering is not None
+    later = [lasers.steering.offsets(frame, 1) for frame in range(5000, 5100)]
+    two_of_three = worst_apertures(np.array(later), np.arctan(1.75e-2), np.zeros(100)).mean
+    assert two_of_three > 0.65
+    mean_w = two_of_three * lasers.power_w
+    assert laser_safety(near).mean_margin >= mean_w / 10e-3
+
+
 def test_apertures_without_area_hold_what_falls_on_one_point() -> None:
     angles_deg = np.array([[[0.0, 0], [0, 0]], [[1, 0], [0, 0]], [[2, 0], [2, 0]]])
     # two beams at once within one frame, and three within two frames

@@ -47,6 +47,27 @@ def test_robots(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("color", "name", "opacity"),
+    [
+        ("0 0 0 1", "paint-black", None),
+        ("1 1 1 1", "paint-white", None),
+        ("1 1 1 0.25", "paint-white, 25 % opaque", 0.25),
+    ],
+)
+def test_links_have_the_colours_of_their_own_materials(
+    tmp_path: Path, color: str, name: str, opacity: float | None
+) -> None:
+    path = robot(tmp_path / "r.urdf")
+    own = f'<material name="m1"><color rgba="{color}"/></material>'
+    sphere = '<sphere radius="0.5"/></geometry>'
+    path.write_text(path.read_text().replace(sphere, sphere + own))
+    report = taken(path)
+    material = next(o for o in report.written.scene.objects if o.name == "tip").material
+    assert (material.name, material.opacity) == (name, opacity)
+    assert not report.notes
+
+
+@pytest.mark.parametrize(
     ("before", "after", "message"),
     [
         ("<robot ", "<robo ", "not valid XML"),

@@ -23,6 +23,7 @@ from spisim_formats.library.records import (
     unread_elements,
     words,
 )
+from spisim_formats.library.units import number_or
 from spisim_formats.library.xml import numbers, parse_lenient_xml
 from spisim_formats.sdf.visual import Visuals
 
@@ -103,15 +104,20 @@ def _as_sdf(visual: Element, colors: dict[str, Element]) -> Element:
         row = sub_element(geometry, shape.tag)
         for name in shape.keys():  # noqa: SIM118
             sub_element(row, "uri" if name == "filename" else name).text = shape.get(name)
-    material = visual.find("material")
-    if material is not None:
-        name = material.get("name", "")
+    given = visual.find("material")
+    if given is not None:
+        name = given.get("name", "")
         material = sub_element(made, "material")
         sub_element(sub_element(material, "script"), "name").text = name
-        described = material if material.find("color") is not None else colors.get(name, material)
+        own = any(given.find(each) is not None for each in ("color", "texture"))
+        described = given if own else colors.get(name, given)
         color = described.find("color")
         if color is not None:
-            sub_element(material, "diffuse").text = color.get("rgba", "")
+            rgba = color.get("rgba", "")
+            sub_element(material, "diffuse").text = rgba
+            if alpha := rgba.split()[3:]:
+                transparency = 1 - number_or(alpha[0], 1.0, "rgba")
+                sub_element(made, "transparency").text = f"{transparency:.6g}"
         texture = described.find("texture")
         if texture is not None:
             sub_element(material, "albedo_map").text = texture.get("filename", "")

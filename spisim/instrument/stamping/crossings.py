@@ -21,7 +21,7 @@ DRAWS, VALUES = 8192, 2**22
 #: Standard deviations of a pulse on each side of its centre within which it is drawn.
 AROUND = 4.5
 #: Tabulated peaks over the threshold, in standard deviations of the noise at the peak: every STEP
-#: from -LAST to LAST, and FAR_PEAKS up to FAR.
+#: from -LAST to LAST, and FAR_PEAKS up to FAR, beyond which the edges' slopes alone change.
 STEP, LAST, FAR, FAR_PEAKS = 0.5, 4.0, 40.0, 8
 #: Steps of the logarithm of shot noise between tables, and its least value.
 SHOT_STEP, LEAST_SHOT = 0.7, 1e-3
@@ -161,7 +161,18 @@ def lone_pulses(
             likely, scatter = (values(at[here]) for values in table)
             stamped[here] += weight[here] * np.where(margin[here] < -LAST, 0, likely)
             sigma_s[here] += weight[here] * shape.sigma_s * scatter
-    return stamped, sigma_s
+    # An edge of a Gaussian is as steep as the root of the logarithm of peak over threshold.
+    farthest = np.log(_peak(np.array(FAR), threshold, shot) / threshold)
+    over = np.log(np.maximum(peak / threshold, 1))
+    return stamped, sigma_s * np.sqrt(farthest / np.maximum(over, farthest))
+
+
+def _peak(margin: Floats, threshold: float, shot: Floats | float) -> Floats:
+    """Peak that is over the threshold by a margin, in standard deviations of its own noise."""
+    middle = margin**2 * shot / 2
+    return np.asarray(
+        threshold + middle + margin * np.sqrt(middle * shot / 2 + shot * threshold + 1)
+    )
 
 
 @cache
@@ -170,8 +181,7 @@ def _table(
 ) -> tuple[PchipInterpolator, PchipInterpolator]:
     """Fraction and scatter of stamps by arsinh of the peak over the threshold, in noise."""
     margins = np.append(np.arange(-LAST, LAST, STEP), np.geomspace(LAST, FAR, FAR_PEAKS))
-    middle = margins**2 * shot / 2
-    peaks = threshold + middle + margins * np.sqrt(middle * shot / 2 + shot * threshold + 1)
+    peaks = _peak(margins, threshold, shot)
     shape = Shape(peak_fraction, math.sqrt(1 - peak_fraction**2))
     times_s = np.arange(-AROUND, AROUND, shape.step_s)
     current, before = (np.exp(-((times_s / width) ** 2) / 2) for width in (1.0, peak_fraction))
