@@ -37,8 +37,8 @@ PLASTIC = 1.32471795724474602596
 STREAM = 4
 #: Maximum frames of a list until it repeats.
 MAX_LISTED = 4096
-#: Frames with which a sine may beat, and cycles per frame that are none.
-BEATS, EXACT = 32, 1e-9
+#: Frames with which a sine may beat, harmonics with which two may, and cycles per frame that are none.
+BEATS, HARMONICS, EXACT = 32, 4, 1e-9
 
 Doubt = Callable[[Floats], Floats]
 """Standard deviation (...) of ln depth in the last map, at azimuths and elevations (..., 2)."""
@@ -251,13 +251,17 @@ class Lissajous(Mirror):
 
     @property
     def period(self) -> int:
-        """Of the slowest beat of a sine with every few frames, which shifts where it is met.
+        """Of the slowest beat of a sine with every few frames, or of both, which shifts the pattern.
 
         What repeats exactly has no beat, unless it stands.
         """
-        turns = np.outer(np.arange(1, BEATS + 1), self.cycles_per_frame)
+        across, up = self.cycles_per_frame
+        order = np.arange(1, HARMONICS + 1)
+        joint = np.add.outer(order * across, np.concatenate([order, -order]) * up).ravel()
+        alone = np.outer(np.arange(1, BEATS + 1), self.cycles_per_frame).ravel()
+        turns = np.concatenate([alone, joint])
         beats = np.maximum(np.abs(turns - np.rint(turns)), EXACT)
-        beats[2:][beats[2:] == EXACT] = 1
+        beats[4:][beats[4:] == EXACT] = 1
         return math.ceil(1 / beats.min())
 
     def offsets(self, frame: int, mirrors: int) -> Floats:

@@ -66,6 +66,19 @@ def test_a_list_repeats_and_mirrors_at_rest_do_not_move():
     assert not offsets(1, mode="adaptive").any()
 
 
+@pytest.mark.parametrize(
+    ("cycles", "period"),
+    [
+        ([0.25, 0.125], 8),  # repeats
+        ([1 / 3 + 1e-4, 0.1], 3334),  # three frames
+        ([0.2113, 0.3171], 3334),  # three cycles across are nearly two upwards
+    ],
+)
+def test_a_lissajous_is_seen_whole_after_its_slowest_beat(cycles, period):
+    mirror = steered(mode="lissajous", cycles_per_frame=cycles).lasers.steering
+    assert mirror.period == period
+
+
 def test_lissajous_is_a_sine_each_way():
     went = offsets(9, mode="lissajous", cycles_per_frame=[0.125, 0.25])[:, 0]
     turns = np.arange(9) / 8
