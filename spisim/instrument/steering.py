@@ -37,7 +37,7 @@ PLASTIC = 1.32471795724474602596
 STREAM = 4
 #: Maximum frames of a list until it repeats.
 MAX_LISTED = 4096
-#: Frames with which a sine may beat, harmonics with which two may, and cycles per frame that are none.
+#: Frames with which a sine may beat, harmonics by which two may, and cycles per frame that are none
 BEATS, HARMONICS, EXACT = 32, 4, 1e-9
 
 Doubt = Callable[[Floats], Floats]
@@ -251,7 +251,7 @@ class Lissajous(Mirror):
 
     @property
     def period(self) -> int:
-        """Of the slowest beat of a sine with every few frames, or of both, which shifts the pattern.
+        """Of the slowest beat of a sine with every few frames, or of both, which shifts the scan.
 
         What repeats exactly has no beat, unless it stands.
         """
