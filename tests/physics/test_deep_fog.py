@@ -51,7 +51,7 @@ def received(world: World, forward: bool, spp: int = 512) -> np.ndarray:
     ids=["passed", "returned", "returned with a white wall"],
 )
 def test_fog_that_absorbs_nothing(wall: float, forward: bool, exact: float, spp: int) -> None:
-    """With a white wall behind it everything returns, 2 % after more than a thousand scatterings."""
+    """With a white wall behind it everything returns, 2 % after over a thousand scatterings."""
     runs = received(slab(wall), forward, spp)
     assert abs(worlds.z_score_exact(runs, exact)) < 4
     assert runs.std(ddof=1) / np.sqrt(len(runs)) < min(0.02 * exact, 0.003)
