@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -26,13 +27,19 @@ class SpotLight:
 
     `echo_per_s` (frames, spots, bins) is the rate per bin of the path length `path_length_m`
     (bins,), ascending, while the laser is on; `steady_per_s` (frames, spots) is that of daylight,
-    the projector's patterns and dark current. `laser_power_w` is that of one laser.
+    the projector's patterns and dark current. `laser_power_w` is that of one laser. Rates are means
+    over each frame; `of_part` gives those over a part of it where they change within a frame.
     """
 
     path_length_m: Floats
     echo_per_s: Floats
     steady_per_s: Floats
     laser_power_w: float
+    of_part: Callable[[float, float], SpotLight] | None = None
+
+    def during(self, start: float, stop: float) -> SpotLight:
+        """Light in a part of each frame, of which 1 is the whole."""
+        return self if self.of_part is None else self.of_part(start, stop)
 
 
 class Emission(NamedTuple):

@@ -56,8 +56,11 @@ def test_on_average_drops_hide_as_the_medium_does(options):
     assert 1 - np.mean(passed) > 5 * np.std(passed) / np.sqrt(SEEDS)  # it can tell from none
 
 
-def closed_echo(falling, rays, detector, position, axis):
-    """Fraction of the power along each ray (n, 3) of depth 1 that comes back, single scattering."""
+def closed_echo(falling, rays, detector, position, axis, paths_m=(0.0, np.inf)):
+    """Fraction of the power along each ray (n, 3) of depth 1 that comes back, single scattering.
+
+    Over path lengths between two limits.
+    """
     depth = np.linspace(NEAR_M, WALL_M, 2001)
     angles = np.linspace(0, np.pi / 2, 400)
     scattering = falling.scattering_per_m_sr(-np.cos(angles))
@@ -71,6 +74,7 @@ def closed_echo(falling, rays, detector, position, axis):
         inside = cosine > np.cos(np.radians(detector.field_of_view_deg) / 2)
         sent = np.interp(from_back, angles, scattering) * np.exp(-FOG_PER_M * (out_m + back_m))
         sent *= inside * cosine ** (1 + detector.vignetting) / back_m**2
+        sent *= (out_m + back_m >= paths_m[0]) & (out_m + back_m < paths_m[1])
         total[number] = np.trapezoid(sent, out_m)
     return total * detector.aperture_area_m2
 
@@ -101,18 +105,20 @@ def test_on_average_drops_send_back_what_the_medium_does(options):
 
 
 def test_on_average_spots_see_the_medium():
-    """Echo and loss of the lasers, in fields wide enough to have no edge in the beam."""
+    """Echo, near and far, and loss of the lasers, in fields with no edge in the beam."""
     one = instrument(lasers={"waist_mm": 4.0, "divergence_mrad": 1.0}, tof_fov_deg=12)
     falling = rain(200.0, near_m=NEAR_M, far_m=WALL_M + 0.5)
     changes = [on_spots(drops(one, falling, seed, FOG_PER_M), LENGTHS) for seed in range(SEEDS)]
-    echoes = np.array([change.echo[0].sum(axis=-1).mean() for change in changes])
     rays = one.lasers.directions / one.lasers.directions[:, 2:]
     detector, ends = one.tof.detector, one.ranging.detector_positions_m
-    closed = [
-        closed_echo(falling, ray[None], detector, end, axis)[0]
-        for ray, end, axis in zip(rays, ends, one.lasers.directions, strict=True)
-    ]
-    assert abs(worlds.z_score_exact(echoes, np.mean(closed))) < 4
+    for start_m, stop_m in ((0.0, 7.0), (0.0, 1.5), (1.5, 3.0), (3.0, 7.0)):
+        within = np.searchsorted(LENGTHS, [start_m, stop_m])
+        echoes = [change.echo[0][:, slice(*within)].sum(axis=-1).mean() for change in changes]
+        closed = [
+            closed_echo(falling, ray[None], detector, end, axis, (start_m, stop_m))[0]
+            for ray, end, axis in zip(rays, ends, one.lasers.directions, strict=True)
+        ]
+        assert abs(worlds.z_score_exact(echoes, np.mean(closed))) < 4
     passed = np.array([change.passed[0, :, -1].mean() for change in changes])
     way = (
         np.linalg.norm(rays, axis=1) + np.linalg.norm(rays * WALL_M - ends, axis=1) / WALL_M

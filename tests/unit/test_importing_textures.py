@@ -57,6 +57,27 @@ def gltf(folder: Path, image: dict, material: dict | None = None, data: bytes = 
     return folder / "a.glb"
 
 
+def textured_gltf(folder: Path, corners: bytes, picture: bytes) -> Path:
+    """A triangle with texture coordinates and a picture in the buffer."""
+    starts = np.cumsum([0, len(TRIANGLE), len(corners)]).tolist()
+    sizes = [len(TRIANGLE), len(corners), len(picture)]
+    header = triangle_header(
+        images=[{"bufferView": 2, "mimeType": "image/png"}],
+        textures=[{"source": 0}],
+        bufferViews=[
+            {"buffer": 0, "byteOffset": start, "byteLength": size}
+            for start, size in zip(starts, sizes, strict=True)
+        ],
+        buffers=[{"byteLength": sum(sizes)}],
+        materials=[{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    )
+    header["accessors"].append({"bufferView": 1, "componentType": 5126, "count": 3, "type": "VEC2"})
+    (triangle,) = header["meshes"][0]["primitives"]
+    triangle |= {"material": 0, "attributes": {"POSITION": 0, "TEXCOORD_0": 1}}
+    (folder / "a.glb").write_bytes(glb(header, TRIANGLE + corners + picture))
+    return folder / "a.glb"
+
+
 def reflectance(report) -> float:
     (thing,) = report.written.scene.objects
     assert report.materials[0][0].how == "texture"
@@ -192,6 +213,25 @@ def test_the_whole_picture(tmp_path: Path) -> None:
     assert thing.material.texture is not None
     np.testing.assert_allclose(thing.material.texture, picture[..., 0] / 255, atol=1e-3)
     assert [path.suffix for path in report.written.mesh_files] == [".ply", ".png"]
+
+
+@pytest.mark.parametrize(("form", "rows"), [("obj", [3, 3, 0]), ("gltf", [0, 0, 3])])
+def test_corners_have_the_pixels_of_their_coordinates(tmp_path: Path, form: str, rows) -> None:
+    """Coordinates (0, 0), (1, 0), (0, 1) of one triangle: v goes up in OBJ and down in glTF."""
+    picture = np.zeros((4, 4, 3), np.uint8)
+    picture[...] = np.arange(10, 250, 15).reshape(4, 4, 1)
+    if form == "obj":
+        file = obj(tmp_path)
+        (tmp_path / "front.png").write_bytes(packed(picture))
+    else:
+        corners = np.array([[0, 0], [1, 0], [0, 1]], "<f4").tobytes()
+        file = textured_gltf(tmp_path, corners, packed(picture))
+    (thing,) = taken(file, textures="picture").written.scene.objects
+    texture, uv = thing.material.texture, texture_coordinates(thing.mesh)
+    assert texture is not None
+    inside = 0.9 * uv + 0.05 * (uv.sum(axis=0) - uv)
+    seen = [texture[int((1 - v) * 4), int(u * 4)] for u, v in inside]
+    np.testing.assert_allclose(seen, picture[rows, [0, 3, 0], 0] / 255, atol=1e-3)
 
 
 def test_not_at_all(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,7 +17,7 @@ from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.spots import SpotOptics
 from reconstruction.ranging import unambiguous_path_m
 from spisim.base.config import Count, Section
-from spisim.instrument.demodulation import Modulation
+from spisim.instrument.demodulation import TAPS, Modulation
 from spisim.instrument.detector import TofDetector
 from spisim.instrument.sensor import Reading
 from spisim.instrument.tof import (
@@ -94,7 +95,7 @@ class CwTof(Section):
         modulation = self.modulation
         frequencies, phases = modulation.frequencies_hz, modulation.taps.phases_rad
         electrons = np.concatenate(
-            [self.tap_electrons(light, frequency) for frequency in frequencies], axis=-1
+            [self._electrons_in_turn(light, frequency) for frequency in frequencies], axis=-1
         )
 
         def by_tap(of_frequency: Callable[[float], Any]) -> NDArray[Any]:
@@ -116,6 +117,17 @@ class CwTof(Section):
             laser_energies_j=by_tap(lambda each: light.laser_power_w * self.tap_time_s(each)),
             contrasts=by_tap(lambda each: modulation.demodulation_contrast(each, self._response)),
         )
+
+    def _electrons_in_turn(self, light: SpotLight, frequency_hz: float) -> Floats:
+        """Mean electrons as `tap_electrons`, of the light while each tap works."""
+        times_s = np.array([self.light_time_s(each) for each in self.modulation.frequencies_hz])
+        number = self.modulation.frequencies_hz.index(frequency_hz)
+        start, stop = np.cumsum([0, *times_s])[number : number + 2] / times_s.sum()
+        if self.modulation.taps.arrangement == "parallel":
+            return self.tap_electrons(light.during(start, stop), frequency_hz)
+        turns = pairwise(np.linspace(start, stop, TAPS + 1).tolist())
+        each = [self.tap_electrons(light.during(*turn), frequency_hz) for turn in turns]
+        return np.stack([taps[..., tap] for tap, taps in enumerate(each)], axis=-1)
 
     def tap_electrons(self, light: SpotLight, frequency_hz: float) -> Floats:
         """Mean electrons of the four taps at one frequency, (frames, spots, taps)."""

@@ -138,7 +138,7 @@ class Camera:
             others = [light.transports[0] for light in lights]
             solved = self._light.spots(middles[0], views, others)
             spots = [
-                of_frames(self.instrument, [each], pointing, 1)
+                of_frames([each], pointing, 1)
                 for each, pointing in zip(solved, pointings, strict=True)
             ]
         shots = []

@@ -11,12 +11,8 @@ from reconstruction.base.arrays import Floats
 from spisim.scene import Scene, Trajectory
 from spisim.simulation.flight.motion import Motion, scene_at, things_move
 from spisim.simulation.light.lattice import Node
+from spisim.simulation.light.sequence import SPACING_M, TURN_RAD
 
-#: Distance between key poses. Over 5 cm at 2 m light changes by 5 %, and linear interpolation is
-#: off by 0.05 %; edges are blended over a few pixels.
-SPACING_M = 0.05
-#: Rotation between key poses about each axis: a pixel or two.
-TURN_RAD = np.radians(0.5)
 #: Maximum time between key poses where anything but the drone moves.
 INTERVAL_S = 0.1
 #: Sampling rate at which the length of a path is measured.

@@ -29,7 +29,15 @@ ROUNDING = 6
 #: Path lengths at two nodes that differ by more belong to two surfaces, and both are seen.
 SAME_SURFACE_M = 0.5
 
+#: Instants over which the mean of light within a frame is taken.
+INSTANTS = 64
+
 Node = tuple[int, ...]
+
+
+def instants(start: float, stop: float) -> Floats:
+    """Instants (n,) spread evenly over a part of a frame, of which 1 is the whole."""
+    return start + (stop - start) * (np.arange(INSTANTS) + 0.5) / INSTANTS
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +51,12 @@ class LatticeLight:
         """The light at the times that it was made for, (frames, M)."""
         assert times_s.shape == self.interpolation.keys.shape[:2]
         return self.interpolation
+
+    def during(self, frames: int, start: float, stop: float) -> Interpolation:
+        """See `Light`."""
+        chosen = (instants(start, stop) * self.interpolation.keys.shape[1]).astype(np.intp)
+        keys, fractions = self.interpolation
+        return Interpolation(keys[:frames, chosen], fractions[:frames, chosen])
 
 
 class Lattice:

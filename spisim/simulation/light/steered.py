@@ -15,7 +15,7 @@ from spisim.scene import Scene
 from spisim.simulation.drops import Interpolation
 from spisim.simulation.light.lattice import LatticeLight
 from spisim.simulation.light.path_bins import MIN_BIN_WIDTH_M
-from spisim.simulation.light.sequence import KEYS_PER_FRAME, Light, LightSequence
+from spisim.simulation.light.sequence import Light, LightSequence
 from spisim.simulation.light.solve import Transport, spot_fields, streams_of
 from spisim.simulation.light.spots import trace_spots
 from spisim.transport.backend import with_backend
@@ -139,14 +139,14 @@ def steered_light(
 ) -> Steered:
     """Light of the spots of successive frames, whose other light is `light`.
 
-    In a scene that moves it is solved twice a frame, a quarter before and after its middle; that
-    makes the mean of anything that changes linearly. Falling drops are those of beams at rest.
+    In a scene that moves it is solved in the middle of every part of a frame between two solutions
+    of `light`. Falling drops are those of beams at rest.
     `doubt` makes that of the next frame from the light of a frame and its number.
     """
     lasers = instrument.ranging.lasers
     assert lasers.steering is not None
     home_deg, steering = np.array(lasers.directions_deg), lasers.steering
-    per_frame = KEYS_PER_FRAME if scene.moves else 1
+    per_frame = (len(light.transports) - 1) // frames or 1
     every: list[Transport] = []
     pointings: list[Pointing] = []
     known: Doubt | None = None
@@ -163,18 +163,15 @@ def steered_light(
             for part in range(per_frame)
         ]
         if doubt is not None:
-            known = doubt(frame, of_frames(instrument, keys, pointing, 1))
+            known = doubt(frame, of_frames(keys, pointing, 1))
         every += keys
         pointings.append(pointing)
-    return of_frames(instrument, every, Pointing.joined(pointings), frames)
+    return of_frames(every, Pointing.joined(pointings), frames)
 
 
-def of_frames(
-    instrument: Instrument, solved: Sequence[Transport], pointing: Pointing | None, frames: int
-) -> Steered:
-    """Light whose keys are equally many for each frame, and count equally."""
-    shape = (frames, 1, len(solved) // frames)
-    exposures = instrument.exposure_times_s(1).shape[1]
-    keys = np.arange(len(solved)).reshape(shape).repeat(exposures, axis=1)
-    between = Interpolation(keys, np.full(keys.shape, 1 / shape[-1]))
+def of_frames(solved: Sequence[Transport], pointing: Pointing | None, frames: int) -> Steered:
+    """Light whose keys are equally many for each frame, one after the other."""
+    per_frame = len(solved) // frames
+    keys = np.arange(len(solved)).reshape(frames, per_frame, 1)
+    between = Interpolation(keys, np.ones(keys.shape))
     return Steered(LatticeLight(tuple(solved), between), pointing)

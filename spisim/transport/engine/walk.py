@@ -39,7 +39,7 @@ from spisim.transport.scores import Scored, together
 from spisim.transport.world import World
 
 #: Longer paths carry nothing worth following; roulette ends almost all of them earlier.
-MAX_VERTICES = 1024
+MAX_VERTICES = 8192
 
 #: Ends that launch paths, and ends that paths are connected to.
 Source = Projector | Lamp | Beams | Detectors
