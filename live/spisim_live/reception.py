@@ -106,8 +106,9 @@ class Reception:
         try:
             while not self._stopped.is_set():
                 self.step()
-        except Exception as error:  # nobody else sees errors of this thread
-            self.failure = error
+        except BaseException as error:  # nobody else sees errors of this thread
+            ends = not isinstance(error, Exception)
+            self.failure = InputError(in_words(error)) if ends else error
         finally:
             self._stopped.set()
             self._senders.reset(self._clock())
@@ -209,6 +210,7 @@ class Reception:
         if self._stopped.is_set():
             return
         now_s = self._clock()
+        called = self._open and self._source.wanted
         if self._open:
             self._delay_s = FIRST_DELAY_S
             self._senders.reset(now_s)
@@ -216,7 +218,7 @@ class Reception:
         self._open = False
         self.trouble = f"waiting for {self._source.address}: {in_words(error)}"
         logger.warning("%s", self.trouble)
-        self._again_s = now_s + self._delay_s
+        self._again_s = now_s if called else now_s + self._delay_s
         self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
 
     def _fits(self, message: Message, length: int) -> bool:

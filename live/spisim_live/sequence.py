@@ -55,20 +55,23 @@ class Sequence(Generic[Item]):
             return given
         if ahead > REMEMBERED:
             return self._jump(number, item, now_s)
-        if self._far is not None:
-            self._counts.refused += 1
-            self._far = None
+        return given + self._hold(number, item, now_s)
+
+    def _hold(self, number: int, item: Item, now_s: float) -> list[Item]:
+        """Hold a frame until its turn; those that are due now."""
+        self._counts.refused += self._far is not None
+        self._far = None
         if number in self._held:
             self._counts.duplicated += 1
-            return given
+            return []
+        ahead = self._ahead(number)
         if any(self._ahead(held) > ahead for held in self._held):
             self._counts.reordered += 1
         if not self._held:
             self._since_s = now_s
         self._held[number] = item
-        if due := self._due():
+        if given := self._due():
             self._since_s = now_s
-        given += due
         if len(self._held) > self._window:
             given += self._give_up(now_s)
         return given

@@ -122,7 +122,7 @@ class PoseSource:
                 delay_s = FIRST_DELAY_S
                 while not self._stopped.is_set():
                     self.feed(self._link.receive(POLL_S), self._clock())
-            except Exception as error:  # nobody else sees errors of this thread
+            except BaseException as error:  # nobody else sees errors of this thread
                 if self._stopped.is_set():
                     return
                 if not isinstance(error, OSError):
