@@ -3,8 +3,8 @@
 import io
 import json
 import shutil
-import subprocess
 import signal
+import subprocess
 import sys
 import threading
 from pathlib import Path
