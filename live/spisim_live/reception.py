@@ -107,8 +107,8 @@ class Reception:
             while not self._stopped.is_set():
                 self.step()
         except BaseException as error:  # nobody else sees errors of this thread
-            ends = not isinstance(error, Exception)
-            self.failure = InputError(in_words(error)) if ends else error
+            contained = InputError(in_words(error))
+            self.failure = error if isinstance(error, Exception) else contained
         finally:
             self._stopped.set()
             self._senders.reset(self._clock())
