@@ -118,7 +118,7 @@ class Loop:
             methods = self._methods | {"depth": self._depth or fast_depth(stream.setup)}
             self._reconstruct = Reconstructor(stream.setup, **methods)
             self._trouble = None
-        except Exception as error:
+        except FAILURES as error:
             if first and self._reception.final and isinstance(error, InputError):
                 raise
             self._trouble = f"the setup cannot be used: {self._in_words(error)}"
@@ -135,8 +135,6 @@ class Loop:
         except FAILURES as error:
             counts.failed += 1
             self._trouble = self._in_words(error)
-            if not isinstance(error, Exception):
-                self.ended = self._trouble
             return
         counts.reconstructed += 1
         self._last_s = arrival.received_s
@@ -153,6 +151,8 @@ class Loop:
     def _in_words(self, error: BaseException) -> str:
         """Describe an unexpected error, and log it once however often it recurs."""
         words = in_words(error)
+        if not isinstance(error, Exception):
+            self.ended = words
         if not isinstance(error, InputError) and words != self._logged:
             self._logged = words
             logger.error("%s", words, exc_info=error)
