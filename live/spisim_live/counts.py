@@ -16,12 +16,12 @@ class Counts:
     Frames are ``received`` whole and in order; ``lost`` if they did not come in time, of which
     ``late`` ones came after all (and are no longer lost); ``reordered`` came after a later one;
     ``duplicated`` came twice; ``corrupted`` fail their checksum; ``refused`` ones, and setups, are
-    invalid; ``strangers`` have an unknown setup; ``dropped`` were too many for this machine;
-    ``failed`` have no result. ``method_failures`` are frames whose results lack those of a method,
-    ``sink_failures`` frames, results and states that a sink did not take. ``discarded_bytes``
-    belong to no sound message, ``ignored_bytes`` came from other senders; ``given_up`` messages
-    began but did not end; ``foreign`` ones have another version; ``restarts`` of the sender and
-    ``connections`` to it.
+    invalid, or far ahead of all others; ``strangers`` have an unknown setup; ``dropped`` were too
+    many for this machine; ``failed`` have no result. ``method_failures`` are frames whose results
+    lack those of a method, ``sink_failures`` frames, results and states that a sink did not take.
+    ``discarded_bytes`` belong to no sound message, ``ignored_bytes`` came from other senders;
+    ``given_up`` messages began but did not end; ``foreign`` ones have another version; ``restarts``
+    of the sender and ``connections`` to it.
     """
 
     received: int = 0

@@ -19,6 +19,8 @@ from .setups import StreamSetup
 logger = logging.getLogger(__name__)
 
 STATE_EVERY_S = 1.0
+FAILURES = (Exception, SystemExit, GeneratorExit)
+"""What a method raises costs a frame; only an interrupt is the user's."""
 FAST_DEPTH = "anchored"
 """Depth method fast enough for video rate."""
 
@@ -33,7 +35,8 @@ class Loop:
 
     An error of a method costs its part of a frame, an error of a setup or a frame costs these; all
     are counted and reported. Raises InputError for unknown methods, for methods that do not suit
-    the first setup of a file or pipe, and if the reception has failed.
+    the first setup of a file or pipe, and if the reception has failed. ``ended`` says which method
+    would have ended the program.
 
     Parameters
     ----------
@@ -78,6 +81,7 @@ class Loop:
         self._stream: StreamSetup | None = None
         self._reconstruct: Reconstructor | None = None
         self._trouble: str | None = None
+        self.ended: str | None = None
         self._logged = ""
         self._last_s = float("nan")
         self._state_s = clock()
@@ -114,7 +118,7 @@ class Loop:
             methods = self._methods | {"depth": self._depth or fast_depth(stream.setup)}
             self._reconstruct = Reconstructor(stream.setup, **methods)
             self._trouble = None
-        except Exception as error:
+        except FAILURES as error:
             if first and self._reception.final and isinstance(error, InputError):
                 raise
             self._trouble = f"the setup cannot be used: {self._in_words(error)}"
@@ -128,7 +132,7 @@ class Loop:
         self._trouble = None
         try:
             result = self._reconstruct(arrival.frame)
-        except Exception as error:
+        except FAILURES as error:
             counts.failed += 1
             self._trouble = self._in_words(error)
             return
@@ -144,9 +148,11 @@ class Loop:
         self._reception.counts.method_failures += 1
         self._trouble = f"{method}: {self._in_words(error)}"
 
-    def _in_words(self, error: Exception) -> str:
+    def _in_words(self, error: BaseException) -> str:
         """Describe an unexpected error, and log it once however often it recurs."""
         words = in_words(error)
+        if not isinstance(error, Exception):
+            self.ended = words
         if not isinstance(error, InputError) and words != self._logged:
             self._logged = words
             logger.error("%s", words, exc_info=error)

@@ -1,6 +1,7 @@
 """From a source to frames in order, whatever happens to the source."""
 
 import logging
+import math
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ from .framing import VERSION, Kind, Message
 from .links import Ended, Source
 from .queues import BoundedQueue
 from .senders import Allowance, Senders
+from .sequence import HOLD_S
 from .sequence import Sequence as InTurn
 from .setups import StreamSetup, length_error
 
@@ -26,6 +28,8 @@ FIRST_DELAY_S, MAX_DELAY_S = 0.1, 5.0
 """Delay before a broken source is tried again, doubled after each failure."""
 ENDING_S = 1.0
 """Silence that confirms an end that may be forged."""
+MAX_SETUPS = 4
+"""Setups whose frames are read: one may be forged, and change nothing until a frame needs it."""
 
 
 class Arrival(NamedTuple):
@@ -83,6 +87,7 @@ class Reception:
         self.failure: Exception | None = None
         self._source = source
         self._senders = Senders(self._fits)
+        self._setups: dict[int, StreamSetup] = {}
         self._changes = Allowance()
         self._turn: InTurn[Arrival] = InTurn(self.counts, window)
         self._poses = poses
@@ -101,8 +106,9 @@ class Reception:
         try:
             while not self._stopped.is_set():
                 self.step()
-        except Exception as error:  # nobody else sees errors of this thread
-            self.failure = error
+        except BaseException as error:  # nobody else sees errors of this thread
+            contained = InputError(in_words(error))
+            self.failure = error if isinstance(error, Exception) else contained
         finally:
             self._stopped.set()
             self._senders.reset(self._clock())
@@ -204,6 +210,7 @@ class Reception:
         if self._stopped.is_set():
             return
         now_s = self._clock()
+        called = self._open and self._source.wanted
         if self._open:
             self._delay_s = FIRST_DELAY_S
             self._senders.reset(now_s)
@@ -211,12 +218,12 @@ class Reception:
         self._open = False
         self.trouble = f"waiting for {self._source.address}: {in_words(error)}"
         logger.warning("%s", self.trouble)
-        self._again_s = now_s + self._delay_s
+        self._again_s = now_s if called else now_s + self._delay_s
         self._delay_s = min(2 * self._delay_s, MAX_DELAY_S)
 
     def _fits(self, message: Message, length: int) -> bool:
         """Whether a message can be what its header says; others are not waited for."""
-        why = length_error(message, length, self.stream)
+        why = length_error(message, length, self._setups.get(message.setup))
         if why is not None:
             self.counts.refused += 1
             self.trouble = f"{self._sender}: {why}"
@@ -248,20 +255,35 @@ class Reception:
 
     def _set_up(self, message: Message, now_s: float) -> None:
         assert message.payload is not None
-        if self.stream is None or message.setup != self.stream.id:
+        if message.setup not in self._setups:
             if not self._changes.take(self.counts.received, now_s):
                 self.counts.refused += 1
                 self.trouble = f"{self._sender}: its setup changes too often"
                 return
             try:
-                self.stream = StreamSetup(message.payload)
+                stream = StreamSetup(message.payload)
             except InputError as error:
                 self.counts.refused += 1
                 self._refuse(f"its setup cannot be used: {error}")
                 return
-            self._senders.expect(self.stream.frame_period_s)
+            self._setups.setdefault(stream.id, stream)
+            if len(self._setups) > MAX_SETUPS:
+                del self._setups[next(iter(self._setups))]
+            if self.stream is None:
+                self._follow(stream)
             self._awaited = (f"a frame from {self._sender}", now_s)
-        self._accept(now_s)
+        if self._senders.heard != self._source.sender:  # who sends setups alone is quiet
+            self._senders.accept(now_s)
+        self._ended_s = None
+
+    def _follow(self, stream: StreamSetup) -> None:
+        """Go on with the setup of a frame; the one used last is forgotten last."""
+        self._setups[stream.id] = self._setups.pop(stream.id, stream)
+        if stream is not self.stream:
+            self.stream = stream
+            self._senders.expect(stream.frame_period_s)
+            period_s = stream.frame_period_s
+            self._turn.hold_s = max(HOLD_S, 2 * period_s if math.isfinite(period_s) else 0.0)
 
     def _frame(self, message: Message, now_s: float) -> None:
         arrival = self._arrival(message, now_s)
@@ -272,22 +294,20 @@ class Reception:
         if message.payload is None:
             self.counts.corrupted += 1
             return None
-        if self.stream is None or message.setup != self.stream.id:
+        stream = self._setups.get(message.setup)
+        if stream is None:
             self.counts.strangers += 1
             return None
         try:
-            frame = self.stream.frames(message.payload, message.number)
+            frame = stream.frames(message.payload, message.number)
         except InputError as error:
             self.counts.refused += 1
             self.trouble = f"frame {message.number}: {error}"
             return None
-        self._accept(now_s)
-        return Arrival(self.stream, frame, message, now_s)
-
-    def _accept(self, now_s: float) -> None:
-        """Hear this sender, whose stream has not ended."""
+        self._follow(stream)
         self._senders.accept(now_s)
         self._ended_s = None
+        return Arrival(stream, frame, message, now_s)
 
     def _end(self, now_s: float) -> None:
         """End the stream, unless it belongs to another sender."""

@@ -40,7 +40,7 @@ def explain(error: OSError) -> str:
     return f"{error.filename}: {error.strerror or error}"
 
 
-def in_words(error: Exception) -> str:
+def in_words(error: BaseException) -> str:
     """Message of any error in one line, with its type if it was not foreseen."""
     if isinstance(error, OSError):
         return explain(error)

@@ -12,6 +12,8 @@ from .schema import FRAMES, Stored
 
 UNIT_TOLERANCE = 0.01
 """Tolerance of a quaternion's length, for rounding."""
+COVARIANCE_TOLERANCE = 1e-3
+"""Tolerance of a correlation, for rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,8 +75,23 @@ class Poses:
                 f"poses/orientation of frame {wrong[0]} has length {lengths[wrong[0]]:.4g}, must "
                 "be a quaternion of length 1"
             )
-        variances = np.diagonal(self.covariance, axis1=1, axis2=2)
-        if (variances < 0).any():
-            raise InputError(
-                f"poses/covariance has a variance of {np.nanmin(variances):g}; must be 0 or more"
-            )
+        check_covariances("poses/covariance", self.covariance)
+
+
+def check_covariances(name: str, covariances: Floats) -> None:
+    """Raise InputError unless matrices (..., 6, 6) are symmetric and not negative, nan aside."""
+    variances = np.diagonal(covariances, axis1=-2, axis2=-1)
+    if (variances < 0).any():
+        raise InputError(f"{name} has a variance of {np.nanmin(variances):g}; must be 0 or more")
+    sigmas = np.sqrt(variances)
+    scale = sigmas[..., :, None] * sigmas[..., None, :]
+    turned = np.swapaxes(covariances, -1, -2)
+    if (np.abs(covariances - turned) > COVARIANCE_TOLERANCE * scale).any():
+        raise InputError(f"{name} differs from its transpose; must be symmetric")
+    known = np.isfinite(covariances).all(axis=(-2, -1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlations = np.where(scale > 0, covariances / scale, covariances)[known]
+    if (least := np.linalg.eigvalsh(correlations).min(initial=0.0)) < -6 * COVARIANCE_TOLERANCE:
+        raise InputError(
+            f"{name} has correlations with an eigenvalue of {least:.3g}; must be 0 or more"
+        )

@@ -14,6 +14,7 @@ from .. import __version__
 from ..base.errors import InputError, explain
 from ..base.text import flush_output, json_line, printable, shortened, write_anything
 from . import completion
+from .interrupts import uninterrupted
 
 COMMANDS = {
     "reconstruct": ("reconstruct", "capture -> image, ranges, depth map, point cloud"),
@@ -62,8 +63,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     except OSError as error:
         return _fail(explain(error), "--json" in arguments)
     except KeyboardInterrupt:
-        text = "interrupted; no file is left half-written"
-        return _fail(text, "--json" in arguments, INTERRUPTED)
+        with uninterrupted():
+            text = "interrupted; no file is left half-written"
+            return _fail(text, "--json" in arguments, INTERRUPTED)
     return 0
 
 

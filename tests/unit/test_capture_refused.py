@@ -279,6 +279,13 @@ def test_parts_that_do_not_fit_are_refused_before_writing(capture):
             -1e-6,
             r"poses/covariance has a variance of -1e-06; .* 0 or more",
         ),
+        ("covariance", (0, 0, 1), 1e-3, "poses/covariance differs from its transpose; must be sym"),
+        (
+            "covariance",
+            0,
+            np.full((6, 6), -1e-4) + 2e-4 * np.eye(6),
+            "poses/covariance has correlations with an eigenvalue of -4; must be 0 or more",
+        ),
     ],
 )
 def test_impossible_poses_are_named(path, name, index, value, message):

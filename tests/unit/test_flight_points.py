@@ -133,3 +133,18 @@ def test_there_are_never_more_points_than_fit_and_the_oldest_go_first():
     times = remembered.points.time_s
     assert (np.diff(times) >= 0).all()
     assert times[0] > pose(300 - MAX_POINTS // 4 - 10).time_s
+
+
+def test_what_a_range_meets_hides_the_points_close_behind_it():
+    """Hidden ones too, but none nearer, or farther away in the image."""
+    remembered = memory()
+    met(remembered, pose(0), [(30, 30), (30, 33), (30, 36), (50, 50)], [8.0, 8.0, 8.0, 3.0])
+    met(remembered, pose(1), [(31, 30)], 6.0)
+    none = np.zeros((0, 3))
+    remembered.forget_behind(pose(2), none, none[:, 0])
+    assert len(remembered.points) == 5
+    directions = towards((30, 30), (50, 51))
+    remembered.forget_behind(pose(2), directions, ranges(directions, [5.5, 5.0]))
+    seen = remembered.seen(pose(2), hidden=True)
+    np.testing.assert_allclose(np.exp(seen.log_depth), [8, 3, 6])
+    np.testing.assert_allclose(seen.pixel, [[30, 36], [50, 50], [31, 30]], atol=1e-9)

@@ -3,6 +3,7 @@
 import io
 import json
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -230,13 +231,40 @@ def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch
     class Interrupted(live.Loop):
         def run(self, maximum=None):
             super().run(2)
-            raise KeyboardInterrupt
+            signal.raise_signal(signal.SIGINT)
 
     monkeypatch.setattr(live, "Loop", Interrupted)
     monkeypatch.setattr(sys, "stderr", io.StringIO())
     out = tmp_path / "kept.h5"
     assert main(["live", str(path), "--to", str(out)]) == 0
     assert 2 <= read_capture(out).frames <= 4
+
+
+@pytest.mark.parametrize("kind", [SystemExit, KeyboardInterrupt, GeneratorExit])
+@pytest.mark.parametrize("fails", ["spisim_live.loop.Reconstructor.__call__",
+                                   "spisim_live.sinks.records.CaptureRecord.frame",
+                                   "spisim_live.cli.live.CaptureSource.receive"])  # fmt: skip
+def test_what_would_end_the_program_is_reported(kind, fails, path, tmp_path, monkeypatch, capsys):
+    def ends(*_):
+        raise kind(0)
+
+    monkeypatch.setattr(fails, ends)
+    assert main(["live", str(path), "--to", str(tmp_path / "a.h5"), "--quiet"]) == 2
+    assert f"{kind.__name__}: 0" in capsys.readouterr().err
+
+
+def test_once_interrupted_a_command_ignores_further_ones(path, monkeypatch, capsys):
+    def interrupted(options):
+        raise KeyboardInterrupt
+
+    def failing(line, file):
+        if file is sys.stderr:
+            signal.raise_signal(signal.SIGINT)
+
+    monkeypatch.setattr("spisim_live.cli.live.run", interrupted)
+    monkeypatch.setattr("builtins.print", failing)
+    assert main(["live", str(path)]) == 130
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
 def test_a_sink_that_failed_to_the_end_is_an_error(path, tmp_path, monkeypatch, capsys):

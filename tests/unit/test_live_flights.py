@@ -8,6 +8,7 @@ import pytest
 from reconstruction import InputError, read_capture, write_capture
 from reconstruction.capture import Poses
 from spisim_live import Kind, Parser, Reception, Sender, unpacked
+from spisim_live.senders import AT_ONCE
 from spisim_live.sinks.records import CaptureRecord
 from streams import Clock, Script, film, messages
 
@@ -154,3 +155,41 @@ def test_a_record_goes_on_in_another_file_where_the_time_goes_back(flight, tmp_p
     record.close()
     for name in ("flight.h5", "flight-2.h5"):
         assert same(read_capture(tmp_path / name).poses, flight.poses)
+
+
+def recorded(flight, times_s, folder):
+    """The captures of frames with poses of these times that arrive at once."""
+    (arrival, *_), _ = received(messages(flight))
+    record = CaptureRecord(folder / "flight.h5")
+    for number, time_s in enumerate(times_s):
+        stated = replace(arrival.frame.poses, time_s=np.array([time_s]))
+        stated = Poses.none(1) if np.isnan(time_s) else stated
+        message = arrival.message._replace(number=number)
+        frame = replace(arrival.frame, first=number, poses=stated)
+        record.frame(arrival._replace(frame=frame, message=message))
+    record.close()
+    return [read_capture(path) for path in sorted(folder.iterdir(), key=lambda each: each.stem)]
+
+
+def test_repeats_of_a_flight_are_a_part_each(flight, tmp_path):
+    parts = recorded(flight, [*range(20)] * AT_ONCE, tmp_path)
+    assert [len(part.poses.time_s) for part in parts] == [20] * AT_ONCE
+    assert all(part.poses.known.all() for part in parts)
+
+
+@pytest.mark.parametrize(
+    ("times_s", "parts", "located"),
+    [([1.0] * 30, 1, 1), ([1, 1, 2, 2, 3, 3], 1, 3), (range(60, 0, -1), 1 + AT_ONCE, 1 + AT_ONCE)],
+)
+def test_times_that_stand_or_go_back_do_not_fill_the_disk(
+    flight, tmp_path, times_s, parts, located
+):
+    captures = recorded(flight, times_s, tmp_path)
+    assert len(captures) == parts
+    assert sum(each.frames for each in captures) == len(times_s)
+    assert sum(each.poses.known.sum() for each in captures) == located
+
+
+def test_a_frame_without_a_pose_leaves_the_time_of_poses_as_it_is(flight, tmp_path):
+    captures = recorded(flight, [5, np.nan, 6, 5.5], tmp_path)
+    assert [each.frames for each in captures] == [3, 1]

@@ -1,5 +1,7 @@
 """Whoever sends: one at a time is heard, nobody blinds another, and setups take what they may."""
 
+import socket
+import struct
 import threading
 import zlib
 from dataclasses import replace
@@ -210,3 +212,54 @@ def test_a_link_that_raises_anything_is_opened_again(recording):
     reception, source, _ = receiving_from(*output[:4], TypeError("no port"), *output[4:-1])
     assert stepped(reception, source)[0] == list(range(8))
     assert reception.counts.connections == 2
+
+
+def listening_reception():
+    clock = Clock()
+    listening = TcpListen("tcp-listen://", "127.0.0.1", 0)
+    reception = Reception(listening, clock=clock, wait=clock.wait, waiting=100)
+    return reception, clock, ("127.0.0.1", listening.port)
+
+
+def test_broken_callers_delay_nobody(recording):
+    """They have gone before they are let in."""
+    reception, clock, position = listening_reception()
+    for number in range(60):
+        caller = socket.create_connection(position)
+        if number % 2:
+            caller.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        caller.close()
+    rig, began_s = Tcp("rig", *position), clock.now_s
+    rig.open()
+    rig.send(b"".join(messages(recording)))
+    for _ in range(400):
+        reception.step()
+        if reception.counts.received == 8:
+            break
+    assert reception.counts.received == 8
+    assert clock.now_s - began_s < 0.5
+    reception.stop()
+    rig.close()
+
+
+def test_a_caller_without_frames_gives_way_though_it_repeats_its_setup(recording):
+    reception, clock, position = listening_reception()
+    idle, rig = Tcp("idle", *position), Tcp("rig", *position)
+    idle.open()
+    setup, *frames = messages(recording)
+    for _ in range(4):
+        idle.send(setup)
+        while not reception.counts.connections or reception.stream is None:
+            reception.step()
+        clock.wait(1.0)
+        reception.step()
+    rig.open()
+    rig.send(setup + b"".join(frames))
+    for _ in range(400):
+        reception.step()
+        if reception.counts.received == 8:
+            break
+    assert (reception.counts.received, reception.counts.connections) == (8, 2)
+    reception.stop()
+    for each in (idle, rig):
+        each.close()

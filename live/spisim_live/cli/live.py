@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import signal
 import sys
 import threading
 import time
@@ -9,7 +10,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from reconstruction.base.errors import InputError
+from reconstruction.base.errors import InputError, in_words
 from reconstruction.base.text import json_line, printable
 from reconstruction.cli.numbers import whole_number
 from reconstruction.cli.reconstruct import MIN_FREE_OPTION, OVERWRITE, STATIONS, WEATHER, names
@@ -119,6 +120,8 @@ def run(options: argparse.Namespace) -> None:
         if each.dropped:
             print(printable(f"warning: {each.name}: dropped {each.dropped}"), file=sys.stderr)
     failed = [f"{each.why}; lost {each.lost}" for each in detached if each.failed]
+    if loop.ended is not None:
+        failed.append(f"a method raised {loop.ended}")
     if failed:
         raise InputError("; ".join(failed))
     if not reception.counts.reconstructed:
@@ -174,7 +177,8 @@ def _running(
         threading.Thread(target=poses.run, name="poses", daemon=True).start()
     receiving.start()
     try:
-        yield
+        with _interrupts():
+            yield
     except KeyboardInterrupt:
         print(file=sys.stderr)
     finally:
@@ -184,6 +188,30 @@ def _running(
             poses.stop()
         for each in detached:
             each.close()
+
+
+@contextmanager
+def _interrupts() -> Iterator[None]:
+    """Tell Ctrl-C from a KeyboardInterrupt of a method, which is an error."""
+    watched = signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if not watched or threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    pressed = threading.Event()
+
+    def press(*_: object) -> None:
+        pressed.set()
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, press)
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        if pressed.is_set():
+            raise
+        raise InputError(f"a method raised {in_words(error)}") from error
+    finally:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def _source(address: str, *, followed: bool) -> Source:

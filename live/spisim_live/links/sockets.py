@@ -94,10 +94,15 @@ class TcpListen(Tcp):
         self.check()
         listener = _required(self._listener)
         listener.settimeout(PATIENCE_S)
-        try:
-            self._take(listener.accept()[0])
-        except TimeoutError:
-            raise TimeoutError("nobody has connected yet") from None
+        while True:
+            try:
+                called = listener.accept()[0]
+            except TimeoutError:
+                raise TimeoutError("nobody has connected yet") from None
+            with suppress(OSError):  # this one has gone: the next
+                self._take(called)
+                return
+            _close(called)
 
     @property
     def wanted(self) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 
 from reconstruction.base.arrays import Floats
 from reconstruction.base.errors import InputError
+from reconstruction.capture.poses import check_covariances
 from reconstruction.exports.poses import quaternion_of, rotation
 
 WORLD_OF_NED = np.array([[0.0, 1, 0], [1, 0, 0], [0, 0, -1]])
@@ -78,7 +79,7 @@ def _odometry(message: Any) -> Reading:
         message.time_usec / 1e6,
         _position("ODOMETRY", message),
         _orientation("ODOMETRY", message.q),
-        _covariance(message.pose_covariance),
+        _covariance("ODOMETRY", message.pose_covariance),
     )
 
 
@@ -108,12 +109,18 @@ def _orientation(kind: str, quaternion: Sequence[float]) -> Floats:
     return quaternion_of(WORLD_OF_NED @ rotation(xyzw / length) @ FRD_OF_OPTICAL)
 
 
-def _covariance(upper: Sequence[float]) -> Floats | None:
-    """Covariance from the upper triangle's rows; None if it is unknown or none."""
+def _covariance(kind: str, upper: Sequence[float]) -> Floats | None:
+    """Covariance from the upper triangle's rows; None if it is unknown.
+
+    Unknown ones have a nan, or variances of 0, as of autopilots that leave the field empty.
+    """
     rows, columns = np.triu_indices(6)
     ned = np.zeros((6, 6))
     ned[rows, columns] = ned[columns, rows] = upper
-    if not np.isfinite(ned).all() or (np.diag(ned) < 0).any():
+    if not np.isfinite(ned).all():
+        return None
+    check_covariances(f"{kind}: pose_covariance", ned)
+    if not np.diag(ned).all():
         return None
     turn = np.zeros((6, 6))
     turn[:3, :3], turn[3:, 3:] = WORLD_OF_NED, FRD_OF_OPTICAL.T

@@ -16,11 +16,11 @@ from reconstruction.capture import Poses
 
 from ..links import Source
 from ..reception import FIRST_DELAY_S, MAX_DELAY_S, POLL_S, Arrival
-from .clock import Clock
+from .clock import Clock, Instant
 from .codec import codec, dialect, logged
 from .connections import is_log, mavlink_source
 from .readings import Reading, reading_of
-from .track import Track, linear, slerp
+from .track import Track, rotation_vector, slerp
 
 logger = logging.getLogger(__name__)
 
@@ -85,8 +85,11 @@ class PoseSource:
         self._log = Path(connection) if is_log(connection) else None
         self._link: Source | None = None if self._log else mavlink_source(connection)
         horizon_s = HORIZON_S if self._log is None else math.inf
-        self._positions, self._covariances = Track(linear, horizon_s), Track(linear, horizon_s)
-        self._orientations = Track(slerp, horizon_s)
+        self._positions, self._orientations = (
+            Track(horizon_s),
+            Track(horizon_s, slerp, rotation_vector),
+        )
+        self._covariances, self._time_sigmas = Track(horizon_s), Track(horizon_s)
         self._autopilots: dict[bool, Clock] = {True: Clock(), False: Clock()}
         self._sender: tuple[int, int] | None = None
         self._frames, self._run, self._last_s = Clock(), 0, -math.inf
@@ -119,7 +122,7 @@ class PoseSource:
                 delay_s = FIRST_DELAY_S
                 while not self._stopped.is_set():
                     self.feed(self._link.receive(POLL_S), self._clock())
-            except Exception as error:  # nobody else sees errors of this thread
+            except BaseException as error:  # nobody else sees errors of this thread
                 if self._stopped.is_set():
                     return
                 if not isinstance(error, OSError):
@@ -155,12 +158,17 @@ class PoseSource:
 
     def _add(self, reading: Reading, arrival_s: float) -> None:
         """Add a reading; those of a full pose may have another clock than its parts."""
-        self.trouble = None
         whole = reading.position_m is not None and reading.orientation is not None
-        time_s = arrival_s
+        time_s, sigma_s, confirmed = Instant(arrival_s, 0.0)
         if reading.time_s > 0:
-            time_s = self._autopilots[whole].local_s(reading.time_s, arrival_s)
+            time_s, sigma_s, confirmed = self._autopilots[whole].at(reading.time_s, arrival_s)
+        if not confirmed:
+            self.refused += 1
+            self.trouble = f"{self.connection}: time stamp {reading.time_s:.6g} s is not in turn"
+            return
+        self.trouble = None
         parts = (
+            (self._time_sigmas, np.array(sigma_s)),
             (self._positions, reading.position_m),
             (self._orientations, reading.orientation),
             (self._covariances, reading.covariance),
@@ -172,10 +180,11 @@ class PoseSource:
 
     def __call__(self, arrival: Arrival) -> Poses:
         """Pose of a frame, if there is one within `MAX_GAP_S` of it."""
-        stamp_s, local_s = self._times(arrival)
+        stamp_s, (local_s, sigma_s, _) = self._times(arrival)
         with self._lock:
             tracks = (self._positions, self._orientations, self._covariances)
             position_m, orientation, covariance = (track.at(local_s) for track in tracks)
+            of_time = self._of_time(local_s, sigma_s)
         if position_m is None or orientation is None:
             self.missing += 1
             self.trouble = self.trouble or f"{self.connection}: no pose near the last frame"
@@ -183,9 +192,20 @@ class PoseSource:
         self.located += 1
         if covariance is None:
             covariance = self._sigmas.covariance
+        covariance = covariance + of_time
         return Poses(np.array([stamp_s]), position_m[None], orientation[None], covariance[None])
 
-    def _times(self, arrival: Arrival) -> tuple[float, float]:
+    def _of_time(self, local_s: float, sigma_s: float) -> Floats:
+        """Covariance (6, 6) of a pose from the errors of its time, and from holding the last."""
+        reading = self._time_sigmas.at(local_s)
+        moved = np.zeros(6)
+        for track, rows in ((self._positions, slice(3)), (self._orientations, slice(3, 6))):
+            rate = track.rate(local_s)
+            if rate is not None and reading is not None:
+                moved[rows] = rate * math.hypot(sigma_s, float(reading), track.held_s(local_s))
+        return np.outer(moved, moved)
+
+    def _times(self, arrival: Arrival) -> tuple[float, Instant]:
         """Time of a frame as its pose states it, and by the clock of the poses.
 
         A time stamp of 0 is none, but for that of the first frame, with which time begins.
@@ -194,9 +214,10 @@ class PoseSource:
         if message.time_ns or not message.number:
             stamp_s = message.time_ns / 1e9
             if self._log is not None:
-                return stamp_s, stamp_s + self._offset_s
+                return stamp_s, Instant(stamp_s + self._offset_s, 0.0)
             if message.run != self._run:
                 self._run, self._frames = message.run, Clock()
-            return stamp_s, self._frames.local_s(stamp_s, arrival.received_s) + self._offset_s
+            instant = self._frames.at(stamp_s, arrival.received_s)
+            return stamp_s, instant._replace(time_s=instant.time_s + self._offset_s)
         self._last_s = max(arrival.received_s, self._last_s + TICK_S)
-        return self._last_s, self._last_s + self._offset_s
+        return self._last_s, Instant(self._last_s + self._offset_s, 0.0)

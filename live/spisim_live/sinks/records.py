@@ -8,12 +8,13 @@ from pathlib import Path
 
 from reconstruction.base.errors import InputError, in_words
 from reconstruction.base.files import Output, is_marked, require_outputs
-from reconstruction.capture import Capture, Frames, write_capture
+from reconstruction.capture import Capture, Frames, Poses, write_capture
 from reconstruction.capture.file import KINDS
 
 from ..framing import Kind, Message, pack
 from ..links import Outlet
 from ..reception import Arrival
+from ..senders import Allowance
 from ..setups import StreamSetup
 from .sink import Sink
 
@@ -51,7 +52,8 @@ class CaptureRecord(Sink):
 
     The first has the given name, further ones add a number. A new one begins after
     `FRAMES_OF_A_PART` or `BYTES_OF_A_PART`, with another setup, where the time of poses goes back,
-    and, if frames show different patterns in turn, after a lost one.
+    as often as an `Allowance` permits, and, if frames show different patterns in turn, after a lost
+    one. Where the time of poses stands, or goes back too often, frames are kept without a pose.
     """
 
     waiting = 256
@@ -64,17 +66,22 @@ class CaptureRecord(Sink):
         self._begun = False
         self._arrivals: list[Arrival] = []
         self._time_s = -math.inf
+        self._returns = Allowance()
+        self._frames = 0
 
     def check(self) -> None:
         self._require()
 
     def frame(self, arrival: Arrival) -> None:
+        self._frames += 1
+        arrival = self._timed(arrival)
         try:
             if self._arrivals and not self._belongs(arrival):
                 self._next_part()
         finally:
             self._arrivals.append(arrival)
-            self._time_s = max(self._time_s, _pose_time_s(arrival))
+            if math.isfinite(time_s := _pose_time_s(arrival)):
+                self._time_s = time_s
         if len(self._arrivals) % FRAMES_BETWEEN == 0:
             self._write()
         maximum = min(FRAMES_OF_A_PART, BYTES_OF_A_PART // arrival.stream.frame_bytes)
@@ -84,6 +91,18 @@ class CaptureRecord(Sink):
     def close(self) -> None:
         if self._arrivals:
             self._write()
+
+    def _timed(self, arrival: Arrival) -> Arrival:
+        """A frame, without its pose if this has no time of its own, and may begin no part."""
+        time_s = _pose_time_s(arrival)
+        if not self._arrivals or arrival.stream is not self._arrivals[-1].stream:
+            return arrival
+        back = time_s < self._time_s
+        if back and self._returns.take(self._frames, arrival.received_s):
+            return arrival
+        if back or time_s == self._time_s:
+            return arrival._replace(frame=replace(arrival.frame, poses=Poses.none(1)))
+        return arrival
 
     def _belongs(self, arrival: Arrival) -> bool:
         last = self._arrivals[-1]

@@ -122,12 +122,12 @@ class Detached:
     def _try(self, work: Callable[[], None]) -> None:
         try:
             work()
-        except Exception as error:
+        except BaseException as error:  # of a thread that nobody else sees end
             self._note(error)
         else:
             self.trouble = None
 
-    def _note(self, error: Exception) -> None:
+    def _note(self, error: BaseException) -> None:
         try:
             with naming(self.name):
                 raise InputError(in_words(error))

@@ -114,8 +114,6 @@ class RangeMemory:
 
     def forget_behind(self, pose: PoseAt, directions: Floats, range_m: Floats) -> None:
         """Drop the points behind things at ranges (S,) along unit vectors (S, 3)."""
-        if not len(range_m):
-            return
         seen = self.seen(pose, hidden=True)
         close = distances(seen.pixel, pixel_of(directions, self._optics, self._shape))
         farther = seen.log_depth[:, None] - np.log(range_m * directions[:, 2])
