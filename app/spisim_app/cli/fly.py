@@ -152,33 +152,33 @@ def _record_all(
     run: opt.RunOptions,
 ) -> None:
     """Record every frame in one file."""
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.simulation.flight import record_flight
 
     file = named(output, "simulated capture")
-    require_outputs([file], read, overwrite=run.overwrite)
-    error = options.error_model
-    with resumed(), progress_bar("Flying", run.progress) as advance:
-        flight = load()
-        frames, kept = record_flight(
-            output,
-            flight.scene,
-            flight.path,
-            flight.instrument,
-            seed=flight.seed,
-            truths=options.truths,
-            spacing_m=options.spacing,
-            pose_error=error,
-            progress=advance,
-            **flight.light,
-        )
-    if run.json:
-        report = {"written": [output], "frames": frames, "kept": kept}
-        print_json(report | {"duration_s": flight.path.duration_s, "warnings": flight.oddities})
-        return
-    old = f" ({kept} of them kept)" if kept else ""
-    say(f"Wrote {frames} frames{old} to {output}.")
-    say(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")
+    with output_files([file], read, overwrite=run.overwrite):
+        error = options.error_model
+        with resumed(), progress_bar("Flying", run.progress) as advance:
+            flight = load()
+            frames, kept = record_flight(
+                output,
+                flight.scene,
+                flight.path,
+                flight.instrument,
+                seed=flight.seed,
+                truths=options.truths,
+                spacing_m=options.spacing,
+                pose_error=error,
+                progress=advance,
+                **flight.light,
+            )
+        if run.json:
+            report = {"written": [output], "frames": frames, "kept": kept}
+            print_json(report | {"duration_s": flight.path.duration_s, "warnings": flight.oddities})
+            return
+        old = f" ({kept} of them kept)" if kept else ""
+        say(f"Wrote {frames} frames{old} to {output}.")
+        say(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")
 
 
 def _record_captures(
