@@ -106,7 +106,7 @@ def command(
         beliefs = {} if priors is None else read_priors(priors)
         beliefs |= parsed_priors(prior or ())
         recorded = read_capture(capture)
-        carried = _instrument(recorded, instrument)
+        carried = _instrument(recorded, capture, instrument)
         loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
         with naming(capture), progress_bar("Fitting", progress) as advance:
             fitted = fit(
@@ -127,17 +127,16 @@ def command(
             raise typer.Exit(1)
 
 
-def _instrument(capture: Capture, name: str | None) -> Instrument:
+def _instrument(capture: Capture, path: Path, name: str | None) -> Instrument:
     """Load the instrument, or read the one that the capture holds."""
     from reconstruction.base.errors import InputError
-    from spisim.base.config import parse_model
-    from spisim.instrument import Instrument
+    from spisim.instrument import embedded_instrument
 
     if name is not None:
         return instrument_with(name)
     if not capture.provenance.instrument:
         raise InputError("the capture does not hold its instrument: name a file by --instrument")
-    return parse_model(capture.provenance.instrument, Instrument, "instrument of the capture")
+    return embedded_instrument(capture.provenance.instrument, path)
 
 
 def _print(fitted: Fitted, lines: list[str]) -> None:
