@@ -174,3 +174,16 @@ def test_files_are_locked_together_and_freed_together(tmp_path: Path) -> None:
         with pytest.raises(InputError, match="two: process 123"), output_files(outputs):
             pass
         assert not (tmp_path / "new" / ".one.lock").exists()
+
+
+@pytest.mark.parametrize("name", SINKS)
+def test_what_a_killed_run_left_is_replaced_by_the_next(name, recording, tmp_path):
+    """What it had not flushed is lost."""
+    path = tmp_path / name
+    killed = sink_to(str(path))
+    reception = Reception(Script(*messages(read_capture(recording))[:2]), recorders=[killed.frame])
+    loop = Loop(reception, results=[killed.result], states=[killed.state])
+    reception.run()
+    loop.run()
+    assert main(["live", str(recording), "--to", str(path), "--quiet"]) == 0
+    assert count(path) == FRAMES
