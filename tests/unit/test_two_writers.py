@@ -1,6 +1,7 @@
 """Two writers of one output: the second is refused by name, the first stays whole."""
 
 import json
+import os
 import threading
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -180,10 +181,15 @@ def test_files_are_locked_together_and_freed_together(tmp_path: Path) -> None:
 def test_what_a_killed_run_left_is_replaced_by_the_next(name, recording, tmp_path):
     """What it had not flushed is lost."""
     path = tmp_path / name
-    killed = sink_to(str(path))
-    reception = Reception(Script(*messages(read_capture(recording))[:2]), recorders=[killed.frame])
-    loop = Loop(reception, results=[killed.result], states=[killed.state])
-    reception.run()
-    loop.run()
+    child = os.fork()
+    if child == 0:
+        killed = sink_to(str(path))
+        reception = Reception(Script(*messages(read_capture(recording))), recorders=[killed.frame])
+        loop = Loop(reception, results=[killed.result], states=[killed.state])
+        with killed.ready():
+            reception.run()
+            loop.run()
+            os._exit(9)
+    os.waitpid(child, 0)
     assert main(["live", str(recording), "--to", str(path), "--quiet"]) == 0
     assert count(path) == FRAMES
