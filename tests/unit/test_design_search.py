@@ -180,6 +180,11 @@ class TestObjectives:
         assert OBJECTIVES["range_error_m"].of([spots]) == pytest.approx(0.01)
         assert OBJECTIVES["range_bound_m"].of([spots]) == pytest.approx(0.01)
 
+    def test_missing_ranges_are_a_fraction_with_half_a_spot_more(self) -> None:
+        of = OBJECTIVES["range_missing"].of
+        assert of([sample_of([0.01, 0.02, 0.03])]) == pytest.approx(0.5 / 4)
+        assert of([sample_of([0.01, LIMIT_M, np.nan])]) == pytest.approx(2.5 / 4)
+
     def test_weathers_count_equally(self) -> None:
         samples = [sample_of([0.01] * 9), sample_of([0.04], weather="clear")]
         each = over_weathers("range_error_m", samples)
