@@ -162,7 +162,9 @@ def test_crosstalk_goes_to_adjacent_zones_and_loses_nothing() -> None:
     np.testing.assert_array_equal(single.zones.mixing, [[1.0]])
 
 
-@pytest.mark.parametrize(("zone", "adjacent"), [(4, [0, 1, 2, 3, 5, 6, 7, 8]), (5, [1, 2, 4, 7, 8])])
+@pytest.mark.parametrize(
+    ("zone", "adjacent"), [(4, [0, 1, 2, 3, 5, 6, 7, 8]), (5, [1, 2, 4, 7, 8])]
+)
 def test_adjacent_zones_are_those_that_touch(zone: int, adjacent: list[int]) -> None:
     expected = np.zeros(9)
     expected[adjacent] = 0.08 / len(adjacent)
