@@ -35,24 +35,25 @@ def command(
     Captures must have the same patterns and spots. Of arrays, floating-point numbers (H, W) are an
     image, whole numbers (spots, bins) are histograms. Exit status 1 if they differ.
     """
-    from reconstruction.base.files import Output, require_outputs
+    from reconstruction.base.files import Output
+    from reconstruction.base.folders import output_files
     from spisim_compare.comparison import named
     from spisim_compare.page import write_comparison
     from spisim_compare.reading import compare_files
 
     outputs = [] if page is None else [Output(page, KIND, (".html", ".htm"))]
-    require_outputs(outputs, [real, simulated], overwrite=overwrite)
-    comparison = compare_files(real, simulated)
-    if page is not None:
-        write_comparison(page, KIND, f"{real.stem} and {simulated.stem}", comparison)
-    if json:
-        print_json(comparison.summary() | {"written": [each.path for each in outputs]})
-    else:
-        _print(comparison)
-        for each in outputs:
-            say(f"Wrote {each.path}.")
-    if named(comparison.verdict) != "equal":
-        raise typer.Exit(1)
+    with output_files(outputs, [real, simulated], overwrite=overwrite):
+        comparison = compare_files(real, simulated)
+        if page is not None:
+            write_comparison(page, KIND, f"{real.stem} and {simulated.stem}", comparison)
+        if json:
+            print_json(comparison.summary() | {"written": [each.path for each in outputs]})
+        else:
+            _print(comparison)
+            for each in outputs:
+                say(f"Wrote {each.path}.")
+        if named(comparison.verdict) != "equal":
+            raise typer.Exit(1)
 
 
 def _print(comparison: Comparison) -> None:

@@ -12,8 +12,7 @@ from reconstruction.capture import Capture
 from reconstruction.capture.readings.cw import CwSpots
 from reconstruction.capture.readings.dtof import HistogramSpots
 from reconstruction.capture.readings.pulsed import PulsedSpots
-from spisim.base.config import parse_model
-from spisim.instrument import Instrument, SpotLight
+from spisim.instrument import SpotLight, embedded_instrument
 
 from .gaussian import Covariance
 from .midpoint import Midpoint
@@ -104,7 +103,7 @@ def _dark(capture: Capture) -> tuple[float, Floats]:
     spots = capture.spots
     none = np.zeros(0 if spots is None else len(spots.directions))
     try:
-        instrument = parse_model(capture.provenance.instrument, Instrument, "instrument")
+        instrument = embedded_instrument(capture.provenance.instrument)
     except InputError:
         return 0.0, none
     of_patterns = 0.0

@@ -15,7 +15,11 @@ from spisim_formats.format import writers
 
 
 def export_scene(
-    scene: Scene, output: Path, overwrite: bool = False, further: Sequence[Element] = ()
+    scene: Scene,
+    output: Path,
+    overwrite: bool = False,
+    further: Sequence[Element] = (),
+    inputs: Sequence[Path] = (),
 ) -> list[Path]:
     """Write a scene as it is now.
 
@@ -29,6 +33,8 @@ def export_scene(
         Whether to replace a file, and a folder of meshes if all in it was written here.
     further
         Further elements of a Gazebo world, such as sensors.
+    inputs
+        Files that must stay.
 
     Returns
     -------
@@ -54,15 +60,15 @@ def export_scene(
     output.parent.mkdir(parents=True, exist_ok=True)
     with locked_name(output):
         if meshes:
-            _write_folder(folder, meshes)
+            _write_folder(folder, meshes, inputs)
         write_atomically(output, text)
     return [output, *(folder / name for name in meshes)]
 
 
-def _write_folder(folder: Path, files: Mapping[str, bytes]) -> None:
+def _write_folder(folder: Path, files: Mapping[str, bytes], inputs: Sequence[Path]) -> None:
     """Write all files under a temporary name, then replace an older folder."""
     if folder.exists():
-        check_meshes(folder)
+        check_meshes(folder, inputs)
     stage = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}.tmp")
     try:
         stage.mkdir()

@@ -4,8 +4,8 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Iterable, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -131,8 +131,23 @@ def write_atomically(path: str | Path, content: bytes) -> None:
         raise
 
 
+@contextmanager
+def begun(path: Path) -> Iterator[Path]:
+    """Temporary name of a file that grows, until its first bytes show what it is.
+
+    An earlier file of its name is replaced, not written into, as it may have other names.
+    """
+    temporary = _temporary(path)
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
+
+
 def whole_name(path: Path) -> Path | None:
-    """Final name of a file that `write_atomically` has begun; None for other files."""
+    """Final name of a file by its temporary one; None for other files."""
     begun = _BEGUN.fullmatch(path.name)
     return path.with_name(begun[1]) if begun else None
 

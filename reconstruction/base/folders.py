@@ -1,4 +1,4 @@
-"""Folders that one program at a time writes into."""
+"""Folders and files that one program at a time writes."""
 
 import fcntl
 import os
@@ -6,12 +6,12 @@ import platform
 import re
 import stat
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from threading import get_ident
 
 from .errors import InputError
-from .files import Output, remove_unfinished, require_folder, require_outputs
+from .files import Output, remove_unfinished, require_file, require_folder, require_outputs
 
 LOCK = ".lock"
 """Name of a folder's lock file. If the folder is replaced as a whole, the lock lies beside it."""
@@ -44,6 +44,27 @@ def output_folder(
 
 
 @contextmanager
+def output_files(
+    outputs: Iterable[Output], inputs: Iterable[str | Path] = (), *, overwrite: bool = False
+) -> Iterator[None]:
+    """Lock the names of a command's files until it has written them.
+
+    Missing folders are created; what a killed run left unfinished is removed. Raises InputError as
+    `locked` and `require_outputs`.
+    """
+    files = list(outputs)
+    for file in files:
+        require_file(file.path)
+    with ExitStack() as held:
+        for file in files:
+            held.enter_context(_existing(file.path.parent))
+            held.enter_context(locked_name(file.path))
+        require_outputs(files, inputs, overwrite=overwrite)
+        remove_unfinished(file.path for file in files)
+        yield
+
+
+@contextmanager
 def locked_folder(folder: str | Path) -> Iterator[None]:
     """Lock a folder for this thread, and create it if it is missing.
 
@@ -54,15 +75,8 @@ def locked_folder(folder: str | Path) -> Iterator[None]:
     """
     folder = Path(folder)
     require_folder(folder)
-    made = [each for each in (folder, *folder.parents) if not each.exists()]
-    folder.mkdir(parents=True, exist_ok=True)
-    try:
-        with locked(folder, folder / LOCK):
-            yield
-    finally:
-        with suppress(OSError):
-            for each in made:
-                each.rmdir()
+    with _existing(folder), locked(folder, folder / LOCK):
+        yield
 
 
 @contextmanager
@@ -113,6 +127,19 @@ def holder(lock: Path) -> str | None:
     finally:
         os.close(file)
     return None
+
+
+@contextmanager
+def _existing(folder: Path) -> Iterator[None]:
+    """Create a folder if it is missing, and remove it if it is still empty at the end."""
+    made = [each for each in (folder, *folder.parents) if not each.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            for each in made:
+                each.rmdir()
 
 
 def _taken(held: Path, lock: Path) -> tuple[int, bool]:

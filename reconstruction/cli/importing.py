@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..base.errors import InputError, naming
-from ..base.files import Output, require_outputs
+from ..base.files import Output
+from ..base.folders import output_files
 from ..base.text import json_line, printable
 from ..capture import Capture, Spots, write_capture
 from ..capture.importers import (
@@ -110,23 +111,23 @@ def run(options: argparse.Namespace) -> None:
     """Import a recording."""
     file = Output(options.output, "hardware capture", (".h5", ".hdf5"))
     read = [path for path in (options.file, options.about, options.taps_about) if path is not None]
-    require_outputs([file], read, overwrite=options.overwrite)
-    spots = taps.spots_of(options, partial(_source, options))
-    if options.file is not None:
-        capture = _of_patterns(options, spots)
-    elif spots is not None:
-        capture = capture_from_spots(spots)
-    else:
-        raise InputError("FILE is missing: readings of patterns; use --taps for spots alone")
-    write_capture(capture, options.output)
-    warnings = [*taps.notes_of(options), *capture_warnings(capture, 0)]
-    for warning in warnings:
-        print(printable(f"warning: {warning}"), file=sys.stderr)
-    if options.json:
-        report = {"written": str(options.output), **_report(capture), "warnings": warnings}
-        print(json_line(report))
-    else:
-        print(printable(f"{options.output}: {capture.frames} frame(s) of {_parts(capture)}"))
+    with output_files([file], read, overwrite=options.overwrite):
+        spots = taps.spots_of(options, partial(_source, options))
+        if options.file is not None:
+            capture = _of_patterns(options, spots)
+        elif spots is not None:
+            capture = capture_from_spots(spots)
+        else:
+            raise InputError("FILE is missing: readings of patterns; use --taps for spots alone")
+        write_capture(capture, options.output)
+        warnings = [*taps.notes_of(options), *capture_warnings(capture, 0)]
+        for warning in warnings:
+            print(printable(f"warning: {warning}"), file=sys.stderr)
+        if options.json:
+            report = {"written": str(options.output), **_report(capture), "warnings": warnings}
+            print(json_line(report))
+        else:
+            print(printable(f"{options.output}: {capture.frames} frame(s) of {_parts(capture)}"))
 
 
 def _report(capture: Capture) -> dict[str, Any]:

@@ -3,7 +3,13 @@
 from spisim.instrument.demodulation import Modulation, Taps
 from spisim.instrument.detector import Detector, TofDetector
 from spisim.instrument.electronics import Amplifier
-from spisim.instrument.model import Instrument, list_presets, load_instrument, needs
+from spisim.instrument.model import (
+    Instrument,
+    embedded_instrument,
+    list_presets,
+    load_instrument,
+    needs,
+)
 from spisim.instrument.parts import Spectrum
 from spisim.instrument.photodiode import Photodiode
 from spisim.instrument.sensor import Reading, Readings, Sensor, quantum_efficiency
@@ -32,6 +38,7 @@ __all__ = [
     "Taps",
     "Tof",
     "TofDetector",
+    "embedded_instrument",
     "list_presets",
     "load_instrument",
     "needs",

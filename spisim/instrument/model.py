@@ -22,9 +22,11 @@ from spisim.base.config import (
     Number,
     Positive,
     Section,
+    check_fields,
     dump_yaml,
     find_named,
     parse_model,
+    read_mapping,
     read_text,
 )
 from spisim.instrument.demodulation import PICTURE_HARMONICS
@@ -376,6 +378,25 @@ def load_instrument(name_or_path: str | Path) -> Instrument:
     """
     file = find_named(str(name_or_path), PRESETS, "instrument")
     return parse_model(read_text(file), Instrument, file, file.parent)
+
+
+def embedded_instrument(text: str, capture: Path | None = None) -> Instrument:
+    """Instrument that a capture holds as YAML text, of which no file that it names is opened.
+
+    Patterns of a file are those that the ``capture`` exposed.
+
+    Raises
+    ------
+    InputError
+        As `load_instrument`.
+    """
+    source = "instrument of the capture"
+    fields = read_mapping(text, Instrument, source)
+    plan = fields.get("plan")
+    if isinstance(plan, dict) and "patterns_file" in plan:
+        own = None if capture is None else str(capture.absolute())
+        fields["plan"] = plan | {"patterns_file": own}
+    return check_fields(fields, Instrument, source)
 
 
 def needs(instrument: Instrument) -> Needs:

@@ -36,12 +36,17 @@ def draw(fields: Mapping[str, Any], context: LoadContext) -> Drawn:
 
     The draw depends on family, seed and parameters alone, not on the file's own sections.
     """
-    described = check_fields(fields, DrawnDescription, context.source)
-    drawn_from = described.model_dump_json(include=set(DRAWING))
-    builder = context.cache.builder(drawn_from, lambda: _sound_builder(described, context))
+    builder = builder_of(fields, context)
     whole = whole_file(fields, builder)
     scene = assemble(check_fields(whole, SceneDescription, context.source), context, builder.meshes)
     return Drawn(scene, whole, builder.meshes)
+
+
+def builder_of(fields: Mapping[str, Any], context: LoadContext) -> families.SceneBuilder:
+    """Sections of a family's draw, for which no file is opened."""
+    described = check_fields(fields, DrawnDescription, context.source)
+    drawn_from = described.model_dump_json(include=set(DRAWING))
+    return context.cache.builder(drawn_from, lambda: _sound_builder(described, context))
 
 
 def _sound_builder(described: DrawnDescription, context: LoadContext) -> families.SceneBuilder:

@@ -11,7 +11,7 @@ from reconstruction.base.arrays import Floats
 from spisim.base.config import check_fields, dump_yaml, load_yaml, read_mapping
 from spisim.scene.assemble import drone_pose
 from spisim.scene.description import DroneDescription, DroneState, SceneDescription
-from spisim.scene.drawn import draw
+from spisim.scene.drawn import builder_of, whole_file
 from spisim.scene.load_context import LoadContext, SceneCache
 from spisim.scene.model import Scene
 from spisim.scene.pose import look_at, moved_pose
@@ -56,7 +56,7 @@ class Drone:
         else:
             if "family" in fields:
                 context = LoadContext(Path(), text, source, cache=cache or SceneCache())
-                fields = dict(draw(fields, context).fields)
+                fields = whole_file(fields, builder_of(fields, context))
             described = check_fields(fields, SceneDescription, source).drone
             pose = drone_pose(described)
         turn = np.radians(described.angular_velocity_deg_s)

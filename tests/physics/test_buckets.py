@@ -13,7 +13,7 @@ from instruments import changed
 from reconstruction.base.errors import InputError
 from reconstruction.capture import Capture, write_capture
 from reconstruction.operators import decoder_for
-from spisim.instrument import Instrument, load_instrument
+from spisim.instrument import Instrument, embedded_instrument, load_instrument
 from spisim.scene import Ambient, Scene
 from spisim.simulation.light import LightSequence, trace
 from spisim.simulation.measurement import BucketLight, bucket_light, record
@@ -217,6 +217,11 @@ def test_patterns_of_a_file_are_shown(tmp_path: Path) -> None:
     assert moved.pattern_plan.patterns.row(3) == pytest.approx(2 * patterns[3] - 1)
 
     write_capture(capture, tmp_path / "capture.h5")
+    np.save(tmp_path / "grey.npy", 1 - patterns)  # of somebody else; only the capture is opened
+    own = embedded_instrument(capture.provenance.instrument, tmp_path / "capture.h5").pattern_plan
+    np.testing.assert_array_equal(own.patterns.patterns, patterns)
+    with pytest.raises(InputError, match="basis dense needs patterns_file"):
+        embedded_instrument(capture.provenance.instrument)
     (tmp_path / "grey.npy").unlink()
     reported = yaml.safe_load(capture.provenance.instrument)
     reported["plan"]["patterns_file"] = "capture.h5"

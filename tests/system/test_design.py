@@ -67,6 +67,24 @@ def test_a_design_is_written_and_resumed(tmp_path: Path) -> None:
     assert "another plan" in other.output
 
 
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"judgement": [{"scene": "nowhere"}]}, "judgement: "),
+        ({"choose": {"tof.tims": {"low": 1, "high": 2}}}, "choose: tof.tims"),
+        ({"max_range_m": 1e-3}, "no spot within"),
+    ],
+)
+def test_a_plan_is_checked_before_its_folder_holds_a_search(
+    changes: Any, message: str, tmp_path: Path
+) -> None:
+    folder = tmp_path / "out"
+    refused = design(loaded(tmp_path, **{**SMALL, **changes}).path, folder)
+    assert refused.exit_code == 2
+    assert message in refused.stderr
+    assert not (folder / FILE).exists()
+
+
 def test_light_is_that_of_any_powers_frequencies_and_patterns(tmp_path: Path) -> None:
     planned = loaded(tmp_path, **SMALL)
     bench = Bench(planned.instrument)

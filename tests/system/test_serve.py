@@ -17,6 +17,7 @@ from scenefiles import MINIMAL
 from spisim.scene import load_trajectory
 from spisim_live import Kind, Message, Parser, Pose, StreamSetup, command, pack
 from spisim_live.links import source_at
+from spisim_serving.record import SEGMENT, FlightRecord
 
 FRAMES = 9
 
@@ -125,6 +126,37 @@ def test_a_path_is_sent_frame_by_frame_to_a_file(folder):
     assert [came[0].kind, came[-1].kind] == [Kind.SETUP, Kind.END]
     assert report["frames"] == len(came) - 2 == round(0.05 * 15_000 / 64)
     assert report["key_poses"] == 9  # 0.8 m in steps of 0.1 m
+
+
+def record_path(folder: Path, name: str, duration_s: float):
+    """Record a flight along a path, as fast as it goes."""
+    words = ("--path", str(folder / "path.csv"), "--to", str(folder / f"{name}.stream"))
+    words += ("--record", str(folder / f"{name}.h5"), "--duration", str(duration_s))
+    return run(*arguments(folder, *words, "--spacing", "0.1", "--json"))
+
+
+def test_what_is_recorded_survives_a_kill(folder, monkeypatch):
+    monkeypatch.setattr(FlightRecord, "finish", lambda record, provenance: [])  # as if killed
+    reported = record_path(folder, "killed", 0.3)
+    assert json.loads(reported.stdout)["frames"] == 70
+    assert read_capture(folder / "killed.h5").frames == SEGMENT
+    assert load_trajectory(folder / "killed.csv").duration_s == pytest.approx(SEGMENT * 64 / 15e3)
+    monkeypatch.undo()
+    assert record_path(folder, "killed", 0.3).exit_code == 0
+    assert read_capture(folder / "killed.h5").frames == 70
+    assert not list(folder.glob(".killed*"))
+
+
+def test_a_long_record_has_parts(folder, monkeypatch):
+    monkeypatch.setattr("spisim_serving.record.FRAMES_OF_A_PART", SEGMENT)
+    reported = record_path(folder, "parts", 0.3)
+    assert reported.exit_code == 0, reported.stderr
+    names = [f"{stem}.{suffix}" for stem in ("parts", "parts-2") for suffix in ("h5", "csv")]
+    written = json.loads(reported.stdout)["written"]
+    assert [Path(name).name for name in written] == names
+    first, second = (read_capture(folder / name) for name in names[::2])
+    assert (first.frames, second.frames) == (SEGMENT, 6)
+    assert second.poses.time_s[0] - first.poses.time_s[-1] == pytest.approx(64 / 15e3)
 
 
 @pytest.fixture

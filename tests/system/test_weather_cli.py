@@ -136,7 +136,7 @@ def test_doubtful_weather_is_told() -> None:
         ([], ["no weather", "--visibility", "--compare"]),
         (["--fog", "heavy-advection"], ["--fog needs --visibility or --water"]),
         (["--fog", "heavy-fog", "--visibility", "50"], ["'heavy-fog'", "heavy-advection"]),
-        (["--visibility", "0"], ["visibility_m", "greater than 0"]),
+        (["--visibility", "0"], ["--visibility", "0 is not a number of at least 0.001"]),
         (["--visibility", "inf"], ["visibility_m", "finite"]),
         (["--visibility", "10", "--water", "5"], ["10", "5", "contradict"]),
         (["--visibility", "10", "--definition", "moor"], ["did you mean 'mor'"]),

@@ -11,6 +11,7 @@ import pytest
 import reconstruction
 import spisim
 from instruments import changed
+from reconstruction import InputError
 from spisim.budget import longest_range_m
 from spisim.transport import RayCaster
 from spisim.transport.backend import activate, active
@@ -94,3 +95,10 @@ def test_a_user_without_a_home(code: str) -> None:
         [sys.executable, "-c", NO_HOME + code], capture_output=True, text=True, check=False
     )
     assert run.returncode == 0, run.stderr
+
+
+@pytest.mark.parametrize("spp", [0, -8, 8.5, True])
+def test_paths_are_a_whole_number(spp: float) -> None:
+    scene, instrument = spisim.load_scene("target-plane"), spisim.load_instrument("paper")
+    with pytest.raises(InputError, match=r"spp is .*, must be a whole number of at least 1"):
+        spisim.simulate(scene, instrument, spp=spp)

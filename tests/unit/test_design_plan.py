@@ -10,7 +10,7 @@ import spisim
 from designs import loaded
 from reconstruction import InputError
 from spisim_inverse.design.bench import Bench
-from spisim_inverse.design.plan import PlannedDesign, weather_of
+from spisim_inverse.design.plan import Allowed, PlannedDesign, weather_of
 from spisim_inverse.design.run import check_names
 from spisim_inverse.design.space import Point, Space
 
@@ -184,3 +184,12 @@ def test_probes_change_one_parameter(tmp_path: Path, bench: Bench) -> None:
             assert {n: v for n, v in each.items() if n != name} == {
                 n: v for n, v in space.values(start).items() if n != name
             }
+
+
+@pytest.mark.parametrize(
+    ("end", "expected"),
+    [(1.23456789e-3, 1.23457e-3), (-123456789.0, -123457000.0), (0.0, 0.0), (9.999999, 10.0)],
+)
+def test_values_have_six_digits(end: float, expected: float) -> None:
+    space = Space({"x": Allowed(low=end, high=end + 1e9)})
+    assert space.values(Point((0.0,), ()))["x"] == pytest.approx(expected, rel=1e-12)

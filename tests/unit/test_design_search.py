@@ -133,14 +133,24 @@ class TestArchive:
         assert Archive(tmp_path, planned).get({"x": 2.0}).figures == {"a": 3.0}
 
     def test_another_plan_is_refused(self, tmp_path: Path) -> None:
-        Archive(tmp_path, loaded(tmp_path))
+        Archive(tmp_path, loaded(tmp_path)).add(Evaluation({"x": 1.0}, {"a": 2.0}))
         with pytest.raises(InputError, match=r"a search by another plan .* restore plan\.yaml"):
             Archive(tmp_path, loaded(tmp_path, draws=5))
 
-    @pytest.mark.parametrize("text", ["", "x\n", "{}\n", '{"digest": 1}\n[]\n', "[1]\n"])
-    def test_other_files_are_refused(self, tmp_path: Path, text: str) -> None:
+    @pytest.mark.parametrize("size", [0, 1, 30])
+    def test_a_beginning_of_a_killed_run_is_begun_again(self, tmp_path: Path, size: int) -> None:
         planned: PlannedDesign = loaded(tmp_path)
-        (tmp_path / FILE).write_text(text)
+        Archive(tmp_path, planned).add(Evaluation({"x": 1.0}, {"a": 2.0}))
+        (tmp_path / FILE).write_bytes((tmp_path / FILE).read_bytes()[:size])
+        Archive(tmp_path, planned).add(Evaluation({"x": 2.0}, {"a": 3.0}))
+        assert Archive(tmp_path, planned).get({"x": 2.0}).figures == {"a": 3.0}
+
+    @pytest.mark.parametrize(
+        "text", [b"x", b"x\n", b"{}\n", b'{"digest": 1}\n[]\n', b"[1]\n", b"\xff\xfe\n"]
+    )
+    def test_other_files_are_refused(self, tmp_path: Path, text: bytes) -> None:
+        planned: PlannedDesign = loaded(tmp_path)
+        (tmp_path / FILE).write_bytes(text)
         with pytest.raises(InputError, match="not the evaluations of a design"):
             Archive(tmp_path, planned)
 
@@ -169,6 +179,11 @@ class TestObjectives:
         spots = sample_of([0.01, np.nan], counts=[True, False])
         assert OBJECTIVES["range_error_m"].of([spots]) == pytest.approx(0.01)
         assert OBJECTIVES["range_bound_m"].of([spots]) == pytest.approx(0.01)
+
+    def test_missing_ranges_are_a_fraction_with_half_a_spot_more(self) -> None:
+        of = OBJECTIVES["range_missing"].of
+        assert of([sample_of([0.01, 0.02, 0.03])]) == pytest.approx(0.5 / 4)
+        assert of([sample_of([0.01, LIMIT_M, np.nan])]) == pytest.approx(2.5 / 4)
 
     def test_weathers_count_equally(self) -> None:
         samples = [sample_of([0.01] * 9), sample_of([0.04], weather="clear")]

@@ -223,6 +223,10 @@ class TestBadInput:
         ({BOARD: float("nan")}, "must be from"),
         ({"projector.on_off_contrast": None}, "give a start"),
         ({"throughput": 2.0}, "no single start"),
+        ({"buckets.electrons_per_count": 0.0}, r"=0: must be from 1e-09 to 1e\+12"),
+        ({"buckets.electrons_per_count": -1.0}, r"=-1: must be from 1e-09 to 1e\+12"),
+        ({"buckets.electrons_per_count": float("nan")}, r"=nan: must be from 1e-09 to 1e\+12"),
+        ({"buckets.offset_counts": 1e300}, r"=1e\+300: must be from -1e\+12 to 1e\+12"),
     ])  # fmt: skip
     def test_parameters(self, free, message):
         twin = Twin.of(boards(), instrument_of(), recorded())

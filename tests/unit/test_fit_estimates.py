@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from spisim_app.cli import app
 from spisim_inverse.fit import written
 from spisim_inverse.fit.priors import Prior, parsed_priors, parsed_starts, read_priors
 from spisim_inverse.fit.result import in_words
+from spisim_inverse.fit.twin import Scale, Twin
 from twoboards import (
     BOARD,
     DARK,
@@ -175,3 +177,14 @@ class TestFiles:
         assert result.exit_code == 2
         assert "recorded.h5" in result.output
         assert "did you mean" in result.output
+
+
+def test_scales_are_written_into_their_own_detectors():
+    twin = Twin(boards(), spisim.load_instrument("paper"), Scale(3.0, 7.4), Scale(5.0, -2.0))
+    made = yaml.safe_load(written.instrument_text(SimpleNamespace(twin=twin)))
+    for detector, scale, offset in ((made["detector"], 3, 7), (made["tof"]["detector"], 5, 0)):
+        assert detector["adc"]["full_scale_electrons"] == scale * 2 ** detector["adc"]["bits"]
+        assert detector["adc"]["offset_counts"] == offset
+    spots = replace(twin, buckets=None)
+    made = yaml.safe_load(written.instrument_text(SimpleNamespace(twin=spots)))
+    assert made["detector"] == yaml.safe_load(twin.instrument.text)["detector"]

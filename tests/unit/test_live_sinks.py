@@ -35,6 +35,12 @@ def recording(capture):
     return film(capture, 6)
 
 
+def require(sink):
+    """A sink that is ready for a moment."""
+    with sink.ready():
+        pass
+
+
 def fed(sink, content, **options):
     """A sink after a stream of these messages."""
     clock = Clock()
@@ -171,7 +177,6 @@ def test_lines_are_of_numbers(recording):
 def test_the_latest_result_is_replaced_once_a_second(recording, tmp_path):
     clock = Clock()
     sink = LatestResult(tmp_path / "now", clock=clock)
-    sink.check()
     reception = Reception(Script(*messages(recording), clock=clock), clock=clock, waiting=100)
     results = []
     loop = Loop(reception, results=[results.append], states=[sink.state], clock=clock)
@@ -188,10 +193,10 @@ def test_the_latest_result_is_replaced_once_a_second(recording, tmp_path):
     assert (tmp_path / "now" / "depth.png").is_file()
     state = json.loads((tmp_path / "now" / "state.json").read_text())
     assert state["reconstructed"] == 6
-    LatestResult(tmp_path / "now").check()  # its own files it replaces
+    require(LatestResult(tmp_path / "now"))  # its own files it replaces
     (tmp_path / "now" / "state.json").write_text("{}")
     with pytest.raises(InputError, match=r"state\.json exists and is not an earlier state"):
-        LatestResult(tmp_path / "now").check()
+        require(LatestResult(tmp_path / "now"))
 
 
 def test_results_go_out_in_the_framing(recording):
@@ -266,17 +271,17 @@ def test_files_of_others_are_not_replaced(name, tmp_path):
     path = tmp_path / name
     path.write_text("mine")
     with pytest.raises(InputError, match="exists and is not an earlier"):
-        sink_to(str(path)).check()
-    sink_to(str(path), overwrite=True).check()
+        require(sink_to(str(path)))
+    require(sink_to(str(path), overwrite=True))
     assert path.read_text() == "mine"
 
 
 def test_a_window_that_cannot_be_opened_says_why():
     said = "print('there is no display to open it on')"
     with pytest.raises(InputError, match="window: there is no display to open it on"):
-        WindowSink([sys.executable, "-c", said]).check()
+        require(WindowSink([sys.executable, "-c", said]))
     with pytest.raises(InputError, match="window: it cannot be opened"):
-        WindowSink([sys.executable, "-c", ""]).check()
+        require(WindowSink([sys.executable, "-c", ""]))
 
 
 def test_a_window_without_a_display_says_so(monkeypatch):
@@ -284,7 +289,7 @@ def test_a_window_without_a_display_says_so(monkeypatch):
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("MPLBACKEND", "agg")
     with pytest.raises(InputError, match=r"window: there is no display; use --to FOLDER"):
-        WindowSink().check()
+        require(WindowSink())
 
 
 def test_the_window_draws_until_its_input_ends(recording, monkeypatch, capsys):
@@ -310,7 +315,7 @@ def test_the_window_draws_until_its_input_ends(recording, monkeypatch, capsys):
 
 def test_a_window_that_its_user_has_closed_is_no_trouble(recording):
     sink = WindowSink([sys.executable, "-c", "print('ready')"])
-    sink.check()
+    require(sink)
     sink._process.wait(600)
     fed(sink, messages(recording))
     sink.abandon()

@@ -254,5 +254,6 @@ def test_wrong_names_of_sinks_say_what_is_allowed():
 
 def test_without_pymavlink_the_sink_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymavlink.dialects.v20", None)
-    with pytest.raises(InputError, match="MAVLink needs pymavlink: pip install"):
-        sink_to("mavlink:udpout:127.0.0.1:14550").check()
+    missing = pytest.raises(InputError, match="MAVLink needs pymavlink: pip install")
+    with missing, sink_to("mavlink:udpout:127.0.0.1:14550").ready():
+        pass

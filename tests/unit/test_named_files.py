@@ -9,12 +9,16 @@ import numpy as np
 import pytest
 
 import hostile
+from commands import mistake
 from foreign import tetrahedron
+from reconstruction import Capture, write_capture
 from reconstruction.base.errors import InputError
-from spisim.base.config.files import read_columns, read_density, read_picture
+from reconstruction.base.files import mark
+from spisim.base.config.files import EnclosedFolder, read_columns, read_density, read_picture
 from spisim.instrument import load_instrument
-from spisim.scene import load_scene, load_trajectory
+from spisim.scene import load_scene, load_trajectory, make_scene
 from spisim.scene.shapes import load_mesh
+from spisim_inverse.fit.written import INSTRUMENT
 
 SECRET = "hunter2"
 SCENE = """
@@ -118,3 +122,30 @@ def test_a_sound_array_is_read(tmp_path: Path) -> None:
     shutil.copy(tmp_path / "sound.npy", tmp_path / "read-only.npy")
     (tmp_path / "read-only.npy").chmod(0o400)
     assert read_density(tmp_path / "read-only.npy").all()
+
+
+def test_a_recorded_scene_opens_nothing_outside_of_its_folder(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    tetrahedron().export(tmp_path / "secret.ply")
+    tetrahedron().export(tmp_path / "in" / "own.ply")
+    (tmp_path / "in" / "link.ply").symlink_to(tmp_path / "secret.ply")
+    folder = EnclosedFolder(tmp_path / "in")
+    for name in ("../secret.ply", str(tmp_path / "secret.ply"), "link.ply", "../none.ply"):
+        text = f"{SCENE}  - {{name: t, mesh: {name}, material: concrete, translate_m: [3, 0, 0]}}"
+        with pytest.raises(InputError, match=r"lies outside of .*in, and is not opened"):
+            make_scene(text, folder, "its scene")
+    assert (folder / "own.ply").is_file()
+
+
+@pytest.mark.parametrize("overwrite", [[], ["--overwrite"]])
+def test_a_fit_does_not_replace_its_instrument(
+    overwrite: list[str], capture: Capture, tmp_path: Path
+) -> None:
+    write_capture(capture, tmp_path / "a.h5")
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(f"# {mark(INSTRUMENT)}\n{load_instrument('paper').text}")
+    before = mine.read_bytes()
+    words = ["--scene", "target-plane", "--free", "projector.power_w", "--instrument", str(mine)]
+    said = mistake("fit", tmp_path / "a.h5", *words, "--output-instrument", mine, *overwrite)
+    assert "mine.yaml is read by this command; give its output another name" in said
+    assert mine.read_bytes() == before

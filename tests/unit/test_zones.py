@@ -162,6 +162,17 @@ def test_crosstalk_goes_to_adjacent_zones_and_loses_nothing() -> None:
     np.testing.assert_array_equal(single.zones.mixing, [[1.0]])
 
 
+@pytest.mark.parametrize(
+    ("zone", "adjacent"), [(4, [0, 1, 2, 3, 5, 6, 7, 8]), (5, [1, 2, 4, 7, 8])]
+)
+def test_adjacent_zones_are_those_that_touch(zone: int, adjacent: list[int]) -> None:
+    expected = np.zeros(9)
+    expected[adjacent] = 0.08 / len(adjacent)
+    expected[zone] = 0.92
+    mixing = changed("tmf8820", zones__crosstalk=0.08).zones.mixing
+    np.testing.assert_allclose(mixing[:, zone], expected, atol=1e-12)
+
+
 def replace_zones(instrument: Instrument, **changes: Any) -> Instrument:
     return instrument.model_copy(update={"zones": instrument.zones.model_copy(update=changes)})
 

@@ -51,28 +51,28 @@ def command(
     json: Json = False,
 ) -> None:
     """Light, noise, range and eye safety of an instrument that faces a flat wall."""
-    from reconstruction.base.files import require_outputs, write_atomically
+    from reconstruction.base.files import write_atomically
+    from reconstruction.base.folders import output_files
     from spisim.atmosphere import CLEAR, fog
     from spisim.budget import Target, budget_warnings
     from spisim.budget.report import LIMIT_M, budget_tables, headline, summarise
 
-    if output is not None:
-        files = [named(output, "budget")]
-        require_outputs(files, files_read(instrument), overwrite=overwrite)
-    carried = instrument_with(instrument, wavelength)
-    air = CLEAR
-    if visibility is not None:
-        air = fog(visibility, "moderate-radiation", wavelength_nm=carried.wavelength_nm)
-    target = Target(distance, reflectance, illuminance, air.extinction_per_m)
-    figures = summarise(carried, target, air, correlation)
-    warn(warnings := budget_warnings(carried, target))
-    if output is not None:
-        from spisim.budget.plots import budget_figure
-        from spisim_app.report.style import drawn, file_of, plot_style
+    files = [] if output is None else [named(output, "budget")]
+    with output_files(files, files_read(instrument), overwrite=overwrite):
+        carried = instrument_with(instrument, wavelength)
+        air = CLEAR
+        if visibility is not None:
+            air = fog(visibility, "moderate-radiation", wavelength_nm=carried.wavelength_nm)
+        target = Target(distance, reflectance, illuminance, air.extinction_per_m)
+        figures = summarise(carried, target, air, correlation)
+        warn(warnings := budget_warnings(carried, target))
+        if output is not None:
+            from spisim.budget.plots import budget_figure
+            from spisim_app.report.style import drawn, file_of, plot_style
 
-        with plot_style():
-            figure = budget_figure(carried, target, drawn(Path(instrument).stem), LIMIT_M)
-            write_atomically(output, file_of(figure, "budget", dpi=110))
+            with plot_style():
+                figure = budget_figure(carried, target, drawn(Path(instrument).stem), LIMIT_M)
+                write_atomically(output, file_of(figure, "budget", dpi=110))
     if json:
         print_json({"instrument": instrument, **figures, "warnings": warnings, "written": output})
         return

@@ -145,28 +145,28 @@ def _flight(
     capture: Path, recording: Capture, choice: dict[str, Any], files: FlightFiles
 ) -> Evaluation:
     """Compare the frames of a flight, and write its page and film."""
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from reconstruction.evaluation import evaluate_flight
     from spisim_app.report.flight import EvaluatedFrame, write_animation
     from spisim_app.report.flight_page import write_flight
 
     outputs = files.outputs
-    require_outputs(outputs, [capture], overwrite=files.overwrite)
-    frames: list[EvaluatedFrame] = []
+    with output_files(outputs, [capture], overwrite=files.overwrite):
+        frames: list[EvaluatedFrame] = []
 
-    def judged(*given: Any) -> None:
+        def judged(*given: Any) -> None:
+            if outputs:
+                frames.append(EvaluatedFrame.of_recording(recording, *given))
+
+        with naming(capture), progress_bar("Evaluating", None) as advance:
+            comparison = evaluate_flight(recording, **choice, judged=judged, progress=advance)
         if outputs:
-            frames.append(EvaluatedFrame.of_recording(recording, *given))
-
-    with naming(capture), progress_bar("Evaluating", None) as advance:
-        comparison = evaluate_flight(recording, **choice, judged=judged, progress=advance)
-    if outputs:
-        seconds = frames[-1].time_s - frames[0].time_s
-        rate_hz = (len(frames) - 1) / seconds if seconds > 0 else 1.0
-    if files.page is not None:
-        write_flight(files.page, capture.stem, frames, rate_hz, comparison)
-    if files.film is not None:
-        step = max(1, round(rate_hz / MAX_FILM_HZ))
-        write_animation(files.film, frames[::step], rate_hz / step)
-    written = {"written": [each.path for each in outputs]}
-    return comparison | written, comparison["notes"], print_flight
+            seconds = frames[-1].time_s - frames[0].time_s
+            rate_hz = (len(frames) - 1) / seconds if seconds > 0 else 1.0
+        if files.page is not None:
+            write_flight(files.page, capture.stem, frames, rate_hz, comparison)
+        if files.film is not None:
+            step = max(1, round(rate_hz / MAX_FILM_HZ))
+            write_animation(files.film, frames[::step], rate_hz / step)
+        written = {"written": [each.path for each in outputs]}
+        return comparison | written, comparison["notes"], print_flight

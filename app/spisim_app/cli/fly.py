@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from spisim_app.report.flight import EvaluatedFrame
 
 EVERY = "frames"
+NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
 EXAMPLE = "spisim fly warehouse --path warehouse-flight -o out/flight --spp 64"
 
 
@@ -48,24 +50,30 @@ class RecordingOptions:
         ),
     ] = 0.05
     pose_error: Annotated[
-        str,
+        str | None,
         typer.Option(
             metavar="NAME=X,...",
             help="Errors of recorded poses: white_m, white_deg, correlated_m, correlated_deg, "
             "correlation_s, drift_m_per_sqrt_s, drift_deg_per_sqrt_s, delay_s (--rate frames).",
         ),
-    ] = ""
+    ] = None
 
     @property
     def error_model(self) -> PoseError:
         """The errors; InputError for unknown names and impossible values."""
-        from spisim.base.config import check_fields, load_yaml
+        from spisim.base.config import check_fields
         from spisim.simulation.flight import PoseError
 
-        lines = self.pose_error.replace("=", ": ").split(",")
-        fields = load_yaml("\n".join(lines), "--pose-error") if self.pose_error else {}
-        if not isinstance(fields, dict):
-            raise InputError(f"--pose-error {self.pose_error}: must be NAME=X,NAME=X,...")
+        if self.pose_error is None:
+            return PoseError()
+        fields: dict[str, float] = {}
+        for part in self.pose_error.split(","):
+            name, _, value = part.partition("=")
+            if not NUMBER.fullmatch(value.strip()):
+                raise InputError(f"--pose-error {part!r}: must be NAME=X,NAME=X,..., X a number")
+            if name.strip() in fields:
+                raise InputError(f"--pose-error {name.strip()} is given twice")
+            fields[name.strip()] = float(value)
         return check_fields(fields, PoseError, "--pose-error")
 
 
@@ -152,33 +160,33 @@ def _record_all(
     run: opt.RunOptions,
 ) -> None:
     """Record every frame in one file."""
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.simulation.flight import record_flight
 
     file = named(output, "simulated capture")
-    require_outputs([file], read, overwrite=run.overwrite)
-    error = options.error_model
-    with resumed(), progress_bar("Flying", run.progress) as advance:
-        flight = load()
-        frames, kept = record_flight(
-            output,
-            flight.scene,
-            flight.path,
-            flight.instrument,
-            seed=flight.seed,
-            truths=options.truths,
-            spacing_m=options.spacing,
-            pose_error=error,
-            progress=advance,
-            **flight.light,
-        )
-    if run.json:
-        report = {"written": [output], "frames": frames, "kept": kept}
-        print_json(report | {"duration_s": flight.path.duration_s, "warnings": flight.oddities})
-        return
-    old = f" ({kept} of them kept)" if kept else ""
-    say(f"Wrote {frames} frames{old} to {output}.")
-    say(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")
+    with output_files([file], read, overwrite=run.overwrite):
+        error = options.error_model
+        with resumed(), progress_bar("Flying", run.progress) as advance:
+            flight = load()
+            frames, kept = record_flight(
+                output,
+                flight.scene,
+                flight.path,
+                flight.instrument,
+                seed=flight.seed,
+                truths=options.truths,
+                spacing_m=options.spacing,
+                pose_error=error,
+                progress=advance,
+                **flight.light,
+            )
+        if run.json:
+            report = {"written": [output], "frames": frames, "kept": kept}
+            print_json(report | {"duration_s": flight.path.duration_s, "warnings": flight.oddities})
+            return
+        old = f" ({kept} of them kept)" if kept else ""
+        say(f"Wrote {frames} frames{old} to {output}.")
+        say(f"Next: spisim reconstruct {output} -o {output.with_suffix('')}")
 
 
 def _record_captures(

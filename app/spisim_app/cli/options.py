@@ -36,6 +36,7 @@ def real_option(
 ) -> Any:
     """Define an option for a number, with an error message that names the limits."""
     limits = f" from {minimum:g} to {maximum:g}" if isfinite(maximum) else ""
+    limits = limits or (f" of at least {minimum:g}" if isfinite(minimum) else "")
 
     def parse(value: str) -> float:
         with suppress(ValueError):

@@ -60,7 +60,7 @@ def command(
     Writes an OpenEXR file, and a tone-mapped PNG beside it.
     """
     from reconstruction import InputError
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from reconstruction.operators import illumination
     from spisim.base.exr import write_exr
     from spisim.transport import CAMERA_OFFSET_M, camera_view
@@ -68,30 +68,32 @@ def command(
 
     size_bytes = BYTES_PER_PIXEL * width * height
     files = [named(output, "radiance", size_bytes), beside(output, "picture", size_bytes)]
-    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    picture = files[1].path
-    carried = instrument_with(instrument, wavelength)
-    there, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    plan = carried.pattern_plan
-    if pattern is not None and pattern >= plan.exposures:
-        raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")
-    above = (0.0, -CAMERA_OFFSET_M, 0.0)
-    view = camera_view(
-        there,
-        carried,
-        width=width,
-        height=height,
-        fov_deg=fov,
-        pattern=None if pattern is None else illumination(plan, pattern),
-        position_m=above if camera is Camera.PROJECTOR else carried.imaging.detector.positions_m[0],
-        spp=spp,
-        seed=seed,
-    )
-    attributes = {"units.radiance": "W m^-2 sr^-1", "scene": there.name}
-    write_exr(output, "radiance", {"radiance": view}, attributes)
-    write_png(picture, view_scale(view).rgba(view))
-    if json:
-        mean = float(view.mean())
-        print_json({"written": [output, picture], "warnings": oddities, "radiance_mean": mean})
-    else:
-        say(f"Wrote {output} and {picture}.")
+    with output_files(files, files_read(scene, instrument), overwrite=overwrite):
+        picture = files[1].path
+        carried = instrument_with(instrument, wavelength)
+        there, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        plan = carried.pattern_plan
+        if pattern is not None and pattern >= plan.exposures:
+            raise InputError(f"--pattern {pattern}: the plan has exposures 0..{plan.exposures - 1}")
+        above = (0.0, -CAMERA_OFFSET_M, 0.0)
+        view = camera_view(
+            there,
+            carried,
+            width=width,
+            height=height,
+            fov_deg=fov,
+            pattern=None if pattern is None else illumination(plan, pattern),
+            position_m=above
+            if camera is Camera.PROJECTOR
+            else carried.imaging.detector.positions_m[0],
+            spp=spp,
+            seed=seed,
+        )
+        attributes = {"units.radiance": "W m^-2 sr^-1", "scene": there.name}
+        write_exr(output, "radiance", {"radiance": view}, attributes)
+        write_png(picture, view_scale(view).rgba(view))
+        if json:
+            mean = float(view.mean())
+            print_json({"written": [output, picture], "warnings": oddities, "radiance_mean": mean})
+        else:
+            say(f"Wrote {output} and {picture}.")

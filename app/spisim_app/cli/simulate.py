@@ -56,61 +56,61 @@ def command(
     The image of a scene is traced once for all patterns; noise and conversion follow.
     """
     from reconstruction import capture_warnings, evaluate, reconstruct, write_capture
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.simulation import simulate
     from spisim.simulation.measurement import simulation_warnings
     from spisim.transport import fine_view
 
     files = [named(output, "simulated capture", readings.frames * BYTES_PER_FRAME)]
     files += [beside(output, "capture report")] if report else []
-    require_outputs(files, files_read(scene, instrument), overwrite=run.overwrite)
-    carried = instrument_with(instrument, wavelength, stated, plan)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    seconds: dict[str, float] = {}
-    with timed(seconds, "simulate"), progress_bar("Tracing light", run.progress) as advance:
-        simulation = simulate(
-            loaded,
-            carried,
-            **light.arguments,
-            seed=readings.seed,
-            noise=not readings.noise_free,
-            frames=readings.frames,
-            progress=advance,
-        )
-    write_capture(simulation.capture, output)
-    warnings = simulation_warnings(carried, simulation.transport)
-    warnings += capture_warnings(simulation.capture)
-    warn(warnings)
-    if report:
-        from spisim_app.report.capture import write_report
+    with output_files(files, files_read(scene, instrument), overwrite=run.overwrite):
+        carried = instrument_with(instrument, wavelength, stated, plan)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        seconds: dict[str, float] = {}
+        with timed(seconds, "simulate"), progress_bar("Tracing light", run.progress) as advance:
+            simulation = simulate(
+                loaded,
+                carried,
+                **light.arguments,
+                seed=readings.seed,
+                noise=not readings.noise_free,
+                frames=readings.frames,
+                progress=advance,
+            )
+        write_capture(simulation.capture, output)
+        warnings = simulation_warnings(carried, simulation.transport)
+        warnings += capture_warnings(simulation.capture)
+        warn(warnings)
+        if report:
+            from spisim_app.report.capture import write_report
 
-        with naming(output):
-            result = reconstruct(simulation.capture)
-        write_report(
-            files[1].path,
-            simulation.capture,
-            result,
-            metrics=evaluate(result, simulation.capture),
-            transport=simulation.transport,
-            view=fine_view(loaded, carried) if carried.images else None,
-            timings=seconds,
-            title=loaded.name,
-        )
-    written = [file.path for file in files]
-    if run.json:
-        paths = simulation.transport.paths
-        print_json(
-            {
-                "written": written,
-                "warnings": oddities + warnings,
-                "seconds": seconds,
-                "paths": paths,
-                "media": loaded.media_summary(),
-            }
-        )
-    else:
-        names = " and ".join(map(str, written))
-        say(f"Wrote {names} in {seconds['simulate']:.1f} s.")
-        folder = output.with_suffix("")
-        next_step = shlex.join(["spisim", "reconstruct", str(output), "-o", str(folder)])
-        say(f"Next: {next_step}")
+            with naming(output):
+                result = reconstruct(simulation.capture)
+            write_report(
+                files[1].path,
+                simulation.capture,
+                result,
+                metrics=evaluate(result, simulation.capture),
+                transport=simulation.transport,
+                view=fine_view(loaded, carried) if carried.images else None,
+                timings=seconds,
+                title=loaded.name,
+            )
+        written = [file.path for file in files]
+        if run.json:
+            paths = simulation.transport.paths
+            print_json(
+                {
+                    "written": written,
+                    "warnings": oddities + warnings,
+                    "seconds": seconds,
+                    "paths": paths,
+                    "media": loaded.media_summary(),
+                }
+            )
+        else:
+            names = " and ".join(map(str, written))
+            say(f"Wrote {names} in {seconds['simulate']:.1f} s.")
+            folder = output.with_suffix("")
+            next_step = shlex.join(["spisim", "reconstruct", str(output), "-o", str(folder)])
+            say(f"Next: {next_step}")

@@ -76,7 +76,7 @@ def command(
     (rows, columns, bins), whose last bin collects paths longer than 80 m, and the derivatives of
     the spots' and of steady light. `units.*` in either file are the units.
     """
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.simulation.light import NEAR_PATH_M
     from spisim.simulation.light.displacement import displacements, is_coordinate, require_known
     from spisim.simulation.light.files import (
@@ -91,41 +91,47 @@ def command(
     from spisim.transport import Outputs, PathLengthBins, ground_truth
 
     files = [named(output, "transport image"), beside(output, "histograms")]
-    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    histograms = files[1].path
-    carried = instrument_with(instrument, wavelength)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    names = _names(sensitivity or ())
-    coordinates = list(filter(is_coordinate, names))
-    require_known(loaded, coordinates)
-    derivatives = sensitivities(loaded, [name for name in names if name not in coordinates])
-    fogs = [OtherFog.of_visibility(loaded, each) for each in also_visibility or ()]
-    outputs = Outputs(
-        orders=orders,
-        frequencies_hz=tuple(frequency or ()),
-        bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
-        weights=weights_of(derivatives),
-    )
-    with progress_bar("Tracing light", progress) as advance:
-        traced, *rest = solve_fogs(
-            loaded, carried, fogs, **light.arguments, seed=seed, outputs=outputs, progress=advance
+    with output_files(files, files_read(scene, instrument), overwrite=overwrite):
+        histograms = files[1].path
+        carried = instrument_with(instrument, wavelength)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        names = _names(sensitivity or ())
+        coordinates = list(filter(is_coordinate, names))
+        require_known(loaded, coordinates)
+        derivatives = sensitivities(loaded, [name for name in names if name not in coordinates])
+        fogs = [OtherFog.of_visibility(loaded, each) for each in also_visibility or ()]
+        outputs = Outputs(
+            orders=orders,
+            frequencies_hz=tuple(frequency or ()),
+            bins=None if cube is None else PathLengthBins.up_to(NEAR_PATH_M, cube),
+            weights=weights_of(derivatives),
         )
-    spp = light.arguments.get("spp", opt.SPP)
-    with progress_bar("Moving", progress) as advance:
-        derivatives += displacements(
-            loaded, carried, coordinates, traced, spp=spp, seed=seed, progress=advance
-        )
-    others = dict(zip(also_visibility or (), rest, strict=True))
-    fractions = {each: other.reweighted.require_carried() for each, other in others.items()}
-    channels = light_channels(traced, frequency or ())
-    channels |= derived_channels(traced, derivatives, others)
-    units = {
-        f"transport_per.{each.parameter}{ending}": each.unit
-        for each in derivatives
-        for ending in ("", "_error")
-    }
-    write_truth(output, ground_truth(loaded, carried), channels, units)
-    write_histograms(histograms, traced, derivatives, others)
+        with progress_bar("Tracing light", progress) as advance:
+            traced, *rest = solve_fogs(
+                loaded,
+                carried,
+                fogs,
+                **light.arguments,
+                seed=seed,
+                outputs=outputs,
+                progress=advance,
+            )
+        spp = light.arguments.get("spp", opt.SPP)
+        with progress_bar("Moving", progress) as advance:
+            derivatives += displacements(
+                loaded, carried, coordinates, traced, spp=spp, seed=seed, progress=advance
+            )
+        others = dict(zip(also_visibility or (), rest, strict=True))
+        fractions = {each: other.reweighted.require_carried() for each, other in others.items()}
+        channels = light_channels(traced, frequency or ())
+        channels |= derived_channels(traced, derivatives, others)
+        units = {
+            f"transport_per.{each.parameter}{ending}": each.unit
+            for each in derivatives
+            for ending in ("", "_error")
+        }
+        write_truth(output, ground_truth(loaded, carried), channels, units)
+        write_histograms(histograms, traced, derivatives, others)
     if json:
         print_json(
             {

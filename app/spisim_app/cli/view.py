@@ -53,8 +53,8 @@ def command(
 
     methods = {"image": names(image), "ranging": names(ranging), "depth": names(depth)}
     streamed = is_link(source) or Path(source).suffix == ".stream"
-    _check(source, save, overwrite)
-    with _recording(save) as recording:
+    _check(source, save)
+    with _recording(save, Path(source), overwrite) as recording:
         if streamed:
             _follow(source, recording, frames, methods)
         else:
@@ -65,9 +65,8 @@ def command(
         say(f"Wrote {save}. Look at it: rerun {save}")
 
 
-def _check(source: str, save: Path | None, overwrite: bool) -> None:
-    from reconstruction.base.files import require_outputs
-    from spisim_app.report.viewer.recording import check_viewer, library, recording_output
+def _check(source: str, save: Path | None) -> None:
+    from spisim_app.report.viewer.recording import check_viewer, library
 
     try:
         library()
@@ -75,8 +74,6 @@ def _check(source: str, save: Path | None, overwrite: bool) -> None:
         raise InputError(f"{error}. {_report_of(Path(source))}") from None
     if save is None:
         check_viewer()
-    else:
-        require_outputs([recording_output(save)], [Path(source)], overwrite=overwrite)
 
 
 def _report_of(source: Path) -> str:
@@ -91,9 +88,11 @@ def _report_of(source: Path) -> str:
 
 
 @contextmanager
-def _recording(save: Path | None) -> Iterator[Recording]:
+def _recording(save: Path | None, source: Path, overwrite: bool) -> Iterator[Recording]:
     """Return a recording that is displayed, or a file that appears when complete."""
+    from reconstruction.base.folders import output_files
     from spisim_app.report.viewer import Recording
+    from spisim_app.report.viewer.recording import recording_output
 
     if save is None:
         recording = Recording()
@@ -102,17 +101,17 @@ def _recording(save: Path | None) -> Iterator[Recording]:
         finally:
             recording.close()
         return
-    save.parent.mkdir(parents=True, exist_ok=True)
-    stage = save.with_name(f".{save.stem}.{secrets.token_hex(4)}.tmp{save.suffix}")
-    try:
-        recording = Recording(stage)
+    with output_files([recording_output(save)], [source], overwrite=overwrite):
+        stage = save.with_name(f".{save.stem}.{secrets.token_hex(4)}.tmp{save.suffix}")
         try:
-            yield recording
+            recording = Recording(stage)
+            try:
+                yield recording
+            finally:
+                recording.close()
+            stage.replace(save)
         finally:
-            recording.close()
-        stage.replace(save)
-    finally:
-        stage.unlink(missing_ok=True)
+            stage.unlink(missing_ok=True)
 
 
 def _views(source: Path, methods: dict[str, Any]) -> Iterator[View]:

@@ -10,17 +10,25 @@ from reconstruction.base.errors import InputError
 
 from .options import real_option
 
+MIN = 1e-3
+"""Minimum of visibilities in metres, and of rates in mm/h."""
 Visibility = Annotated[
-    float | None, real_option("Fog of this visibility, in metres.", "--visibility", metavar="M")
+    float | None,
+    real_option("Fog of this visibility, in metres.", "--visibility", minimum=MIN, metavar="M"),
 ]
 Fog = Annotated[
     str | None,
     typer.Option("--fog", metavar="KIND", help="Fog with these droplets, such as heavy-advection."),
 ]
-Rain = Annotated[float | None, real_option("Rain of this rate.", "--rain", metavar="MM_PER_H")]
-Snow = Annotated[float | None, real_option("Snow of this rate.", "--snow", metavar="MM_PER_H")]
+Rain = Annotated[
+    float | None, real_option("Rain of this rate.", "--rain", minimum=MIN, metavar="MM_PER_H")
+]
+Snow = Annotated[
+    float | None, real_option("Snow of this rate.", "--snow", minimum=MIN, metavar="MM_PER_H")
+]
 Smoke = Annotated[
-    float | None, real_option("Smoke of this visibility, in metres.", "--smoke", metavar="M")
+    float | None,
+    real_option("Smoke of this visibility, in metres.", "--smoke", minimum=MIN, metavar="M"),
 ]
 Clear = Annotated[
     bool, typer.Option("--clear", help="Clear air instead of the scene's fog and weather.")

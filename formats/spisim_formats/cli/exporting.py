@@ -34,18 +34,18 @@ def command(
     It exports triangles, names and names of materials, which `spisim scenes import` reads back, and
     daylight to Gazebo. Weather, motion and textures are left out.
     """
-    from reconstruction.base.errors import InputError
+    from reconstruction.base.files import Output
+    from reconstruction.base.folders import output_files
     from spisim_formats import export_scene
     from spisim_formats.sdf.sensors import sensor_elements
 
     loaded, _ = scene_with(str(scene), 1550.0)
-    named = [scene] if instrument is None else [scene, instrument]
-    if output.exists() and any(output.samefile(path) for path in files_read(*named)):
-        raise InputError(f"{output} is read by this command; give its output another name")
+    read = list(files_read(*([scene] if instrument is None else [scene, instrument])))
     sensors = []
     if instrument is not None:
         sensors = sensor_elements(instrument_with(instrument), loaded.drone_pose)
-    files = export_scene(loaded, output, overwrite, sensors)
+    with output_files([Output(output, "scene")], read, overwrite=True):
+        files = export_scene(loaded, output, overwrite, sensors, read)
     if json:
         print_json({"written": files, "objects": len(loaded.objects)})
         return

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from reconstruction.base.errors import InputError
+from reconstruction.base.files import write_atomically
 from reconstruction.base.text import json_line
 from spisim_inverse.design.plan import PlannedDesign
 
@@ -49,13 +50,15 @@ class Archive:
         """
         self.path = folder / FILE
         self._kept: dict[str, Evaluation] = {}
-        head = {"design": planned.plan.name, "digest": planned.digest}
-        if not self.path.exists():
-            self.path.write_text(json_line(head) + "\n", encoding="utf-8")
+        head = json_line({"design": planned.plan.name, "digest": planned.digest})
+        self._head = f"{head}\n".encode()
+        content = self.path.read_bytes() if self.path.exists() else b""
+        complete, _, begun = content.rpartition(b"\n")
+        if not complete and self._head.startswith(begun):  # nothing, or a killed run's beginning
+            self.path.unlink(missing_ok=True)
             return
-        complete, _, begun = self.path.read_text(encoding="utf-8").rpartition("\n")
         try:
-            first, *rest = map(json.loads, complete.split("\n"))
+            first, *rest = map(json.loads, complete.split(b"\n"))
             digest = first["digest"]
             evaluations = [Evaluation(**each) for each in rest]
         except (ValueError, KeyError, TypeError):
@@ -67,14 +70,15 @@ class Archive:
             )
         self._kept = {each.key: each for each in evaluations}
         if begun:  # a killed run wrote half a line
-            self.path.write_text(complete + "\n", encoding="utf-8")
+            write_atomically(self.path, complete + b"\n")
 
     def get(self, values: Mapping[str, Any]) -> Evaluation | None:
         """The evaluation of these values, if there is one."""
         return self._kept.get(key_of(values))
 
     def add(self, evaluation: Evaluation) -> None:
-        """Keep an evaluation."""
-        with self.path.open("a", encoding="utf-8") as file:
-            file.write(json_line(vars(evaluation)) + "\n")
+        """Keep an evaluation; the first makes the file."""
+        head = b"" if self.path.exists() else self._head
+        with self.path.open("ab") as file:
+            file.write(head + f"{json_line(vars(evaluation))}\n".encode())
         self._kept[evaluation.key] = evaluation

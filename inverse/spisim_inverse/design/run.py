@@ -88,15 +88,15 @@ def run_design(
         an objective does not depend on a parameter, or if the folder holds another design.
     """
     bench = Bench(planned.instrument, planned.plan.max_aperture_mm)
+    seen, unseen = (Measuring(planned, folder, part) for part in ("search", "judgement"))
     with naming(planned.path):
         check_names(planned, bench)
     with locked_folder(folder):
         archive = Archive(folder, planned)
-        seen = Measuring(planned, folder, "search")
         with naming(planned.path):
             evaluations = _searched(planned, bench, seen, archive, progress)
         base, chosen = _confirmed(planned, bench, seen, evaluations)
-        result = _judged(planned, folder, bench, (base, chosen), evaluations, progress)
+        result = _judged(planned, unseen, bench, (base, chosen), evaluations, progress)
         _write(folder, result)
         return result
 
@@ -123,12 +123,13 @@ def _searched(
         kept = archive.get(values)
         if kept is None:
             kept = _evaluated(bench, seen, plan.draws, values, traced)
+            if not values and kept.figures is None:
+                raise InputError(f"the base: {kept.reason}")
             archive.add(kept)
         return kept
 
     base = evaluate({}, partial(progress, "tracing"))
-    if base.figures is None:
-        raise InputError(f"the base: {base.reason}")
+    assert base.figures is not None
     search = Search(
         space,
         plan.objectives,
@@ -181,7 +182,7 @@ def _confirmed(
 
 def _judged(
     planned: PlannedDesign,
-    folder: Path,
+    unseen: Measuring,
     bench: Bench,
     confirmed: tuple[Evaluation, Evaluation],
     evaluations: Sequence[Evaluation],
@@ -190,7 +191,6 @@ def _judged(
     """The design with its figures on unseen scenes."""
     objectives, draws = planned.plan.objectives, planned.plan.draws
     base, chosen = confirmed
-    unseen = Measuring(planned, folder, "judgement")
     whole = front(evaluations, objectives)
     best = [whole[n] for n in np.unique(np.linspace(0, len(whole) - 1, FINALISTS).astype(int))]
     wanted = [base, chosen, *best]

@@ -10,6 +10,7 @@ import typer
 from spisim_app.cli import options as opt
 from spisim_app.cli.console import print_json, progress_bar, say, warn
 from spisim_app.cli.inputs import instrument_with, scene_with
+from spisim_app.cli.outputs import files_read
 from spisim_app.cli.weather_options import OWN_WEATHER, Weather
 
 if TYPE_CHECKING:
@@ -78,7 +79,8 @@ def command(
     """
     from reconstruction import read_capture
     from reconstruction.base.errors import naming
-    from reconstruction.base.files import Output, require_outputs
+    from reconstruction.base.files import Output
+    from reconstruction.base.folders import output_files
     from spisim.base.config import find_named
     from spisim.scene import scenes_folder
     from spisim_inverse.fit.fitting import fit
@@ -98,44 +100,43 @@ def command(
         if path is not None
     ]
     file = find_named(scene, scenes_folder(), "scene")
-    read = [capture, file, *([] if priors is None else [priors])]
-    require_outputs(outputs, read, overwrite=overwrite)
-    starts = parsed_starts(free)
-    beliefs = {} if priors is None else read_priors(priors)
-    beliefs |= parsed_priors(prior or ())
-    recorded = read_capture(capture)
-    carried = _instrument(recorded, instrument)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
-    with naming(capture), progress_bar("Fitting", progress) as advance:
-        fitted = fit(
-            recorded, loaded, carried, starts, priors=beliefs, spp=spp, seed=seed, frames=frames,
-            progress=advance,
-        )  # fmt: skip
-    write_fitted(fitted, output, output_instrument, file.parent)
-    if page is not None:
-        write_fit(page, PAGE, f"{capture.stem} by {loaded.name}", fitted)
-    written = [each.path for each in outputs]
-    if json:
-        print_json(fitted.summary() | {"warnings": oddities, "written": written})
-    else:
-        _print(fitted, in_words(fitted))
-        for path in written:
-            say(f"Wrote {path}.")
-    if not fitted.fits:
-        raise typer.Exit(1)
+    read = files_read(*(each for each in (capture, file, instrument, priors) if each is not None))
+    with output_files(outputs, read, overwrite=overwrite):
+        starts = parsed_starts(free)
+        beliefs = {} if priors is None else read_priors(priors)
+        beliefs |= parsed_priors(prior or ())
+        recorded = read_capture(capture)
+        carried = _instrument(recorded, capture, instrument)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm, weather)
+        with naming(capture), progress_bar("Fitting", progress) as advance:
+            fitted = fit(
+                recorded, loaded, carried, starts, priors=beliefs, spp=spp, seed=seed,
+                frames=frames, progress=advance,
+            )  # fmt: skip
+        write_fitted(fitted, output, output_instrument, file.parent)
+        if page is not None:
+            write_fit(page, PAGE, f"{capture.stem} by {loaded.name}", fitted)
+        written = [each.path for each in outputs]
+        if json:
+            print_json(fitted.summary() | {"warnings": oddities, "written": written})
+        else:
+            _print(fitted, in_words(fitted))
+            for path in written:
+                say(f"Wrote {path}.")
+        if not fitted.fits:
+            raise typer.Exit(1)
 
 
-def _instrument(capture: Capture, name: str | None) -> Instrument:
+def _instrument(capture: Capture, path: Path, name: str | None) -> Instrument:
     """Load the instrument, or read the one that the capture holds."""
     from reconstruction.base.errors import InputError
-    from spisim.base.config import parse_model
-    from spisim.instrument import Instrument
+    from spisim.instrument import embedded_instrument
 
     if name is not None:
         return instrument_with(name)
     if not capture.provenance.instrument:
         raise InputError("the capture does not hold its instrument: name a file by --instrument")
-    return parse_model(capture.provenance.instrument, Instrument, "instrument of the capture")
+    return embedded_instrument(capture.provenance.instrument, path)
 
 
 def _print(fitted: Fitted, lines: list[str]) -> None:

@@ -23,23 +23,24 @@ MAX_FACTOR = 1e3
 REFLECTANCES = 0.002, 0.999
 RANGE_OFFSETS_M = -2.0, 2.0
 THROUGHPUTS = 0.1, 10.0
-INSTRUMENT: Mapping[str, tuple[str, bool]] = {
-    "projector.power_w": ("W", True),
-    "projector.on_off_contrast": ("1", True),
-    "detector.sensor.dark_current_na": ("nA", False),
-    "detector.sensor.dark_count_rate_hz": ("Hz", False),
-    "lasers.power_w": ("W", True),
-    "zones.power_w": ("W", True),
-    "tof.detector.sensor.dark_current_na": ("nA", False),
-    "tof.detector.sensor.dark_count_rate_hz": ("Hz", False),
+INSTRUMENT: dict[str, tuple[str, float, float]] = {
+    "projector.power_w": ("W", 1e-12, 1e6),
+    "projector.on_off_contrast": ("1", 1 + 1e-6, 1e12),
+    "detector.sensor.dark_current_na": ("nA", 0, 1e9),
+    "detector.sensor.dark_count_rate_hz": ("Hz", 0, 1e12),
+    "lasers.power_w": ("W", 1e-12, 1e6),
+    "zones.power_w": ("W", 1e-12, 1e6),
+    "tof.detector.sensor.dark_current_na": ("nA", 0, 1e9),
+    "tof.detector.sensor.dark_count_rate_hz": ("Hz", 0, 1e12),
 }
-"""Fields of an instrument on which its light does not depend: unit, and whether positive."""
-SCALES: Mapping[str, tuple[str, bool]] = {
-    "buckets.electrons_per_count": ("electron/count", True),
-    "buckets.offset_counts": ("count", False),
-    "spots.electrons_per_count": ("electron/count", True),
-    "spots.offset_counts": ("count", False),
+"""Fields of an instrument on which its light does not depend: unit, lowest and highest start."""
+SCALES: dict[str, tuple[str, float, float]] = {
+    "buckets.electrons_per_count": ("electron/count", 1e-9, 1e12),
+    "buckets.offset_counts": ("count", -1e12, 1e12),
+    "spots.electrons_per_count": ("electron/count", 1e-9, 1e12),
+    "spots.offset_counts": ("count", -1e12, 1e12),
 }
+LIMITS = {name: (low, high) for name, (_, low, high) in (INSTRUMENT | SCALES).items()}
 
 
 @dataclass(frozen=True)
@@ -94,9 +95,9 @@ def parameters(twin: Twin, starts: Mapping[str, float | None]) -> list[Parameter
     for name, start in starts.items():
         made += _parameters(twin, name, start)
     for each in made:
-        low, high = each.bounds
+        low, high = LIMITS.get(each.name, each.bounds)
         if not low <= each.start <= high:  # nor nan
-            raise InputError(f"{each.name}={each.start:g}: must be from {low:g} to {high:g}")
+            raise InputError(f"--free {each.name}={each.start:g}: must be from {low:g} to {high:g}")
     return made
 
 
@@ -180,30 +181,29 @@ def _reflectance(twin: Twin, name: str, start: float | None) -> Parameter:
 
 def _scale(twin: Twin, name: str, start: float | None) -> Parameter:
     part, _, field = name.partition(".")
-    unit, positive = SCALES[name]
+    unit, low, _ = SCALES[name]
     value = float(getattr(getattr(twin, part), field)) if start is None else start
 
     def change(each: Twin, value: float) -> Twin:
         scale = replace(getattr(each, part), **{field: value})
         return replace(each, **{part: scale})
 
-    bounds = _around(value) if positive else (-np.inf, np.inf)
-    return Parameter(name, unit, value, bounds, positive, False, change)
+    bounds = _around(value) if low > 0 else (-np.inf, np.inf)
+    return Parameter(name, unit, value, bounds, low > 0, False, change)
 
 
 def _of_instrument(twin: Twin, name: str, start: float | None) -> Parameter:
-    unit, positive = INSTRUMENT[name]
+    unit, low, _ = INSTRUMENT[name]
     own = _field(twin.instrument, name) if start is None else start
     if own is None:
         raise InputError(f"--free {name}: the instrument does not state it: give a start, {name}=X")
-    bounds = _around(float(own)) if positive else (0.0, np.inf)
-    if name == "projector.on_off_contrast":
-        bounds = max(bounds[0], 1 + 1e-6), bounds[1]
+    bounds = _around(float(own)) if low > 0 else (0.0, np.inf)
+    bounds = max(bounds[0], low), bounds[1]
 
     def change(each: Twin, value: float) -> Twin:
         return replace(each, instrument=with_field(each.instrument, name, value))
 
-    return Parameter(name, unit, float(own), bounds, positive, False, change)
+    return Parameter(name, unit, float(own), bounds, low > 0, False, change)
 
 
 def _throughput(twin: Twin, start: float | None) -> list[Parameter]:

@@ -7,7 +7,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from reconstruction.base.errors import InputError, in_words
@@ -84,8 +84,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     """Reconstruct a stream until it ends, or is interrupted."""
+    with ExitStack() as held:
+        _run(options, _sinks(options, held))
+
+
+def _run(options: argparse.Namespace, sinks: list[tuple[str, Sink]]) -> None:
     source = _source(options.source, followed=options.follow)
-    sinks = _sinks(options)
     poses = _pose_source(options)
     counts = Counts()
     detached = [Detached(sink, name, counts) for name, sink in sinks]
@@ -132,17 +136,18 @@ def run(options: argparse.Namespace) -> None:
         print(json_line({**state_report(loop.state()), **located, "sinks": lost}))
 
 
-def _sinks(options: argparse.Namespace) -> list[tuple[str, Sink]]:
-    """Sinks by name, all checked."""
+def _sinks(options: argparse.Namespace, held: ExitStack) -> list[tuple[str, Sink]]:
+    """Sinks by name, all ready, with what is ``held`` for them."""
     if options.json and "-" in options.to:
         raise InputError("--json and --to - both write to standard output: choose one")
-    twice = [name for name in options.to if options.to.count(name) > 1]
-    if twice:
-        raise InputError(f"--to {twice[0]} is given twice")
-    read = [] if is_link(options.source) else [Path(options.source)]
+    outputs = [Path(name).parent.resolve() / Path(name).name for name in options.to]
+    for number, name in enumerate(options.to):
+        if outputs[number] in outputs[:number]:
+            raise InputError(f"--to {name} is given twice")
+    read = [Path(name) for name in (options.source, options.poses) if name and not is_link(name)]
     sinks = [(name, sink_to(name, read, overwrite=options.overwrite)) for name in options.to]
     for _, sink in sinks:
-        sink.check()
+        held.enter_context(sink.ready())
     return sinks
 
 

@@ -11,13 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from reconstruction.base.errors import InputError
-from reconstruction.base.files import Output, require_outputs
+from reconstruction.base.folders import output_files
 from reconstruction.base.text import json_line, printable
 from reconstruction.capture import CaptureFile, open_capture
 from reconstruction.cli.numbers import whole_number
 from reconstruction.cli.reconstruct import OVERWRITE
 from spisim_live import Sender, frame_period_s
-from spisim_live.framing import MAGIC
 from spisim_live.links import NewFile, Outlet, outlet_to
 from spisim_live.sending import SETUP_EVERY_S
 
@@ -47,12 +46,13 @@ def run(options: argparse.Namespace) -> None:
     if options.json and options.to == "-":
         raise InputError("--json and --to - both write to standard output: choose one")
     outlet = outlet_to(options.to)
-    if isinstance(outlet, NewFile):
-        file = Output(Path(options.to), "stream", (".stream",), MAGIC.decode())
-        require_outputs([file], [options.capture], overwrite=options.overwrite)
     outlet.check()
+    files = [outlet.output] if isinstance(outlet, NewFile) else []
     try:
-        with _whole(outlet):
+        with (
+            output_files(files, [options.capture], overwrite=options.overwrite),
+            _whole(outlet),
+        ):
             sent = _replay(options, outlet)
     except OSError as error:
         if options.to == "-" or error.filename is not None:

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import IO
 
 from reconstruction.base.errors import InputError
+from reconstruction.base.files import Output, begun
 
+from ..framing import MAGIC
 from .link import PIECE_BYTES, Ended, Link, Outlet, Source
 
 
@@ -83,10 +85,16 @@ class StreamFile(_FileLink, Source):
 class NewFile(_FileLink, Outlet):
     """A new file of messages."""
 
+    @property
+    def output(self) -> Output:
+        """What it is, for `output_files`."""
+        return Output(self._path, "stream", (".stream",), MAGIC.decode())
+
     def open(self) -> None:
         if self._file is None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = self._path.open("wb")
+            with begun(self._path) as name:
+                self._file = name.open("wb")
 
     def send(self, content: bytes) -> None:
         assert self._file is not None

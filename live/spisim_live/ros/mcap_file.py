@@ -68,6 +68,7 @@ class McapFile:
         self._map_ns: int | None = None  # stamp of the last frame with maps
         self._writer.start(profile="ros2", library="spisim")
         self._writer.add_metadata(mark(KIND), {})
+        self._file.flush()  # a killed run's file must show whose it is
 
     def write_frame(self, shot: Shot, log_ns: int, *, begins: bool) -> None:
         """Write the messages of a frame, and at the beginning of a recording its static ones.

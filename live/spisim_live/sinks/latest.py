@@ -1,8 +1,8 @@
 """The latest result in a folder."""
 
 import time
-from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from reconstruction.base.files import Output, mark, write_atomically
@@ -19,10 +19,7 @@ STATE, KIND = "state.json", "state of a stream"
 
 
 class LatestResult(Sink):
-    """Writes the files of a reconstruction and the state once a second, each file whole.
-
-    The folder is locked until the sink is closed.
-    """
+    """Writes the files of a reconstruction and the state once a second, each file whole."""
 
     waiting = 2
     skips = True
@@ -39,15 +36,14 @@ class LatestResult(Sink):
         self._read = read
         self._overwrite = overwrite
         self._clock = clock
-        self._held = ExitStack()
         self._written_s = -float("inf")
         self._latest: Outcome | None = None
 
-    def check(self) -> None:
+    @contextmanager
+    def ready(self) -> Iterator[None]:
         outputs = [*outputs_in(self._folder), Output(self._folder / STATE, KIND)]
-        self._held.enter_context(
-            output_folder(self._folder, outputs, self._read, overwrite=self._overwrite)
-        )
+        with output_folder(self._folder, outputs, self._read, overwrite=self._overwrite):
+            yield
 
     def result(self, outcome: Outcome) -> None:
         self._latest = outcome
@@ -61,8 +57,7 @@ class LatestResult(Sink):
         write_atomically(self._folder / STATE, json_line(report).encode() + b"\n")
 
     def close(self) -> None:
-        with self._held:
-            self._write()
+        self._write()
 
     def _write(self) -> None:
         if self._latest is not None:

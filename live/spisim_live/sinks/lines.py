@@ -1,12 +1,15 @@
 """A JSON object per result, and per state."""
 
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
 
-from reconstruction.base.files import mark
+from reconstruction.base.files import Output, begun, mark
+from reconstruction.base.folders import output_files
 from reconstruction.base.text import json_line
 
 from ..results import Outcome, State
@@ -34,10 +37,36 @@ class JsonLines(Sink):
 
     def _write(self, report: dict[str, Any]) -> None:
         if self._file is None:
-            self._file = self._opened()
-            self._file.write(json_line({"made": mark(KIND)}) + "\n")
+            with self._begun() as file:
+                file.write(json_line({"made": mark(KIND)}) + "\n")
+                file.flush()
+            self._file = file
         self._file.write(json_line(report) + "\n")
         self._file.flush()
+
+    @contextmanager
+    def _begun(self) -> Iterator[IO[str]]:
+        yield self._opened()
+
+
+class LinesFile(JsonLines):
+    """The same in a file."""
+
+    def __init__(self, path: Path, read: Sequence[Path] = (), *, overwrite: bool = False) -> None:
+        self._path = path
+        self._read = read
+        self._overwrite = overwrite
+        self._file = None
+
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        with output_files([Output(self._path, KIND)], self._read, overwrite=self._overwrite):
+            yield
+
+    @contextmanager
+    def _begun(self) -> Iterator[IO[str]]:
+        with begun(self._path) as name:
+            yield name.open("w", encoding="ascii")
 
 
 def result_report(outcome: Outcome) -> dict[str, Any]:

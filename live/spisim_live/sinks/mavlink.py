@@ -1,7 +1,8 @@
 """Ranges and obstacles as MAVLink's messages for an autopilot."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from ..links import Outlet
@@ -25,9 +26,11 @@ class MavlinkSink(Sink):
         self._begun_s = clock()
         self._codec: Any = None
 
-    def check(self) -> None:
+    @contextmanager
+    def ready(self) -> Iterator[None]:
         dialect()
         self._channel.check()
+        yield
 
     def result(self, outcome: Outcome) -> None:
         result, setup = outcome.result, outcome.stream.setup

@@ -1,11 +1,15 @@
 """Results as ROS 2 messages in an MCAP file."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from reconstruction.exports import Shot, check_export
+from reconstruction.base.files import Output, begun
+from reconstruction.base.folders import output_files
+from reconstruction.exports import Shot
+from reconstruction.exports.export import KIND
 
 from ..results import Outcome, State
 from ..ros.mcap import EXPORT
@@ -38,8 +42,12 @@ class McapRecord(Sink):
         self._before: Mapping[str, Any] | None = None
         self._last_ns = 0
 
-    def check(self) -> None:
-        check_export(EXPORT, self._path, self._read, overwrite=self._overwrite)
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        EXPORT.check()
+        output = Output(self._path, KIND, (EXPORT.suffix,))
+        with output_files([output], self._read, overwrite=self._overwrite):
+            yield
 
     def result(self, outcome: Outcome) -> None:
         now_ns = self._now_ns()
@@ -62,7 +70,8 @@ class McapRecord(Sink):
     def _opened(self) -> McapFile:
         if self._file is None:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = McapFile(self._path)
+            with begun(self._path) as name:
+                self._file = McapFile(name)
         return self._file
 
     def _now_ns(self) -> int:

@@ -1,7 +1,8 @@
 """Results as messages of the stream's framing."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 
 from ..framing import Kind, Message, pack
 from ..links import Outlet
@@ -19,8 +20,10 @@ class MessageSink(Sink):
     def __init__(self, outlet: Outlet, clock: Callable[[], float] = time.monotonic) -> None:
         self._channel = Channel(outlet, clock)
 
-    def check(self) -> None:
+    @contextmanager
+    def ready(self) -> Iterator[None]:
         self._channel.check()
+        yield
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))

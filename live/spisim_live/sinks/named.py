@@ -3,16 +3,13 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import IO
 
 from reconstruction.base.errors import InputError
-from reconstruction.base.files import Output, require_outputs
 
-from ..framing import MAGIC
 from ..links import NewFile, is_link, outlet_to
 from ..mavlink import is_mavlink, mavlink_outlet
 from .latest import LatestResult
-from .lines import KIND, JsonLines
+from .lines import JsonLines, LinesFile
 from .mavlink import MavlinkSink
 from .mcap import McapRecord
 from .messages import MessageSink
@@ -32,7 +29,7 @@ ENDINGS = {
 
 
 def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) -> Sink:
-    """Sink of a name; raises InputError for an unknown one, and for files ``read`` or of others."""
+    """Sink of a name, that replaces no file ``read``; raises InputError for an unknown one."""
     if name == "-":
         return JsonLines(lambda: sys.stdout)
     if name == WINDOW:
@@ -45,14 +42,11 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
     if path.suffix.lower() in (".h5", ".hdf5"):
         return CaptureRecord(path, read, overwrite=overwrite)
     if path.suffix == STREAM:
-        output = Output(path, "stream", sign=MAGIC.decode())
-        require_outputs([output], read, overwrite=overwrite)
-        return StreamRecord(NewFile(path))
+        return StreamRecord(NewFile(path), read, overwrite=overwrite)
     if path.suffix == MCAP:
         return McapRecord(path, read, overwrite=overwrite)
     if path.suffix == ".jsonl":
-        require_outputs([Output(path, KIND)], read, overwrite=overwrite)
-        return JsonLines(lambda: _opened(path))
+        return LinesFile(path, read, overwrite=overwrite)
     if path.suffix and not path.is_dir():
         available = ", ".join(f"{ending} ({what})" for ending, what in ENDINGS.items())
         raise InputError(
@@ -60,8 +54,3 @@ def sink_to(name: str, read: Sequence[Path] = (), *, overwrite: bool = False) ->
             "a folder, an address, mavlink:CONNECTION, window or -"
         )
     return LatestResult(path, read, overwrite=overwrite)
-
-
-def _opened(path: Path) -> IO[str]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    return path.open("w", encoding="ascii")

@@ -2,17 +2,19 @@
 
 import datetime
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 
 from reconstruction.base.errors import InputError, in_words
-from reconstruction.base.files import Output, is_marked, require_outputs
+from reconstruction.base.files import Output, is_marked
+from reconstruction.base.folders import output_files
 from reconstruction.capture import Capture, Frames, Poses, write_capture
 from reconstruction.capture.file import KINDS
 
 from ..framing import Kind, Message, pack
-from ..links import Outlet
+from ..links import NewFile
 from ..reception import Arrival
 from ..senders import Allowance
 from ..setups import StreamSetup
@@ -28,9 +30,18 @@ class StreamRecord(Sink):
 
     waiting = 256
 
-    def __init__(self, outlet: Outlet) -> None:
+    def __init__(
+        self, outlet: NewFile, read: Sequence[Path] = (), *, overwrite: bool = False
+    ) -> None:
         self._outlet = outlet
+        self._read = read
+        self._overwrite = overwrite
         self._stream: StreamSetup | None = None
+
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        with output_files([self._outlet.output], self._read, overwrite=self._overwrite):
+            yield
 
     def frame(self, arrival: Arrival) -> None:
         self._outlet.open()
@@ -63,14 +74,18 @@ class CaptureRecord(Sink):
         self._read = read
         self._overwrite = overwrite
         self._number = 0
+        self._locked = ExitStack()
         self._begun = False
         self._arrivals: list[Arrival] = []
         self._time_s = -math.inf
         self._returns = Allowance()
         self._frames = 0
 
-    def check(self) -> None:
-        self._require()
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        with self._output():
+            self._begun = True
+            yield
 
     def frame(self, arrival: Arrival) -> None:
         self._frames += 1
@@ -89,8 +104,9 @@ class CaptureRecord(Sink):
             self._next_part()
 
     def close(self) -> None:
-        if self._arrivals:
-            self._write()
+        with self._locked:
+            if self._arrivals:
+                self._write()
 
     def _timed(self, arrival: Arrival) -> Arrival:
         """A frame, without its pose if this has no time of its own, and may begin no part."""
@@ -121,27 +137,32 @@ class CaptureRecord(Sink):
         finally:
             self._arrivals = []
             self._time_s = -math.inf
+            self._locked.close()
             self._begun = False
             self._number += 1
 
     @property
     def _part(self) -> Path:
-        if not self._number:
-            return self._path
-        return self._path.with_name(f"{self._path.stem}-{self._number + 1}{self._path.suffix}")
+        return part_of(self._path, self._number)
 
-    def _require(self) -> None:
+    def _output(self) -> AbstractContextManager[None]:
+        """Lock of the part."""
         part = self._part
         kinds = [kind for kind in KINDS.values() if part.is_file() and is_marked(part, kind)]
         kind = kinds[0] if kinds else "capture"
         output = Output(part, kind, (".h5", ".hdf5"))
-        require_outputs([output], self._read, overwrite=self._overwrite)
+        return output_files([output], self._read, overwrite=self._overwrite)
 
     def _write(self) -> None:
         if not self._begun:
-            self._require()
+            self._locked.enter_context(self._output())
         self._begun = True
         write_capture(_capture(self._arrivals), self._part)
+
+
+def part_of(path: Path, number: int) -> Path:
+    """Name of a part, counted from 0, of a recording."""
+    return path.with_name(f"{path.stem}-{number + 1}{path.suffix}") if number else path
 
 
 def _pose_time_s(arrival: Arrival) -> float:

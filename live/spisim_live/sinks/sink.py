@@ -2,7 +2,8 @@
 
 import logging
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from typing import ClassVar
 
@@ -31,8 +32,10 @@ class Sink:
     fleeting: ClassVar[bool] = False
     """Whether unsent items are no failure, as nobody need listen."""
 
-    def check(self) -> None:
-        """Raise InputError if it can never take anything."""
+    @contextmanager
+    def ready(self) -> Iterator[None]:
+        """Lock its files while it is used; raises InputError if it can never take anything."""
+        yield
 
     def frame(self, arrival: Arrival) -> None:
         """Take a received frame."""

@@ -2,6 +2,8 @@
 
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 from reconstruction.base.errors import InputError
 
@@ -23,7 +25,8 @@ class WindowSink(Sink):
         self._program = program or [sys.executable, "-m", "spisim_live.drawing"]
         self._process: subprocess.Popen[bytes] | None = None
 
-    def check(self) -> None:
+    @contextmanager
+    def ready(self) -> Iterator[None]:
         self._process = subprocess.Popen(
             self._program, stdin=subprocess.PIPE, stdout=subprocess.PIPE
         )
@@ -32,6 +35,7 @@ class WindowSink(Sink):
         if reply != READY:
             self._process.communicate()
             raise InputError(f"window: {reply or 'it cannot be opened'}")
+        yield
 
     def result(self, outcome: Outcome) -> None:
         payload = packed(result_entries(outcome))

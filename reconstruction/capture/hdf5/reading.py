@@ -14,9 +14,7 @@ from numpy.typing import NDArray
 
 from ...base.errors import InputError
 from .chunks import Chunks
-from .strings import check_attribute, check_dataset
-
-MAX_ATTRIBUTE_BYTES = 2**16
+from .strings import MAX_ATTRIBUTE_BYTES, check_attribute, check_dataset
 
 DAMAGE = (
     OSError, RuntimeError, LookupError, TypeError, ValueError, ArithmeticError, MemoryError,

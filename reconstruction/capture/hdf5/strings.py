@@ -19,6 +19,7 @@ from ...base.errors import InputError
 CONTINUED, ATTRIBUTE = 0x10, 0x0C
 SHARED = 0x02
 MAX_BLOCKS = 256
+MAX_ATTRIBUTE_BYTES = 2**16
 
 
 def check_dataset(name: str, dataset: h5py.Dataset) -> None:
@@ -34,7 +35,7 @@ def check_dataset(name: str, dataset: h5py.Dataset) -> None:
 
 
 def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
-    """Raise InputError unless the string of an attribute fits into its file."""
+    """Raise InputError unless the string of an attribute is short and fits into its file."""
     where = f"attribute {name!r} of {item.name}"
     base = item.file.userblock_size
     with Path(item.file.filename).open("rb") as file:
@@ -46,11 +47,13 @@ def check_attribute(item: h5py.File | h5py.Dataset, name: str) -> None:
         if not values:
             raise InputError(f"{where} is stored in an unsupported way; make it of fixed length")
         for value in values:
-            _check(where, value[:4], _size(file))
+            _check(where, value[:4], _size(file), MAX_ATTRIBUTE_BYTES)
 
 
-def _check(where: str, length: bytes, file_bytes: int) -> None:
+def _check(where: str, length: bytes, file_bytes: int, max_bytes: int = 2**32) -> None:
     (size,) = struct.unpack("<I", length)
+    if size > max_bytes:
+        raise InputError(f"{where} has {size} bytes, at most {max_bytes} are allowed")
     if size > file_bytes:
         raise InputError(f"{where} claims a string of {size} bytes in a file of {file_bytes}")
 

@@ -13,6 +13,7 @@ from reconstruction.base.errors import InputError
 from spisim_app.cli.console import say
 
 if TYPE_CHECKING:
+    from reconstruction.base.files import Output
     from spisim_serving.line import Line
 
 
@@ -35,17 +36,24 @@ class LinkOptions:
         bool, typer.Option("--lockstep", help="A frame for each command, however long it takes.")
     ] = False
 
-    def line(self, read: list[Path], *, steered: bool, overwrite: bool) -> Line:
+    @property
+    def outputs(self) -> list[Output]:
+        """The file of frames, if it is one."""
+        from spisim_live.links import NewFile, is_link
+
+        return [] if is_link(self.to) else [NewFile(Path(self.to)).output]
+
+    @property
+    def read(self) -> list[Path]:
+        """The file of commands, if it is one."""
+        return [] if self.commands is None else [Path(self.commands)]
+
+    def line(self, *, steered: bool) -> Line:
         """The line; InputError if its ends cannot be used, or lockstep lacks commands."""
-        from reconstruction.base.files import Output, require_outputs
-        from spisim_live.framing import MAGIC
-        from spisim_live.links import NewFile, Source, is_link, outlet_to, source_at
+        from spisim_live.links import Source, is_link, outlet_to, source_at
         from spisim_serving.line import Line
 
         outlet = outlet_to(self.to)
-        if isinstance(outlet, NewFile):
-            file = Output(Path(self.to), "stream", (".stream",), MAGIC.decode())
-            require_outputs([file], read, overwrite=overwrite)
         source: Source | None = None
         if self.commands is not None:
             source = source_at(self.commands)

@@ -21,6 +21,7 @@ from spisim_serving.cli.line import SOCKET, LinkOptions
 from spisim_serving.cli.telling import report, tell
 
 if TYPE_CHECKING:
+    from reconstruction.base.files import Output
     from spisim.simulation.flight import Camera
     from spisim_serving.server import Server
 
@@ -59,13 +60,12 @@ class RecordOptions:
     ] = None
     truths: Annotated[int, opt.number_option(1, 10**6, "Keep the truth of every Nth frame.")] = 12
 
-    def check(self, read: list[Path], *, overwrite: bool) -> None:
-        """Raise InputError unless the record can be written."""
-        from reconstruction.base.files import require_outputs
+    @property
+    def outputs(self) -> list[Output]:
+        """The first files of the record, if there is one."""
         from spisim_serving.record import record_outputs
 
-        if self.record is not None:
-            require_outputs(record_outputs(self.record), read, overwrite=overwrite)
+        return [] if self.record is None else record_outputs(self.record)
 
 
 TRACED = KeyLightOptions()
@@ -97,6 +97,7 @@ def command(
     Light is solved at key poses, and interpolated between them; docs/reference/stream-format.md has
     the messages.
     """
+    from reconstruction.base.folders import output_files
     from reconstruction.capture import Poses
     from spisim.simulation.flight import Camera, FlightRecorder, Motion, provenance, solver
     from spisim_serving.record import FlightRecord
@@ -104,10 +105,12 @@ def command(
 
     if run.json and link.to == "-":
         raise InputError("--json and --to - exclude each other: both write to stdout")
-    read = list(files_read(scene, instrument, *([flown.path] if flown.path else [])))
-    recorded.check(read, overwrite=run.overwrite)
-    line = link.line(read, steered=flown.path is None, overwrite=run.overwrite)
-    with closing(line):
+    read = [*files_read(scene, instrument, *([flown.path] if flown.path else [])), *link.read]
+    outputs = [*recorded.outputs, *link.outputs]
+    with (
+        output_files(outputs, read, overwrite=run.overwrite),
+        closing(link.line(steered=flown.path is None)) as line,
+    ):
         trajectory = flown.trajectory()
         of_path = None if trajectory is None else trajectory.weather
         carried = instrument_with(instrument, stated=stated or of_path)
@@ -124,8 +127,13 @@ def command(
         recording = None
         if (path := recorded.record) is not None:
             about = (flight.scene, setup, source(settings=settings))
-            recorder = FlightRecorder(path, *about, truths=recorded.truths)
-            recording = FlightRecord(path, recorder)
+
+            def recorder(part: Path) -> FlightRecorder:
+                return FlightRecorder(part, *about, truths=recorded.truths)
+
+            recording = FlightRecord(
+                path, recorder, len(setup.plans), read, overwrite=run.overwrite
+            )
         server = Server(
             camera,
             flight.pilot,
@@ -144,7 +152,7 @@ def command(
         finally:
             if recording is not None:
                 tally = {"tally": asdict(server.tally)}
-                written = recording.write(source(settings=settings | tally))
+                written = recording.finish(source(settings=settings | tally))
     report(server, written, oddities, json=run.json)
 
 

@@ -1,10 +1,13 @@
 """Files that configuration files refer to, pictures and tables of numbers, and CSV for others."""
 
+from __future__ import annotations
+
 import csv
 import io
+import os
 import struct
 from collections.abc import Iterable
-from pathlib import Path
+from pathlib import Path, PosixPath
 from typing import Any
 
 import numpy as np
@@ -20,6 +23,16 @@ MAX_PIXELS = 2**24
 MAX_TABLE_BYTES = 2**26
 #: Spreadsheets take a cell that begins so for a formula.
 _FORMULA = ("=", "+", "-", "@", "\t", "\n", "＝", "＋", "－", "＠")
+
+
+class EnclosedFolder(PosixPath):
+    """Folder for the names in a text that came with a recording: none leads out of it."""
+
+    def __truediv__(self, name: str | os.PathLike[str]) -> EnclosedFolder:
+        path = super().__truediv__(name)
+        if not path.resolve().is_relative_to(self.resolve()):
+            raise InputError(f"{str(name)!r} lies outside of {self}, and is not opened")
+        return path
 
 
 def check_is_there(path: Path, kind: str) -> None:

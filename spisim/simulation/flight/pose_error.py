@@ -10,14 +10,19 @@ it, as a rig that knew it would correct it.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from reconstruction.base.arrays import Floats
 from reconstruction.capture import Poses
 from spisim.base.config import NonNegative, Positive, Section
 from spisim.scene import Trajectory
+
+MAX_DELAY_S = 10.0
+"""Maximum age of a stated pose."""
 
 
 class PoseError(Section):
@@ -37,7 +42,7 @@ class PoseError(Section):
     """Position, random walk after one second; it grows with the root of time."""
     drift_deg_per_sqrt_s: NonNegative = 0.0
     """Rotation, random walk after one second."""
-    delay_s: NonNegative = 0.0
+    delay_s: Annotated[NonNegative, Field(le=MAX_DELAY_S)] = 0.0
     """Age of the stated pose."""
 
 

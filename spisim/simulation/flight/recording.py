@@ -37,7 +37,7 @@ FLOWN_PATH = "flown path"
 
 
 class FlightRecorder:
-    """Writes frames in segments beside the file that they become, and joins them.
+    """Writes frames in segments next to the file that they become, and joins them.
 
     Equal flights give equal bytes, also if they were interrupted and resumed.
 
@@ -117,10 +117,14 @@ class FlightRecorder:
         """Join all segments to the file; a provenance replaces that of the segments."""
         if self._shots:
             self._write_segment()
+        self.join(provenance)
+        self.discard()
+
+    def join(self, provenance: Provenance | None = None) -> None:
+        """Join the segments so far to the file."""
         joined = self._folder / "joined.tmp"
         join_captures(self._segments, joined, self._setup, provenance or self._provenance)
         joined.replace(self._path)
-        self.discard()
 
     @property
     def _segments(self) -> list[Path]:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from reconstruction.base.arrays import Floats
+from reconstruction.base.errors import InputError
 from spisim.instrument import Instrument
 from spisim.instrument.views import InstrumentView
 from spisim.scene import Scene
@@ -182,6 +183,7 @@ def _solved(
     progress: Callable[[float], None] | None,
 ) -> tuple[Transport, ...]:
     began = time.perf_counter()
+    _check_sampling(sampling)
     if instrument.ranges:
         instrument.ranging.tof.check_bins(MIN_BIN_WIDTH_M)
     if outputs.frequencies_hz or outputs.bins is not None:
@@ -293,6 +295,13 @@ def spot_fields(spots: Estimate, lengths_m: Floats) -> dict[str, Any]:
         "path_length_m": lengths_m,
         "spot_noise_share": spots.size,
     }
+
+
+def _check_sampling(sampling: SampleBudget) -> None:
+    spp, noise_share = sampling
+    whole = isinstance(spp, int | np.integer) and not isinstance(spp, bool)
+    if noise_share is None and not (whole and spp >= 1):
+        raise InputError(f"spp is {spp!r}, must be a whole number of at least 1")
 
 
 def _image(

@@ -24,16 +24,16 @@ def command(
     progress: Bar = None,
 ) -> None:
     """Write a page with image, estimated and true depth, parameters and error of each sample."""
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.dataset import open as open_data_set
     from spisim_app.report.contact_sheet import write_contact_sheet
 
-    require_outputs([named(output, "contact sheet")], [folder], overwrite=overwrite)
-    data = open_data_set(folder)
-    with progress_bar("Reconstructing", progress) as advance:
-        count = write_contact_sheet(output, data, limit, advance)
-    if json:
-        print_json({"written": [output], "samples": count})
-    else:
-        say(f"Wrote {count} samples to {output}.")
-        say(f"Look at it: {output.resolve().as_uri()}")
+    with output_files([named(output, "contact sheet")], [folder], overwrite=overwrite):
+        data = open_data_set(folder)
+        with progress_bar("Reconstructing", progress) as advance:
+            count = write_contact_sheet(output, data, limit, advance)
+        if json:
+            print_json({"written": [output], "samples": count})
+        else:
+            say(f"Wrote {count} samples to {output}.")
+            say(f"Look at it: {output.resolve().as_uri()}")

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from reconstruction.base.errors import InputError
-from reconstruction.base.files import Output, require_outputs, write_atomically
+from reconstruction.base.files import Output, write_atomically
+from reconstruction.base.folders import output_files
 
 from .. import budget
 from ..console import say
@@ -71,14 +72,13 @@ def command(
     files = [Output(output, "instrument file", (".yaml", ".yml")), named(picture, "budget")]
     if output.exists() and not overwrite:
         raise InputError(f"{output} exists; --overwrite replaces it")
-    require_outputs(files[:1], overwrite=True)
-    require_outputs(files[1:], overwrite=overwrite)
-    if not defaults and not json and sys.stdin.isatty():
-        given = _asked(given)
-    text = new_instrument_text(completed(given), str(output))
-    write_atomically(output, text.encode())
-    say(f"Wrote {output}.")
-    budget.command(str(output), output=picture, overwrite=overwrite, json=json)
+    with output_files(files[:1], overwrite=True), output_files(files[1:], overwrite=overwrite):
+        if not defaults and not json and sys.stdin.isatty():
+            given = _asked(given)
+        text = new_instrument_text(completed(given), str(output))
+        write_atomically(output, text.encode())
+        say(f"Wrote {output}.")
+        budget.command(str(output), output=picture, overwrite=overwrite, json=json)
 
 
 def _asked(given: Mapping[str, Any]) -> dict[str, Any]:

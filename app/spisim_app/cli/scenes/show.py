@@ -39,25 +39,25 @@ def command(
 
     The drawing is in clear air, by ray casting: fast, without light transport.
     """
-    from reconstruction.base.files import require_outputs
+    from reconstruction.base.folders import output_files
     from spisim.transport import RayCaster
     from spisim_app.report.scene_view import Look, survey, write_look
 
     picture = output or Path(f"{Path(scene).stem}.png")
     files = [named(picture, "scene view")]
-    require_outputs(files, files_read(scene, instrument), overwrite=overwrite)
-    carried = instrument_with(instrument)
-    loaded, oddities = scene_with(scene, carried.wavelength_nm)
-    caster = RayCaster.of(loaded)
-    drawn = survey(loaded, carried, caster)
-    write_look(picture, Look(loaded, carried, caster, drawn), fov)
-    problems = [] if drawn.problem is None else [f"scene {loaded.name!r}: {drawn.problem}"]
-    warn(problems)
-    if json:
-        print_json({**drawn.summary(), "warnings": oddities + problems, "written": [picture]})
-        return
-    _print(drawn)
-    say(f"Wrote {picture}.")
+    with output_files(files, files_read(scene, instrument), overwrite=overwrite):
+        carried = instrument_with(instrument)
+        loaded, oddities = scene_with(scene, carried.wavelength_nm)
+        caster = RayCaster.of(loaded)
+        drawn = survey(loaded, carried, caster)
+        write_look(picture, Look(loaded, carried, caster, drawn), fov)
+        problems = [] if drawn.problem is None else [f"scene {loaded.name!r}: {drawn.problem}"]
+        warn(problems)
+        if json:
+            print_json({**drawn.summary(), "warnings": oddities + problems, "written": [picture]})
+            return
+        _print(drawn)
+        say(f"Wrote {picture}.")
 
 
 def _print(drawn: Survey) -> None:

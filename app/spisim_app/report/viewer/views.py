@@ -12,6 +12,7 @@ from reconstruction import Capture, Reconstructor, Result, read_capture
 from reconstruction.base.errors import InputError, naming
 from reconstruction.capture import Frames, FrameTruth, Setup
 from reconstruction.exports import Shot
+from spisim.base.config.files import EnclosedFolder
 from spisim.dataset.poses import placed
 from spisim.dataset.reader import DataSet
 from spisim.scene import Scene, make_scene, scenes_folder
@@ -131,7 +132,8 @@ class _Viewer:
             warnings.simplefilter("ignore")  # reported when it was simulated
             for where in (scenes_folder(), folder):
                 try:
-                    return make_scene(text, where, "its scene", cache=self._cache)
+                    enclosed = EnclosedFolder(where)
+                    return make_scene(text, enclosed, "its scene", cache=self._cache)
                 except InputError as error:
                     problem = error
         warnings.warn(f"{title}: displayed without its surroundings: {problem}", stacklevel=2)
