@@ -61,7 +61,13 @@ def read_mat(path: Path, variable: str | None) -> NDArray[Any]:
 
 def read_hdf5(path: Path, variable: str | None, separator: str = "/") -> NDArray[Any]:
     """Read a dataset by its path, or the only one; raises InputError as `read_mat`."""
-    with hdf5.surveyed(path) as (_, datasets):
+    with hdf5.surveyed(path) as (file, datasets):
+        contents = hdf5.Contents(file, datasets)
+        if contents.has_attribute("format") and contents.has_attribute("version"):
+            raise InputError(
+                f"is a file of the format {contents.attribute('format')!r}, not plain readings: a "
+                "capture is reconstructed as it is"
+            )
         names = {  # MATLAB keeps what cells refer to under #refs#
             name.replace("/", separator): name for name in datasets if not name.startswith("#")
         }
