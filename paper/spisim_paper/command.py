@@ -65,7 +65,8 @@ def command(
             write_atomically(picture, file_of(results[name].figure, KIND, dpi=110))
     checks = [check for result in results.values() for check in result.checks]
     tables = [table for result in results.values() for table in result.tables]
-    tables.append(checks_table(checks))
+    if checks:
+        tables.append(checks_table(checks))
     around = surroundings(PACKAGES)
     if json:
         written = [*pictures.values(), *read]

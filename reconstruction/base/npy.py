@@ -27,8 +27,8 @@ class Header(NamedTuple):
         return math.prod(self.shape)
 
 
-REAL, COMPLEX = "fiub", "fiubc"
-"""Accepted kinds of numbers."""
+REAL, COMPLEX, STRUCTURED = "fiub", "fiubc", "V"
+"""Accepted kinds of numbers; with ``STRUCTURED``, records with fields too."""
 
 
 def read_header(file: IO[bytes], kinds: str = REAL) -> Header:
@@ -39,8 +39,8 @@ def read_header(file: IO[bytes], kinds: str = REAL) -> Header:
     except Exception as error:  # NumPy parses the header as text
         raise InputError("not a readable NPY file: it has no valid header") from error
     file.seek(start)
-    if dtype.kind not in kinds:
-        wanted = "real numbers" if kinds == REAL else "numbers"
+    if dtype.kind not in kinds or (dtype.kind in STRUCTURED and dtype.names is None):
+        wanted = "real numbers" if COMPLEX[-1] not in kinds else "numbers"
         raise InputError(f"must contain {wanted}, got {dtype}")
     if min(shape, default=0) < 0:
         raise InputError(f"not a readable NPY file: its header states the shape {shape}")

@@ -19,6 +19,7 @@ from ..capture.importers import (
     ABOUT,
     PHASE_STEPS,
     READERS,
+    added,
     capture_from_readings,
     capture_from_spots,
     frames_of_columns,
@@ -162,13 +163,17 @@ def _of_patterns(options: argparse.Namespace, spots: Spots | None) -> Capture:
     plan = recording.plan
     with naming(options.file):
         if plan.shows_image and plan.patterns.orthogonal:
-            decoder_for(plan)  # raises if the background is unknown
+            try:
+                decoder_for(plan)
+            except InputError as error:  # the background is unknown
+                raise InputError(f"{error}; or state the dark reading with --dark COUNTS") from None
+        readings = readings_of(recording.readings, plan.exposures)
         capture = capture_from_readings(
-            recording.readings,
+            readings,
             plan,
             options.untrusted,
             about,
-            spots=spots,
+            spots=None if spots is None else added(spots, len(readings)),
             optics=taps.optics_of(options),
         )
         buckets = capture.buckets
@@ -192,8 +197,9 @@ def _recording(options: argparse.Namespace) -> Recording:
         elif options.frequencies is not None:
             result = _of_phase_steps(options, readings, shape)
         elif options.patterns_variable is not None:
-            matrix = _source(options, options.patterns_variable)
-            result = Recording(readings, *plan_from_matrix(matrix, shape))
+            plan, sign = plan_from_matrix(_source(options, options.patterns_variable), shape)
+            readings, plan = _with_dark(options, readings, plan)
+            result = Recording(readings, plan, np.append(sign, [1] * (plan.exposures - len(sign))))
         elif options.factors is not None:
             result = _of_factors(options, readings)
         elif options.rows is not None:
@@ -294,7 +300,8 @@ def _with_dark(
     if options.dark is None:
         return readings, plan
     dc_row = plan.patterns.dc_row
-    assert dc_row is not None
+    if dc_row is None:
+        raise InputError("--dark needs Hadamard patterns, of which one is all on")
     dark = (plan.index == dc_row) & (plan.polarity == -1)
     if not dark.any():
         index, sign = np.append(plan.index, dc_row), np.append(plan.polarity, -1)

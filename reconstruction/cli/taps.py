@@ -12,7 +12,9 @@ from ..base.errors import InputError, naming
 from ..capture import Optics, Spots
 from ..capture.importers import (
     TAPS_ABOUT,
+    TEXTS,
     SpotGeometry,
+    by_spot,
     read_about,
     spots_from_histograms,
     spots_from_taps,
@@ -23,11 +25,13 @@ from .numbers import angles, number, whole_number
 Source = Callable[[str], NDArray[Any]]
 """Reads numbers of a file, or of a variable or column of the readings' file."""
 
+SPOT = "spot="
+"""Before the name of the column that numbers the spots."""
 KINDS = ("frequency", "windows", "bin_width")
 """Options that state how the spots were measured."""
 CHARGE = ("frequency", "windows")
 NEEDS: tuple[tuple[str, tuple[str, ...]], ...] = (
-    *((name, ("taps",)) for name in (*KINDS, "directions", "detectors")),
+    *((name, ("taps",)) for name in (*KINDS, "directions", "detectors", "columns")),
     ("taps", KINDS),
     ("windows", ("pulse_width",)),
     ("bin_width", ("pulses",)),
@@ -52,6 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     )
     add = group.add_argument
     add("--taps", metavar="SOURCE", help="taps, windows or histograms of the spots")
+    add("--columns", metavar="NAME", nargs="+", help="of the taps in a text; spot=NAME of the spot")
     one_of = group.add_mutually_exclusive_group().add_argument
     many: dict[str, Any] = {"type": number, "nargs": "+"}
     one_of("--frequency", metavar="HZ", **many, help="of modulated light: 20e6")
@@ -81,9 +86,31 @@ def spots_of(options: argparse.Namespace, source: Source) -> Spots | None:
     _check_options(options)
     if options.taps is None:
         return None
-    taps, geometry = source(options.taps), _geometry(options, source)
+    geometry = _geometry(options, source)
+    taps = source(options.taps) if options.columns is None else _columns(options, source)
     with naming(options.taps):
         return _spots(options, taps, geometry)
+
+
+def _columns(options: argparse.Namespace, source: Source) -> NDArray[Any]:
+    """Taps of the named columns of a text, in the order of their spots if a column has these."""
+    if Path(options.taps).suffix.lower() not in TEXTS:
+        raise InputError(
+            f"--columns needs a text as --taps ({', '.join(TEXTS)}), not {options.taps}"
+        )
+    names = [name for name in options.columns if not name.startswith(SPOT)]
+    spots = [name.removeprefix(SPOT) for name in options.columns if name.startswith(SPOT)]
+    if not names or len(spots) > 1:
+        raise InputError(
+            "--columns must name the columns of the taps, and at most one of the spots as spot=NAME"
+        )
+    taps, *spot = (
+        np.column_stack([np.atleast_1d(source(f"{options.taps}:{name}")) for name in each])
+        for each in (names, spots)
+        if each
+    )
+    with naming(options.taps):
+        return by_spot(taps, spot[0][:, 0]) if spot else taps
 
 
 def _spots(options: argparse.Namespace, taps: NDArray[Any], geometry: SpotGeometry) -> Spots:

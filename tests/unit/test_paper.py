@@ -75,6 +75,14 @@ def test_frame_rates_of_a_slow_machine_are_told_and_not_judged(monkeypatch) -> N
     assert [row[5] for row in result.tables[0].rows] == ["-100 %"] * len(PAPER)
 
 
+def test_where_nothing_is_promised_no_table_says_so(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setattr(table2, "measure", lambda row: 10.0)
+    run = spisim("paper", "table2", "-o", tmp_path / "figures")
+    assert run.exit_code == 0, run.stderr
+    assert "frames/s" in run.stdout
+    assert "promised" not in run.stdout
+
+
 def test_paper_draws_and_checks(tmp_path: Path) -> None:
     run = spisim("paper", "fig2", "-o", tmp_path / "figures", "--json")
     assert run.exit_code == 0, run.stderr

@@ -270,7 +270,7 @@ def test_bad_input_ends_with_status_2_and_one_line(path, tmp_path, capsys):
         ([str(path), "-o", out, "--depth", "nearest,dense"], "'dense' needs pattern taps, which"),
         ([str(path), "-o", str(tmp_path / "file" / "x")], "file is not a folder"),
         ([str(path), "-o", str(tmp_path / "file")], "file is not a folder"),
-        (["import", str(path), "-o", new, "--shape", "8x8"], "unknown file type"),
+        (["import", str(path), "-o", new, "--shape", "8x8"], "a capture is reconstructed as it"),
         (
             ["import", str(path), "-o", out, "--shape", "8x8"],
             "an ending is missing of this hardware capture",

@@ -9,13 +9,15 @@ from .arrays import (
     plan_from_rows,
     readings_of,
 )
-from .files import READERS, load_array
+from .files import READERS, TEXTS, load_array
 from .fourier import PHASE_STEPS, half_plane, parts, plan_from_coefficients, plan_from_phase_steps
 from .programs import RECORDINGS, ProgramRecording, RecordingFormat, program_of
 from .taps import (
     QUARTERS_RAD,
     TAPS_ABOUT,
     SpotGeometry,
+    added,
+    by_spot,
     capture_from_spots,
     spots_from_histograms,
     spots_from_taps,
@@ -29,9 +31,12 @@ __all__ = [
     "READERS",
     "RECORDINGS",
     "TAPS_ABOUT",
+    "TEXTS",
     "ProgramRecording",
     "RecordingFormat",
     "SpotGeometry",
+    "added",
+    "by_spot",
     "capture_from_readings",
     "capture_from_spots",
     "frames_of_columns",

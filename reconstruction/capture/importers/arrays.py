@@ -33,7 +33,7 @@ def plan_from_matrix(
 
     Parameters
     ----------
-    patterns : array, (M, N)
+    patterns : array, (M, N), (M, H, W) or (H, W, M)
         Pixels row-major, 0..1 for displayed light or -1..1 for signed values.
     shape : tuple of int
         Rows and columns of the image.
@@ -47,6 +47,7 @@ def plan_from_matrix(
     """
     matrix = np.asarray(patterns, dtype=np.float64)
     height, width = shape = checked_shape(shape)
+    matrix = _flat(matrix, shape)
     if matrix.ndim != 2 or not len(matrix) or matrix.shape[1] != height * width:
         raise InputError(
             f"the pattern matrix has shape {matrix.shape}, expected (M, {height * width}) for "
@@ -71,6 +72,24 @@ def plan_from_matrix(
     polarity = sign if displayed else np.zeros_like(sign)
     plan = PatternPlan(shape, index, polarity, patterns=basis)
     return plan, np.ones_like(sign) if displayed else sign
+
+
+def _flat(patterns: Floats, shape: tuple[int, int]) -> Floats:
+    """Patterns (M, N) of images (M, H, W), or (H, W, M) as MATLAB stacks them; others as they are.
+
+    Raises InputError if it may be either.
+    """
+    if patterns.ndim != 3:
+        return patterns
+    first, last = patterns.shape[1:] == shape, patterns.shape[:2] == shape
+    if first and last:
+        raise InputError(
+            f"the patterns have shape {patterns.shape}, which may be (M, H, W) or (H, W, M): give "
+            "(M, H * W)"
+        )
+    if last:
+        patterns = np.moveaxis(patterns, 2, 0)
+    return patterns.reshape(len(patterns), -1) if first or last else patterns
 
 
 def _hadamard_rows(

@@ -1,4 +1,4 @@
-"""Files with arrays of numbers: NumPy, MATLAB and text."""
+"""Files with arrays of numbers: NumPy, MATLAB, HDF5 and text."""
 
 import os
 import zipfile
@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...base.errors import InputError, naming
-from ...base.npy import COMPLEX, REAL, read_header, read_npy
+from ...base.npy import COMPLEX, REAL, STRUCTURED, read_header, read_npy
 from ..hdf5 import MAX_UNPACKED_BYTES, NUMBER_BYTES
-from .matlab import pick, read_mat
+from .matlab import pick, read_hdf5, read_mat
 from .text import read_text
 
 
 def load_array(
     path: str | Path, variable: str | None = None, *, complex_too: bool = False
 ) -> NDArray[Any]:
-    """Load a numeric array from .npy, .npz, .mat (v5 and v7.3), .csv, .tsv, .txt or .dat.
+    """Load a numeric array from .npy, .npz, .mat, .h5, .hdf5, .csv, .tsv, .txt or .dat.
 
     Raises InputError if the file is missing, unreadable, without numbers or without the variable,
     unpacks to more than `MAX_UNPACKED_BYTES`, or holds a number that is not finite.
@@ -29,7 +29,8 @@ def load_array(
     path : str or Path
         The file.
     variable : str, optional
-        Variable of a .npz or .mat with several, or column of a text by heading or number from 0.
+        Variable of a .npz, .mat or HDF5 file with several, its field as in ``S.y``, or column of a
+        text by heading or number from 0.
     complex_too : bool
         Allow complex numbers.
     """
@@ -64,33 +65,44 @@ def _check_numbers(array: NDArray[Any], kinds: str) -> None:
         )
 
 
-def _read_npy(path: Path, _variable: str | None, kinds: str) -> NDArray[Any]:
+def _read_npy(path: Path, field: str | None, kinds: str) -> NDArray[Any]:
     with path.open("rb") as file:
-        return read_npy(file, os.fstat(file.fileno()).st_size, kinds)
+        array = read_npy(file, os.fstat(file.fileno()).st_size, kinds + STRUCTURED)
+    return _field(array, field)
+
+
+def _field(array: NDArray[Any], name: str | None) -> NDArray[Any]:
+    """A field of a structured array; any other array itself."""
+    names = array.dtype.names
+    return array if names is None else array[pick({each: each for each in names}, name)]
 
 
 def _read_npz(path: Path, variable: str | None, kinds: str) -> NDArray[Any]:
     with zipfile.ZipFile(path) as archive:
         members = {member.filename.removesuffix(".npy"): member for member in archive.infolist()}
+        field = None
+        if variable is not None and variable not in members and "." in variable:
+            variable, _, field = variable.partition(".")
         member = pick(members, variable)
         if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
             raise InputError(f"{member.filename!r} is compressed in a way that NumPy does not use")
         with archive.open(member) as file:
-            unpacked_bytes = NUMBER_BYTES * read_header(file, kinds).numbers
+            header = read_header(file, kinds + STRUCTURED)
+            unpacked_bytes = max(NUMBER_BYTES, header.dtype.itemsize) * header.numbers
             if member.compress_type != zipfile.ZIP_STORED and unpacked_bytes > MAX_UNPACKED_BYTES:
                 raise InputError(
                     f"{member.filename!r} unpacks to {unpacked_bytes / 2**20:.0f} MiB, at most "
                     f"{MAX_UNPACKED_BYTES // 2**20}: save it with numpy.savez, uncompressed"
                 )
-            return read_npy(file, member.file_size, kinds)
+            return _field(read_npy(file, member.file_size, kinds + STRUCTURED), field)
 
 
+TEXTS = (".csv", ".tsv", ".txt", ".dat")
 READERS: dict[str, Callable[[Path, str | None, str], NDArray[Any]]] = {
     ".mat": lambda path, variable, _kinds: read_mat(path, variable),
     ".npy": _read_npy,
     ".npz": _read_npz,
-    **dict.fromkeys(
-        (".csv", ".tsv", ".txt", ".dat"), lambda path, column, _kinds: read_text(path, column)
-    ),
+    **dict.fromkeys((".h5", ".hdf5"), lambda path, variable, _kinds: read_hdf5(path, variable)),
+    **dict.fromkeys(TEXTS, lambda path, column, _kinds: read_text(path, column)),
 }
 """Readers by file extension."""

@@ -1,4 +1,7 @@
-"""MATLAB files: version 7.3 is HDF5; older ones are unpacked within bounds."""
+"""MATLAB files: version 7.3 is HDF5; older ones are unpacked within bounds.
+
+Field y of a structure S is the variable S.y.
+"""
 
 import io
 import math
@@ -21,7 +24,9 @@ Variable = TypeVar("Variable")
 
 HEADER_BYTES = 128
 """Header of a file of version 5; elements of type, size and data follow."""
-MATRIX, COMPRESSED, OPAQUE = 14, 15, 17
+INT8, MATRIX, COMPRESSED, OPAQUE = 1, 14, 15, 17
+STRUCTURE, MAX_DEPTH, MAX_NAME_BYTES = 2, 8, 512
+"""Class of structures, and how deep and with which names their fields are read."""
 OBJECTS = {3: "an object", 16: "a function", OPAQUE: "an object"}
 """Classes without numbers, whose shape SciPy cannot read."""
 
@@ -49,15 +54,32 @@ def read_mat(path: Path, variable: str | None) -> NDArray[Any]:
 
     Objects of MATLAB classes are left out, with a warning.
     """
-    return _read_hdf5(path, variable) if h5py.is_hdf5(path) else _read_older(path, variable)
+    if h5py.is_hdf5(path):
+        return read_hdf5(path, variable, ".").T  # MATLAB is column-major
+    return _read_older(path, variable)
 
 
-def _read_hdf5(path: Path, variable: str | None) -> NDArray[Any]:
-    with hdf5.surveyed(path) as (_, datasets):
-        at_the_top = {name: dataset for name, dataset in datasets.items() if "/" not in name}
-        name = pick({name: name for name in at_the_top}, variable)
+def read_hdf5(path: Path, variable: str | None, separator: str = "/") -> NDArray[Any]:
+    """Read a dataset by its path, or the only one; raises InputError as `read_mat`."""
+    with hdf5.surveyed(path) as (file, datasets):
+        contents = hdf5.Contents(file, datasets)
+        if contents.has_attribute("format") and contents.has_attribute("version"):
+            raise InputError(
+                f"is a file of the format {contents.attribute('format')!r}, not plain readings: a "
+                "capture is reconstructed as it is"
+            )
+        names = {  # MATLAB keeps what cells refer to under #refs#
+            name.replace("/", separator): name for name in datasets if not name.startswith("#")
+        }
+        name = names[_chosen(list(names), variable, separator)]
         hdf5.check_sizes({name: datasets[name]}, path.stat().st_size)
-        return hdf5.Dataset(name, datasets[name]).read().T  # MATLAB is column-major
+        return hdf5.Dataset(name, datasets[name]).read()
+
+
+def _chosen(names: list[str], variable: str | None, separator: str = ".") -> str:
+    """Name of a variable; of several without a name, the only one that is not within another."""
+    outer = [name for name in names if separator not in name]
+    return pick({name: name for name in (variable is None and outer) or names}, variable)
 
 
 def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
@@ -69,7 +91,8 @@ def _read_older(path: Path, variable: str | None) -> NDArray[Any]:
         text = ", ".join(left_out)
         warnings.warn(f"{path.name}: left out, since it holds no numbers: {text}", stacklevel=2)
     kinds = {name: (shape, kind) for name, shape, kind in scipy.io.whosmat(_open(unpacked))}
-    name = pick({name: name for name in kinds}, variable)
+    numbers = [name for name, (_, kind) in kinds.items() if kind in NUMBERS]
+    name = _chosen((variable is None and numbers) or list(kinds), variable)
     shape, kind = kinds[name]
     if kind not in NUMBERS:
         raise InputError(f"{name} is of class {kind}, must hold numbers")
@@ -103,6 +126,8 @@ def _inflated(content: bytes) -> tuple[bytes, list[str]]:
         if what := _object(parts[-1], order):
             left_out.append(what)
             parts.pop()
+        else:
+            parts += _flattened(parts.pop(), order)
         position = following
     return b"".join(parts), left_out
 
@@ -121,6 +146,38 @@ def _object(element: bytes, order: str) -> str | None:
     start = 24 if kind == OPAQUE else _part(element, 24, order)[1]
     name = _part(element, start, order)[0] if start + 8 <= len(element) else b""
     return f"{OBJECTS[kind]} {name.decode(errors='replace')[:80]!r}"
+
+
+def _flattened(element: bytes, order: str) -> list[bytes]:
+    """Elements of a structure's fields, by the names NAME.FIELD; any other element itself."""
+    if len(element) < 32 or struct.unpack_from(f"{order}I", element)[0] != MATRIX:
+        return [element]
+    dimensions, at = _part(element, 24, order)
+    name, at = _part(element, at, order)
+    is_one = math.prod(np.frombuffer(dimensions, f"{order}i4").tolist()) == 1
+    kind = struct.unpack_from(f"{order}I", element, 16)[0] & 0xFF
+    if kind != STRUCTURE or not is_one or name.count(b".") >= MAX_DEPTH:
+        return [element]
+    width, at = _part(element, at, order)
+    names, at = _part(element, at, order)
+    (size,) = struct.unpack(f"{order}I", width)
+    if len(name) + size > MAX_NAME_BYTES:
+        return [element]
+    fields = []
+    for start in range(0, len(names), size):
+        field, at = element[at : _part(element, at, order)[1]], _part(element, at, order)[1]
+        if len(field) >= 32 and not _object(field, order):
+            full = name + b"." + names[start : start + size].partition(b"\0")[0]
+            fields += _flattened(_renamed(field, full, order), order)
+    return fields
+
+
+def _renamed(element: bytes, name: bytes, order: str) -> bytes:
+    """An element with another name."""
+    start = _part(element, 24, order)[1]
+    padded = struct.pack(f"{order}II", INT8, len(name)) + name.ljust(-(-len(name) // 8) * 8, b"\0")
+    body = element[8:start] + padded + element[_part(element, start, order)[1] :]
+    return struct.pack(f"{order}II", MATRIX, len(body)) + body
 
 
 def _part(element: bytes, start: int, order: str) -> tuple[bytes, int]:

@@ -1,6 +1,7 @@
 """Time-of-flight readings of the spots from arrays."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -226,6 +227,51 @@ def capture_from_spots(spots: Spots) -> Capture:
     return capture_from_readings(np.zeros((len(spots.readings), 1)), NO_PATTERN, spots=spots)
 
 
+def by_spot(taps: NDArray[Any], spot: NDArray[Any]) -> NDArray[Any]:
+    """Readings (frames, S, K) of lines (S * frames, K) in any order that name their spot.
+
+    Raises InputError unless all spots have as many lines.
+    """
+    numbers, lines = np.unique(spot, return_counts=True)
+    if (lines != lines[0]).any():
+        raise InputError(
+            f"the column of the spots names spot {numbers[lines.argmin()]:g} in {lines.min()} "
+            f"line(s), spot {numbers[lines.argmax()]:g} in {lines.max()}: as many of each are "
+            "needed, the k-th of each spot for frame k"
+        )
+    order = np.argsort(spot, kind="stable").reshape(len(numbers), -1)
+    return taps[order.T]
+
+
+def added(spots: Spots, frames: int) -> Spots:
+    """Spots of ``frames``, each the sum of as many successive frames.
+
+    Counts and offsets add, and noise does in squares. Raises InputError if frames would be left.
+    """
+    each, rest = divmod(len(spots.readings), frames)
+    if rest or not each:
+        raise InputError(
+            f"{len(spots.readings)} frame(s) of spots, {frames} of patterns: as many are needed, "
+            "or several of spots for each of patterns, which are added"
+        )
+
+    def total(counts: NDArray[Any]) -> NDArray[Any]:
+        return counts.reshape(frames, each, *counts.shape[1:]).sum(axis=1)
+
+    changes: dict[str, Any] = {"saturated": total(spots.saturated) > 0}  # type: ignore[attr-defined]
+    if isinstance(spots, HistogramSpots):
+        changes |= {"counts": total(spots.counts), "pulses": each * spots.pulses}
+    elif isinstance(spots, CwSpots | PulsedSpots):
+        changes |= {
+            "taps": total(spots.taps),
+            "offset_counts": each * spots.offset_counts,
+            "noise_electrons": np.sqrt(each) * spots.noise_electrons,
+        }
+        again = "periods" if isinstance(spots, CwSpots) else "pulses"
+        changes[again] = each * getattr(spots, again)
+    return replace(spots, **changes)
+
+
 def _of_spots(taps: ArrayLike, each: int, spots: int, what: str) -> NDArray[Any]:
     """Readings (frames, spots, each) from an array of any of the layouts."""
     array = _numbers(taps)
@@ -236,7 +282,8 @@ def _of_spots(taps: ArrayLike, each: int, spots: int, what: str) -> NDArray[Any]
         raise InputError(
             f"the taps have shape {array.shape}; {what} give {each} numbers of each of the {spots} "
             f"spots: {each} columns, a line for each spot, frame after frame, or {spots * each} "
-            "columns, a line for each frame"
+            "columns, a line for each frame; of a text with more, name those of the taps "
+            "(--columns)"
         )
     return array.reshape(-1, spots, each)
 

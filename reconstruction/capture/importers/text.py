@@ -4,7 +4,8 @@ import codecs
 import re
 import unicodedata
 import warnings
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import islice
 from pathlib import Path
@@ -26,6 +27,14 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 FORTRAN = re.compile(r"(?<=[\d.])[dD](?=[+-]?\d)")
 DECIMALS = re.compile(r"0\d+(\.\d*)?")
 """Digits after a comma that cannot be a count."""
+
+
+SCALAR = re.compile(r"\b(?:np|numpy)\.\w+\(([^()]*)\)")
+"""A number as NumPy 2 shows it: np.float64(1.5)."""
+LIST = re.compile(r"\s*[\[(]+(?=\s*[-+.\d])([^\[\]()]*?)[\])]+,?\s*")
+"""A line that is a list or tuple of Python."""
+SAMPLE_LINES = 100
+"""Last lines, by which a table is distinguished from settings before it."""
 
 
 class _Table(NamedTuple):
@@ -51,7 +60,7 @@ def read_text(path: Path, column: str | None) -> NDArray[Any]:
             f"has {size / 2**20:.0f} MiB; at most {MAX_BYTES // 2**20} MiB of text are read: save "
             "it as .npy"
         )
-    lines = [COMMENT.sub("", line) for line in _text(path.read_bytes()).splitlines()]
+    lines = [_plain(line) for line in _text(path.read_bytes()).splitlines()]
     table = _table(lines)
     if table is None:
         if any(line.strip() for line in lines):
@@ -74,6 +83,12 @@ def read_text(path: Path, column: str | None) -> NDArray[Any]:
 def _text(content: bytes) -> str:
     sixteen = content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     return content.decode("utf-16" if sixteen else "utf-8-sig", "replace")
+
+
+def _plain(line: str) -> str:
+    """A line without comments, and without what Python's repr writes around numbers."""
+    line = SCALAR.sub(r"\1", COMMENT.sub("", line))
+    return match[1] if (match := LIST.fullmatch(line)) else line
 
 
 def _body(lines: list[str], table: _Table) -> Iterator[str]:
@@ -99,12 +114,13 @@ def _check_comma(lines: list[str], table: _Table) -> None:
 def _table(lines: list[str]) -> _Table | None:
     """Layout of the table; None if no line has numbers."""
     headings: list[str] = []
+    usual = _usual_numbers(lines)
     for start, line in enumerate(islice(lines, MAX_HEADING_LINES)):
         separator, comma = _separator(line)
         cells = _cells(line, separator)
         numbers = _numbers(cells)
         words = any(cell and not number for cell, number in zip(cells, numbers, strict=True))
-        if any(numbers) and (not words or numbers == _next_numbers(lines, start)):
+        if any(numbers) and (not words or _covers(numbers, usual)):
             composed = [unicodedata.normalize("NFC", each) for each in headings]
             named = composed if len(headings) == len(cells) else []
             return _Table(separator, comma, named, len(cells), start)
@@ -117,10 +133,17 @@ def _numbers(cells: list[str]) -> list[bool]:
     return [NUMBER.fullmatch(cell) is not None for cell in cells]
 
 
-def _next_numbers(lines: list[str], start: int) -> list[bool]:
-    """Which cells of the next line are numbers; if the same are, the line is no heading."""
-    following = next((line for line in lines[start + 1 :] if line.strip()), "")
-    return _numbers(_cells(following, _separator(following)[0]))
+def _usual_numbers(lines: list[str]) -> Sequence[bool]:
+    """Which cells are numbers in most of the last lines; of equally many, where most cells are."""
+    last = [line for line in lines[-SAMPLE_LINES:] if line.strip()]
+    kinds = Counter(tuple(_numbers(_cells(line, _separator(line)[0]))) for line in last)
+    return max(kinds, key=lambda kind: (any(kind), kinds[kind], sum(kind)), default=())
+
+
+def _covers(numbers: Sequence[bool], usual: Sequence[bool]) -> bool:
+    """Whether a line has all numbers of the usual one, and as many cells."""
+    both = zip(numbers, usual, strict=True) if len(numbers) == len(usual) else [(False, True)]
+    return all(here or not there for here, there in both)
 
 
 def _separator(line: str) -> tuple[str | None, bool]:

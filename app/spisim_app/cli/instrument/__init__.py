@@ -2,23 +2,18 @@
 
 import typer
 
-from . import new
+from . import new, presets
 
-EXAMPLE = "spisim instrument new -o mine.yaml"
+EXAMPLE = presets.COPY_EXAMPLE
 
 app = typer.Typer(
     name="instrument",
-    help="Files of instruments: write one from data sheets.",
+    help="Files of instruments: list, show and copy presets, or write one from data sheets.",
     no_args_is_help=True,
     epilog=f"Example: {EXAMPLE}",
 )
 
-COMMANDS = {"new": new}
-
-for name, module in COMMANDS.items():
-    app.command(name, epilog=f"Example: {module.EXAMPLE}")(module.command)
-
-
-@app.callback()
-def _group() -> None:
-    """Keep Typer from replacing a group of one command by that command."""
+app.command("list", epilog=f"Example: {presets.LIST_EXAMPLE}")(presets.list_command)
+app.command("show", epilog=f"Example: {presets.SHOW_EXAMPLE}")(presets.show_command)
+app.command("copy", epilog=f"Example: {presets.COPY_EXAMPLE}")(presets.copy_command)
+app.command("new", epilog=f"Example: {new.EXAMPLE}")(new.command)
