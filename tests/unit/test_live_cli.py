@@ -240,6 +240,15 @@ def test_an_interrupt_ends_a_stream_with_what_it_has(path, tmp_path, monkeypatch
     assert 2 <= read_capture(out).frames <= 4
 
 
+@pytest.fixture
+def interruptible():
+    """SIGINT as in a terminal, though the tests run where it is ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("kind", [SystemExit, KeyboardInterrupt, GeneratorExit])
 @pytest.mark.parametrize("fails", ["spisim_live.loop.Reconstructor.__call__",
                                    "spisim_live.sinks.records.CaptureRecord.frame",
@@ -253,6 +262,7 @@ def test_what_would_end_the_program_is_reported(kind, fails, path, tmp_path, mon
     assert f"{kind.__name__}: 0" in capsys.readouterr().err
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_once_interrupted_a_command_ignores_further_ones(path, monkeypatch, capsys):
     def interrupted(options):
         raise KeyboardInterrupt

@@ -98,9 +98,9 @@ def test_options_of_a_flight_that_contradict_each_other(
 def test_a_link_in_lockstep_needs_commands(tmp_path_factory: pytest.TempPathFactory) -> None:
     to = str(tmp_path_factory.mktemp("link") / "new.stream")
     with pytest.raises(InputError, match=r"needs commands, and .*new.stream has none: add --comm"):
-        LinkOptions(to=to, lockstep=True).line([], steered=True, overwrite=False)
+        LinkOptions(to=to, lockstep=True).line(steered=True)
     with pytest.raises(InputError):
-        LinkOptions(to="nowhere://x").line([], steered=True, overwrite=False)
+        LinkOptions(to="nowhere://x").line(steered=True)
 
 
 def test_weather_checks_itself() -> None:

@@ -74,10 +74,6 @@ MAX_SIGMA_M = 0.18
 """up to this sigma: nine in ten ranges should be within 0.3 m."""
 FREEDOM = 4.0
 """Degrees of freedom of Student's t between a pixel and its spot: edges are frequent."""
-ALIKE = 0.4
-"""Correlation of ln reflectance between spots of a scene, 0.4 to 0.5 in drawn ones. As the prior
-of reflectances is the evidence on the fog, n spots are worth n / (1 + (n - 1) 0.4) of them (design
-effect; L. Kish, Survey Sampling, 1965)."""
 APART_M = 0.5
 """Roots farther apart are different alternatives."""
 NEGLIGIBLE = 1e-6
@@ -190,7 +186,9 @@ def _weights(
         total[:, having] += np.add.reduceat(target, starts, axis=1)
     by_spot = np.log(total).reshape(light_prior.size, len(log_empty), -1)
     by_spot += peak.reshape(len(log_empty), -1)
-    counted = 1 / (1 + ALIKE * max(int(usable.sum()) - 1, 0))
+    # Evidence is that of priors, which err for all spots of a scene alike (their ln R correlate by
+    # 0.4 to 0.5), so that n are worth the square root of n.
+    counted = 1 / np.sqrt(max(int(usable.sum()), 1))
     evidence = counted * by_spot[:, usable].sum(axis=1)
     others = evidence[:, None] - counted * by_spot * usable[:, None]
     support = (by_spot + others).max(axis=0).reshape(-1, *fogs)
