@@ -60,7 +60,7 @@ def go_through(scene: Scene, max_bare: int = 2) -> None:
             for number in range(4)
             if number not in lost and status[number] not in RANGED
         ]
-        assert set(bare) <= {"ambiguous", "saturated", "fog"}
+        assert set(bare) <= {"ambiguous", "saturated", "fog", "uneven fog"}
         assert len(bare) <= max_bare
 
 
